@@ -405,8 +405,8 @@ def rig_warnings(asset: Asset, mode: RigMode) -> list[str]:
     if not what:
         return []
     return [
-        f"The asset has {what}, which stayed as they were: output.rig is keep. "
-        "Set it to follow, so that the result animates as the source does."
+        f"The asset has {what}, which stayed as they were, as output.rig asks for: animations may distort the new shape. "
+        "Let them follow, so that the result animates as the source does."
     ]
 
 
