@@ -405,7 +405,7 @@ def rig_warnings(asset: Asset, mode: RigMode) -> list[str]:
     if not what:
         return []
     return [
-        f"The asset has {what}, which stayed as they were, as output.rig asks for: animations may distort the new shape. "
+        f"The asset has {what}, which stayed as they were, as output.rig asks: animations may distort the new shape. "
         "Let them follow, so that the result animates as the source does."
     ]
 

@@ -69,7 +69,7 @@ def test_the_result_has_the_shape_that_the_job_would_make(api: Api, asset: str) 
         assert found.glb is not None
     run = text_deform.start(job_input(glb, "a.glb", JobRequest(prompt=LONGER)))
     made = load_asset(run.snapshot().data)
-    np.testing.assert_allclose(load_asset(found.glb).posed().positions, made.posed().positions, atol=1e-5)
+    np.testing.assert_allclose(load_asset(found.glb).surface.positions, made.surface.positions, atol=1e-5)
 
 
 def test_only_what_the_model_of_the_job_would_take_for_a_change_is_listed(api: Api) -> None:
