@@ -10,7 +10,8 @@
 
 What is a place of the scene stays: a mesh that is not deformed, a camera or a directional light at the top, and a node
 that no animation acts on if it carries the whole surface or has the origin of the scene: there the asset stands, and
-nothing turns about it.
+nothing turns about it. So does the node of a mesh of which a part did not move, such as one that is kept: to move it
+would round what is to keep its numbers.
 
 The displacement of a node is that of an affine map which is fitted to those of the vertices around it, as for joints.
 Of all vertices of an asset the near ones are to count: their weights fall with the fourth power of the distance.
@@ -63,7 +64,7 @@ def node_moves(
 
     def carry(node: int, rows: NDArray[np.int64], power: int = 1) -> None:
         if node not in moves:
-            stays = hierarchy.is_of_scene(node)
+            stays = hierarchy.is_of_scene(node) or hierarchy.holds_still(node, motion)
             place = hierarchy.place(node)
             moves[node] = _still(place) if stays else carried(place, rows, np.ones(len(rows)), motion, power)
 
@@ -138,6 +139,11 @@ class _Hierarchy:
         if node in self._animated:
             return False
         return node in self._whole or bool(np.abs(self.place(node)).max() <= self._rounding)
+
+    def holds_still(self, node: int, motion: RigMotion) -> bool:
+        """Whether a part of a node's mesh is to stay exactly where it is, which a moved node would round."""
+        own = self.own_rows.get(node)
+        return own is not None and node not in self._animated and not motion.moved[own].any(axis=1).all()
 
     def _above(self, node: int) -> list[int]:
         """Return a node and those above it."""

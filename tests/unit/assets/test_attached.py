@@ -180,3 +180,17 @@ def test_bones_without_a_skin_turn_the_meshes_below_them_as_before() -> None:
     before, after = origins(builder.glb()), origins(moved(builder.glb(), LINEAR, SHIFT))
     for node in (hand, elbow):
         np.testing.assert_allclose(after[node], LINEAR @ before[node] + SHIFT, atol=1e-6)
+
+
+def test_what_is_kept_of_a_mesh_keeps_its_bits() -> None:
+    builder, names = car()
+    asset = load_asset(builder.glb())
+    positions = asset.surface.positions @ LINEAR.T + SHIFT
+    door = asset.surface.instance_of_vertex == asset.surface.instance_of_vertex.max()
+    kept = door & (asset.surface.positions[:, 0] < 0)
+    builder.root["animations"] = []
+    asset = load_asset(builder.glb())
+    positions[kept] = asset.surface.positions[kept]
+    result = asset.replace(positions, jacobians=np.tile(LINEAR, (len(positions), 1, 1)))
+    np.testing.assert_array_equal(load_asset(result).surface.positions[kept], asset.surface.positions[kept])
+    np.testing.assert_array_equal(origins(result)[names["door"]], origins(builder.glb())[names["door"]])
