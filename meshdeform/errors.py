@@ -29,6 +29,7 @@
     ├── NotFoundError                  404  not_found              no such job, artifact or route
     ├── MethodNotAllowedError          405  method_not_allowed     the route does not support this method
     ├── RequestTimeoutError            408  request_timeout        the body arrives too slowly
+    ├── HeadersTooLargeError           431  headers_too_large      the request's headers are too large, or too many
     ├── RangeError                     416  range_not_satisfiable  the range begins past the end
     ├── ConflictError                  409  conflict               the resource's state does not allow it
     │   ├── JobNotFinishedError        409  job_not_finished       a result was requested before the job finished
@@ -74,6 +75,7 @@ __all__ = [
     "DeviceMemoryError",
     "DrawingError",
     "ForbiddenError",
+    "HeadersTooLargeError",
     "IdempotencyBusyError",
     "IdempotencyMismatchError",
     "JobNotFinishedError",
@@ -385,6 +387,14 @@ class RequestTimeoutError(MeshdeformError):
     status = 408
     code = "request_timeout"
     advice = "Send it again; for a large file on a slow connection, use a resumable upload: POST /v1/uploads."
+
+
+class HeadersTooLargeError(MeshdeformError):
+    """The request's headers are too large."""
+
+    status = 431
+    code = "headers_too_large"
+    advice = "Send fewer or shorter headers, cookies and query parameters."
 
 
 class RangeError(MeshdeformError):

@@ -302,6 +302,7 @@ def mcp(
     import uvicorn
 
     from meshdeform.mcp.server import http_app
+    from meshdeform.serving.connections import LimitedProtocol
     from meshdeform.serving.stack import listen
 
     listening = listen(host, port)
@@ -309,5 +310,5 @@ def mcp(
     shown = f"[{name}]" if ":" in name else name
     hosts = [f"{shown}:{port_taken}", f"localhost:{port_taken}", *(allowed_host or [])]
     typer.echo(f"MCP server for {address}: http://{shown}:{port_taken}/mcp (stop: Ctrl-C)")
-    config = uvicorn.Config(http_app(address, hosts), log_level="warning")
+    config = uvicorn.Config(http_app(address, hosts), http=LimitedProtocol, ws="none", log_level="warning")
     uvicorn.Server(config).run(sockets=[listening])

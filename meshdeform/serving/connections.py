@@ -7,14 +7,12 @@ oldest idle one, so that idle connections can never keep others out.
 from __future__ import annotations
 
 import asyncio
-import json
 import resource
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
-
 from meshdeform.errors import UnavailableError
+from meshdeform.serving.bounded_protocol import BoundedProtocol, refusal
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -68,10 +66,10 @@ def http_options(settings: Settings) -> dict[str, Any]:
     }
 
 
-class LimitedProtocol(HttpToolsProtocol):
-    """uvicorn's HTTP protocol with a limit of connections, and with timeouts for headers and for clients that stall."""
+class LimitedProtocol(BoundedProtocol):
+    """The bounded HTTP protocol with a limit of connections, and timeouts for headers and for clients that stall."""
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Accept a connection, if necessary in place of the oldest idle one."""
         super().connection_made(transport)
         self._deadline: asyncio.TimerHandle | None = None
@@ -89,9 +87,9 @@ class LimitedProtocol(HttpToolsProtocol):
         self.resume_writing()
         super().connection_lost(exc)
 
-    def data_received(self, data: bytes) -> None:
+    def _feed(self, piece: bytes) -> None:
         """Parse received data. On an idle connection they start the time for the next header."""
-        super().data_received(data)
+        super()._feed(piece)
         if self._is_idle and self._deadline is None:
             draining = self.cycle is not None and self.cycle.more_body
             self._expire_after(DRAIN_S if draining else HEADER_S)
@@ -159,23 +157,7 @@ class LimitedProtocol(HttpToolsProtocol):
         self.transport.close()
 
 
-def _refusal() -> bytes:
-    error = UnavailableError("The server has too many connections.", advice="Try again in a moment.")
-    body = json.dumps(
-        {
-            "type": f"urn:meshdeform:problem:{error.code}",
-            "title": error.title,
-            "status": error.status,
-            "detail": error.detail,
-            "code": error.code,
-            "advice": error.advice_text,
-        }
-    ).encode()
-    head = (
-        f"HTTP/1.1 {error.status} Service Unavailable\r\nContent-Type: application/problem+json\r\n"
-        f"Content-Length: {len(body)}\r\nRetry-After: 2\r\nConnection: close\r\n\r\n"
-    )
-    return head.encode() + body
-
-
-_REFUSAL = _refusal()
+_REFUSAL = refusal(
+    UnavailableError("The server has too many connections.", advice="Try again in a moment."),
+    headers="Retry-After: 2\r\n",
+)

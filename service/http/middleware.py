@@ -67,7 +67,7 @@ class RequestFrame:
         scope.setdefault("state", {})["request_id"] = identity
         scope[_HEADERS] = {}
 
-        app = _refuse_hosts if sum(name == b"host" for name, _ in scope["headers"]) > 1 else self._app
+        app = self._app if _has_one_host(scope) else _refuse_hosts
 
         async def framed(message: Message) -> None:
             nonlocal status
@@ -88,13 +88,19 @@ class RequestFrame:
                 _log_request(scope, status, 1000 * (time.perf_counter() - start))
 
 
+def _has_one_host(scope: Scope) -> bool:
+    """Return whether a request says its host as RFC 9112, section 3.2 demands; HTTP/1.0 knows no Host header."""
+    hosts = [value for name, value in scope["headers"] if name == b"host"]
+    return len(hosts) == 1 or (not hosts and str(scope["http_version"]) != "1.1")
+
+
 async def _refuse_hosts(scope: Scope, receive: Receive, send: Send) -> None:
-    """Refuse a request with several Host headers (RFC 9112, section 3.2): a proxy may have read another one."""
+    """Refuse a request without a Host header, or with several, of which a proxy may have read another one."""
     problem = {
         "type": "urn:meshdeform:problem:request_invalid",
         "title": "The request is not valid",
         "status": 400,
-        "detail": "The request has several Host headers.",
+        "detail": "The request has no Host header, or several.",
         "code": "request_invalid",
         "advice": "Send one.",
         "instance": scope["path"],

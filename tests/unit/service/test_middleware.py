@@ -31,6 +31,7 @@ def run(app: Any, headers: dict[str, str] | None = None, parts: tuple[bytes, ...
     ]
     scope = {
         "type": "http",
+        "http_version": "1.0",  # which needs no Host header
         "method": "GET",
         "path": "/v1/things/7",
         "query_string": b"signature=secret",
