@@ -31,6 +31,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import httpx
@@ -46,8 +47,10 @@ from tests.fault_proxy import FaultProxy
 from tests.s3_server import s3_server
 from tests.servers import PgBouncer, PostgresServer, free_port, kept_full, small_disk
 from tests.shut_database import ShutDatabase
+from tests.shut_redis import HALF_SHUT, shut_redis
+from tests.shut_redis import WAYS as REDIS_WAYS
 
-Fault = Callable[[], AbstractContextManager[None]]
+Fault = Callable[[], AbstractContextManager[object]]
 WORKERS, APIS = ["one", "two"], ("api", "api2")
 PATIENCE_S, BACKLOG, LONG = 240.0, 40, 500
 POSTGRES = {"max_connections": "60", "superuser_reserved_connections": "0", "max_wal_size": "64MB"}
@@ -133,6 +136,7 @@ class Outages:
             "both APIs killed": lambda: self._gone(self._kill_apis, self.cluster.start_apis),
             "Redis killed, back empty": lambda: self._gone(self.redis.kill, self.redis.start),
             "Redis hung": lambda: self._gone(self._hang_redis, self._wake_redis),
+            **{f"Redis {way}": partial(shut_redis, self.redis.url, way) for way in (*REDIS_WAYS, HALF_SHUT)},
             "S3 refuses": lambda: self._gone(self.store.refuse, self.store.pass_through),
             "S3 hung": lambda: self._gone(self.store.hang, self.store.pass_through),
             "S3 answers 503": lambda: self._gone(self.store.error503, self.store.pass_through),

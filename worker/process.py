@@ -3,7 +3,8 @@
 RQ's worker loop is used as a notification: a message announces that some job is queued, and the record decides which. A
 message is deleted as soon as it is read, before the job starts, so that RQ has nothing to time, retry or clean up, and
 keeps no result. If the worker dies, the reconciler sends another message. Only public methods of RQ's worker are used
-and overridden. While Redis is away, the worker asks the record for a job every two seconds instead.
+and overridden. While Redis is away, the worker asks the record for a job every two seconds instead. A Redis that
+refuses is as good as away (`REDIS_AWAY`).
 
 Whoever can write to Redis must not be able to run code here or to stop workers: functions and callbacks named in Redis
 are never imported, and RQ's commands are ignored.
@@ -26,9 +27,6 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from redis import Redis
-from redis.exceptions import ConnectionError as RedisConnectionError
-from redis.exceptions import RedisError
-from redis.exceptions import TimeoutError as RedisTimeoutError
 from rq import Queue
 from rq.job import Job
 from rq.serializers import JSONSerializer
@@ -39,7 +37,7 @@ from rq.worker_registration import clean_worker_registry
 from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.priors.builtin.taught import MAX_FILE_BYTES
 from meshdeform.record.leases import WorkerIdentity
-from meshdeform.record.queue import MESSAGE, JobQueue, job_of
+from meshdeform.record.queue import MESSAGE, REDIS_AWAY, JobQueue, job_of
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.choices import is_taught
 from meshdeform.requests.document import BUILTIN_MODEL
@@ -169,7 +167,7 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
         self._run, self._on_idle, self._on_stop = run, on_idle, on_stop
         self._ending = self._last = False
         self.lost_redis = False
-        """Whether the loop ended because Redis did not answer."""
+        """Whether the loop ended because Redis did not answer, or refused."""
         self._idle_at = 0.0
         super().__init__(
             [Queue(queue, connection=connection, serializer=JSONSerializer)],
@@ -179,11 +177,12 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
 
     def execute_job(self, job: Job, queue: Queue) -> None:
         """Delete the message; if it is ours, run the next job of the record."""
-        self.set_state(WorkerStatus.BUSY)
-        self.heartbeat(_LONGEST_JOB_S)
-        ours = _is_ours(job)
-        job.delete()
-        self.connection.lrem(queue.intermediate_queue_key, 1, job.id)
+        with self._ending_without_redis():
+            self.set_state(WorkerStatus.BUSY)
+            self.heartbeat(_LONGEST_JOB_S)
+            ours = _is_ours(job)
+            job.delete()
+            self.connection.lrem(queue.intermediate_queue_key, 1, job.id)
         if ours:
             self._run_next(job.id)
         else:
@@ -199,23 +198,24 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
         except Exception:
             _log.exception("message %s", message)
 
-    def set_state(self, state: str, pipeline: Any = None) -> None:
-        """Set this worker's state, also in Redis; end the loop if that does not answer."""
+    def dequeue_job_and_maintain_ttl(self, *args: Any, **kwargs: Any) -> Any:
+        """Wait for a message; end the loop if Redis is away."""
         with self._ending_without_redis():
-            super().set_state(state, pipeline)
+            return super().dequeue_job_and_maintain_ttl(*args, **kwargs)
 
     @contextmanager
     def _ending_without_redis(self) -> Iterator[None]:
         try:
             yield
-        except (RedisConnectionError, RedisTimeoutError) as error:
+        except REDIS_AWAY as error:
             self.lost_redis = True
             raise StopRequested from error
 
     def run_maintenance_tasks(self) -> None:
         """Remove dead workers from RQ's list. Unlike RQ's method, do not clean registries, which calls callbacks."""
-        for queue in self.queues:
-            clean_worker_registry(queue)
+        with self._ending_without_redis():
+            for queue in self.queues:
+                clean_worker_registry(queue)
         self.last_cleaned_at = datetime.now(UTC)
 
     def subscribe(self) -> None:
@@ -240,7 +240,7 @@ class InProcessWorker(BaseWorker):  # type: ignore[misc]
             raise StopRequested
 
     def heartbeat(self, *args: Any, **kwargs: Any) -> None:
-        """Renew this worker's entry in RQ; stop if requested, or if Redis does not answer. Called before each wait.
+        """Renew this worker's entry in RQ; stop if requested, or if Redis is away. Called before each wait.
 
         A library that catches every exception may have swallowed the one raised by `request_stop`.
         """
@@ -322,23 +322,22 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
     runner = JobRunner(context)
     _log.info("worker %d: device %s, queue %s", os.getpid(), engine.device, settings.queue)
     pulse.rest()
+    lost = False
     try:
         while not (stopping or spent):
-            run_without_redis(queue, runner, idle=idle, stop=stop, stopped=lambda: stopping or spent)
+            run_without_redis(queue, runner, lost=lost, idle=idle, stop=stop, stopped=lambda: stopping or spent)
             if stopping or spent:
                 break
             try:
                 connection = Redis.from_url(settings.redis_url)
                 listener = InProcessWorker(settings.queue, connection, runner.run, on_idle=idle, on_stop=stop)
                 listener.work(logging_level="WARNING")
-            except (RedisConnectionError, RedisTimeoutError) as error:
+                lost = listener.lost_redis
+            except REDIS_AWAY as error:
                 _log.warning("this worker could not register with Redis, or deregister: %s", type(error).__name__)
-            except RedisError:  # it answers, but refuses: the supervisor starts another process, ever more slowly
-                if not stopping and not spent:
-                    raise
-            else:
-                if not listener.lost_redis:
-                    break
+                lost = True
+            if not lost:
+                break
     except StopRequested:
         _log.debug("a signal came between two loops")
     finally:
@@ -350,25 +349,26 @@ def run_without_redis(
     queue: JobQueue,
     runner: JobRunner,
     *,
+    lost: bool,
     idle: Callable[[], None],
     stop: Callable[[], None],
     stopped: Callable[[], bool],
 ) -> None:
-    """Run jobs of the record, until Redis answers or the process is to stop."""
+    """Run jobs of the record, until Redis takes messages or the process is to stop.
+
+    `lost`: whether it was just away. Then the record is asked first: a Redis may take messages and give none.
+    """
     away = False
     while not stopped():
-        try:
-            queue.ping()
-        except UnavailableError:
-            if not away:
-                _log.warning("Redis is away: this worker asks the record for jobs until it is back")
-                for number in (signal.SIGINT, signal.SIGTERM):  # RQ's loop puts its own in their places
-                    signal.signal(number, lambda *_: stop())
-            away = True
-        else:
+        if not lost and _takes_messages(queue):
             if away:
                 _log.info("Redis is back")
             return
+        if not away:
+            _log.warning("Redis is away: this worker asks the record for jobs until it is back")
+            for number in (signal.SIGINT, signal.SIGTERM):  # RQ's loop puts its own in their places
+                signal.signal(number, lambda *_: stop())
+        away, lost = True, False
         idle()
         try:
             runner.run("")
@@ -376,6 +376,14 @@ def run_without_redis(
             _log.warning("no job could be claimed: %s", error.detail)
         if not stopped():
             time.sleep(_ASK_S)
+
+
+def _takes_messages(queue: JobQueue) -> bool:
+    try:
+        queue.ping()
+    except UnavailableError:
+        return False
+    return True
 
 
 if __name__ == "__main__":

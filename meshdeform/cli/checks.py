@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, urlsplit
 
 import meshdeform
-from meshdeform.errors import MeshdeformError, install_command
+from meshdeform.errors import MeshdeformError, UnavailableError, install_command
 
 if TYPE_CHECKING:
     import httpx
@@ -334,7 +334,7 @@ def check_port(subject: Subject) -> Iterator[Finding]:
 
 def check_redis(subject: Subject) -> Iterator[Finding]:
     """Check the configured Redis, else the program that `serve` would start."""
-    if find_spec("redis") is None:
+    if find_spec("rq") is None:
         yield skip("redis", _NO_EXTRA)
         return
     if not subject.settings.redis_url:
@@ -348,8 +348,9 @@ def check_redis(subject: Subject) -> Iterator[Finding]:
 def _configured_redis(subject: Subject) -> Iterator[Finding]:
     from redis import Redis
     from redis.backoff import NoBackoff
-    from redis.exceptions import RedisError
     from redis.retry import Retry
+
+    from meshdeform.record.queue import REDIS_AWAY, JobQueue
 
     url, limit = subject.settings.redis_url, subject.timeout_s
     try:
@@ -360,9 +361,15 @@ def _configured_redis(subject: Subject) -> Iterator[Finding]:
     except ValueError:
         yield fail("redis", "MESHDEFORM_REDIS_URL is not a Redis URL", "Use redis://host:6379/0 or unix:///path.")
         return
-    except (RedisError, OSError) as error:
+    except (REDIS_AWAY, OSError) as error:
         advice = "Start it, or correct MESHDEFORM_REDIS_URL; if it is unset, `serve` starts its own Redis."
         yield fail("redis", f"{_where(url)} does not respond: {error}", advice)
+        return
+    try:
+        JobQueue(url, subject.settings.queue).ping()
+    except UnavailableError as error:
+        advice = "Jobs run, but later: free its memory or disk, or let it be no replica and its user write."
+        yield fail("redis", f"{_where(url)} takes no messages: {error.__cause__}", advice)
         return
     detail = f"{facts.get('redis_version', '?')} at {_where(url)}"
     if facts.get("maxmemory", 0) and facts.get("maxmemory_policy") != "noeviction":

@@ -14,15 +14,24 @@ from contextlib import contextmanager
 from redis import Redis
 from redis.backoff import NoBackoff
 from redis.client import PubSub
+from redis.exceptions import ConnectionError as RedisConnectionError
 from redis.exceptions import RedisError
+from redis.exceptions import TimeoutError as RedisTimeoutError
 from redis.retry import Retry
 from rq import Queue
 from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
 
+REDIS_AWAY = RedisError
+"""What counts as an outage of Redis: it does not answer, or refuses, as one that is full, loading, or a replica does.
+
+Whoever talks to Redis must go on without it after any of these, by asking the record.
+"""
+
 MESSAGE = "a job waits"
 """The function name that RQ stores in a message. It is never called: the reader of a message claims the next job."""
+_SILENT = (RedisConnectionError, RedisTimeoutError)
 _log = logging.getLogger(__name__)
 
 
@@ -47,14 +56,15 @@ class JobQueue:
         self._redis.close()
 
     def ping(self) -> None:
-        """Ping Redis; `UnavailableError`: it does not answer."""
+        """Check that Redis takes messages; `UnavailableError`: it does not answer, or refuses."""
+        # The first command of `enqueue`, and no PING, which those answer that refuse to write. It changes nothing.
         with _redis_errors():
-            self._redis.ping()
+            self._redis.sadd(Queue.redis_queues_keys, self._queue.key)
 
     def enqueue(self, job_id: str) -> None:
         """Announce a queued job to the workers. The message has only a name: the job's id and a number.
 
-        If Redis does not answer (`UnavailableError`), the reconciler will announce the job later.
+        If Redis is away (`UnavailableError`), the reconciler will announce the job later.
         """
         name = f"{job_id}-{time.time_ns()}"
         message = self._queue.create_job(MESSAGE, job_id=name, timeout=-1, result_ttl=0, failure_ttl=60)
@@ -126,7 +136,7 @@ class CancelSubscription:
                 message = self._pubsub.get_message(timeout=left)
                 if message is not None and message["type"] == "message":
                     return True
-        except RedisError as error:
+        except REDIS_AWAY as error:
             _log.warning("no cancel channel (%s); the next heartbeat will ask the record", type(error).__name__)
             self.close()
             time.sleep(max(0.0, end - time.monotonic()))
@@ -137,7 +147,7 @@ class CancelSubscription:
         if self._pubsub is not None:
             try:
                 self._pubsub.close()
-            except RedisError:
+            except REDIS_AWAY:
                 _log.debug("the subscription was gone already")
         self._pubsub = None
 
@@ -155,5 +165,6 @@ def _channel(job_id: str) -> str:
 def _redis_errors() -> Iterator[None]:
     try:
         yield
-    except RedisError as error:
-        raise UnavailableError(f"Redis does not answer ({type(error).__name__}).") from error
+    except REDIS_AWAY as error:
+        says = "does not answer" if isinstance(error, _SILENT) else "refuses"
+        raise UnavailableError(f"Redis {says} ({type(error).__name__}).") from error

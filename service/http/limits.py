@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import anyio
 from redis import Redis
 from redis.backoff import NoBackoff
-from redis.exceptions import RedisError
 from redis.retry import Retry
 
 from meshdeform.errors import UnavailableError
+from meshdeform.record.queue import REDIS_AWAY
 
 _log = logging.getLogger(__name__)
 _MINUTE_S = 60.0
@@ -143,9 +143,9 @@ class RateLimiter:
             return self._local.take(name, rate)
         try:
             wait_s, level_s = self._take(keys=[f"{self._prefix}:rate:{name}"], args=[rate.interval_s, rate.burst])
-        except RedisError as error:
+        except REDIS_AWAY as error:
             if self._away_until == -math.inf:
-                _log.warning("Redis does not respond (%s): rate limits are per process", type(error).__name__)
+                _log.warning("Redis is away (%s): rate limits are per process", type(error).__name__)
             self._away_until = time.monotonic() + _REDIS_PAUSE_S
             return self._local.take(name, rate)
         self._away_until = -math.inf

@@ -16,6 +16,7 @@ from meshdeform.cli.checks import ok
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD
+from tests.shut_redis import shut_redis
 
 
 @pytest.fixture(autouse=True)
@@ -92,3 +93,12 @@ def test_a_store_that_refuses_is_named(
     assert code == 4
     assert found["object store"]["detail"].startswith(f"{s3_store_url}: ")
     assert found["object store"]["advice"].startswith(advice)
+
+
+def test_a_redis_that_refuses_is_ill(redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MESHDEFORM_REDIS_URL", redis_url)
+    with shut_redis(redis_url, "full"):
+        code, found = doctor("--data-dir", str(tmp_path / "data"))
+    assert code != 0
+    assert found["redis"]["status"] == "fail"
+    assert "maxmemory" in found["redis"]["detail"]

@@ -15,8 +15,10 @@ from rq.serializers import JSONSerializer
 
 from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.record.queue import JobQueue, job_of
+from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S
 from tests.servers import free_port
+from tests.shut_redis import WAYS, shut_redis
 from worker.process import InProcessWorker
 
 
@@ -133,3 +135,14 @@ def test_a_redis_that_is_away_is_unavailable() -> None:
 def test_a_url_that_is_none_is_refused() -> None:
     with pytest.raises(DependencyError, match="MESHDEFORM_REDIS_URL"):
         JobQueue("http://somewhere", "test")
+
+
+@each_case("way", WAYS)
+def test_a_redis_that_refuses_is_unavailable(queue: JobQueue, redis_url: str, way: str) -> None:
+    with shut_redis(redis_url, way):
+        refused = JobQueue(redis_url, "test")  # what is connected already stays so
+        for call in (refused.ping, lambda: refused.enqueue("job_1")):
+            with pytest.raises(UnavailableError, match="Redis"):
+                call()
+        refused.close()
+    queue.ping()
