@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from meshdeform.errors import PromptError
@@ -68,7 +68,7 @@ _MEASURES = {
     "height": "tall", "width": "wide", "breadth": "wide", "length": "long", "depth": "long", "size": "big",
     "thickness": "fat",
 }  # fmt: skip
-_IRREGULAR = {"feet": "foot", "leaves": "leaf", "teeth": "tooth", "calves": "calf", "hooves": "hoof"}
+_IRREGULAR = {"lens": "lens", "feet": "foot", "leaves": "leaf", "teeth": "tooth", "calves": "calf", "hooves": "hoof"}
 _PART_OF = {
     word: part
     for part, words in {
@@ -222,6 +222,19 @@ def read_changes(text: str, noun_of: Callable[[str], str | None] = lambda _: Non
         return None
     changes = _joined(clauses, text)
     return None if changes is None else Sentence(_without_opposites(changes, text), next(iter(nouns), None), compared)
+
+
+def described(noun: str, attributes: Iterable[tuple[str, str]]) -> Sentence:
+    """Return the changes that give a thing its attributes, each a part or `WHOLE`, and an adjective."""
+    changes = []
+    for named, adjective in attributes:
+        operation, less = _ADJECTIVES[adjective]
+        part = named if named == WHOLE else _PART_OF.get(singular(named), singular(named))
+        if adjective == "short" and part != WHOLE:  # the lesser of long
+            operation = "long"
+        factor = _Clause(part=None if part == WHOLE else part).factor(operation, less, adjective)
+        changes.append(Change(_on(operation, part), part, factor))
+    return Sentence(tuple(dict.fromkeys(changes)), noun, compared=False)
 
 
 def _amount(match: re.Match[str], rest: str) -> tuple[str, float]:

@@ -379,7 +379,8 @@ class PromptParams(SilhouetteParams):
         None,
         min_length=1,
         max_length=100,
-        description="Noun of the asset, one of the builtin prior, for finding its front. Default: recognised.",
+        description="What the asset is, a noun of the builtin prior: its front is found by it, and a prompt that "
+        "describes it (`a fat dog`) is a change of it. Default: recognised.",
         examples=["dog"],
     )
     appearance: AppearanceMode = of_preset(

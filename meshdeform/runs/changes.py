@@ -1,7 +1,7 @@
 """Say whether a prompt is a change in plain words ("longer legs"), and whether an asset has its parts. Torch-free.
 
 A prompt without a noun is a change, and so is one that compares ("a fatter dog"). A description ("a fat dog") is one if
-the source was recognised as that noun, which only the run knows.
+the source is that noun, as the request says (`source_noun`) or the run recognises.
 
 A child process is asked for parts, which are found with numpy and scipy: an API need not have these.
 """
@@ -9,15 +9,23 @@ A child process is asked for parts, which are found with numpy and scipy: an API
 from __future__ import annotations
 
 import base64
+import re
 from dataclasses import asdict
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import DependencyError, ParameterError, PartNotFoundError, UnavailableError
-from meshdeform.plain.words import OF_PARTS, WHOLE, Sentence, read_changes
-from meshdeform.priors.builtin.grammar import noun_of
+from meshdeform.errors import (
+    DependencyError,
+    ParameterError,
+    PartNotFoundError,
+    PromptError,
+    UnavailableError,
+    VocabularyError,
+)
+from meshdeform.plain.words import OF_PARTS, WHOLE, Sentence, described, read_changes
+from meshdeform.priors.builtin.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.requests.choices import BackdropMode, GuidanceKind, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.questions import Question, answer_task
@@ -43,10 +51,27 @@ def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
     if not alone or not prompt:
         return None
     changes = read_changes(prompt, noun_of)
-    if changes is None or is_builtin(params.model):
-        return changes
+    is_thing = changes is not None and changes.noun is None and not changes.compared and _names_thing(prompt)
+    if is_builtin(params.model):
+        return _described(prompt) or changes if changes is None or is_thing else changes
     # Other models read free text: theirs is every prompt that names a thing.
-    return changes if changes.noun is None and changes.known else None
+    return changes if changes is not None and changes.noun is None and changes.known and not is_thing else None
+
+
+def _names_thing(prompt: str) -> bool:
+    """Return whether a word is a noun itself, and not only the name of a part: "a tall door", "a big skull"."""
+    return any(noun_of(word) == word for word in re.findall(r"[a-z]+", prompt.lower()))
+
+
+@lru_cache(maxsize=64)
+def _described(prompt: str) -> Sentence | None:
+    """Return the changes that a prompt of the builtin prior describes, in any of its languages; None if it has none."""
+    try:
+        reading = parse(prompt)
+    except (PromptError, VocabularyError):
+        return None
+    attributes = [(each.part, each.degree) for each in reading.attributes]
+    return described(reading.noun, attributes) if attributes else None
 
 
 def is_change(sentence: Sentence) -> bool:
@@ -73,22 +98,26 @@ def part_names(body: Body, params: ResolvedParams | None = None) -> list[str]:
     return [part.name for part in find_parts(body, read)]
 
 
-def part_not_found(reason: str, parts: list[str]) -> PartNotFoundError:
-    """Return the error about a part that is not there; `parts` are those that were found."""
+def part_not_found(reason: str, parts: list[str], taken_for: str = "") -> PartNotFoundError:
+    """Return the error about a part that is not there.
+
+    `parts` are those that were found; `taken_for`: the noun of a description, if the asset was recognised as that.
+    """
     more = f" and {len(parts) - _SHOWN} more" if len(parts) > _SHOWN else ""
     listed = f"Parts found: {', '.join(parts[:_SHOWN])}{more}." if parts else "No part was found."
-    return PartNotFoundError(
-        f"{reason} {listed}",
-        advice="Name one of these, or the whole: taller, wider, fatter. `meshdeform inspect` lists the parts.",
-        parts=parts,
-    )
+    advice = "Name one of these, or the whole: taller, wider, fatter. `meshdeform inspect` lists the parts."
+    if taken_for:
+        advice += f" The asset was taken for {ParsedPrompt(taken_for)}: if it is none, say by source_noun what it is."
+    return PartNotFoundError(f"{reason} {listed}", advice=advice, parts=parts)
 
 
 def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits) -> None:
     """Refuse a change of a part that an asset lacks, in a child process; a machine that cannot tell accepts it."""
     sentence = asked_changes(prompt, params)
-    if sentence is None or not is_change(sentence) or all(each.part == WHOLE for each in sentence.changes):
+    if sentence is None or all(each.part == WHOLE for each in sentence.changes):
         return
+    if not is_change(sentence) and sentence.noun != params.source_noun:
+        return  # whether it is one, the run finds out
     changes = [asdict(change) for change in sentence.changes]
     try:
         answer = _ask(asset, filename, params, limits, changes=changes)

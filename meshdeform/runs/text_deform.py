@@ -160,9 +160,10 @@ def _change(
     if job_input.initial is not None or job_input.checkpoint is not None:
         return None, None
     recognised = recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
-    if not recognised.sure or recognised.noun != sentence.noun:
+    called = replace(recognised, called=sentence.noun or "")
+    if not called.sure or called.noun != sentence.noun:
         return None, recognised
-    return start_change(facts, sentence, recognised, log), recognised
+    return start_change(facts, sentence, called, log), recognised
 
 
 class TextDeformRun(JobRun):
@@ -269,10 +270,11 @@ class TextDeformRun(JobRun):
         )
 
 
-def start_change(
-    facts: AssetFacts, sentence: Sentence, recognised: Recognition | None, log: RunLog
-) -> PlainChangeRun | None:
-    """Make the changes of a sentence; None if it describes what the source was recognised as, and a part is missing."""
+def start_change(facts: AssetFacts, sentence: Sentence, recognised: Recognition | None, log: RunLog) -> PlainChangeRun:
+    """Make the changes of a sentence, which may describe what the source was recognised as.
+
+    `PartNotFoundError`: a part is missing. No guidance makes up for it: it knows no parts, and spoils the others.
+    """
     check_change(facts.params)
     welded = facts.welded
     with log.phase("change"):
@@ -280,9 +282,8 @@ def start_change(
         try:
             changed, done = apply_changes(body, meant(body, sentence))
         except PartMissingError as missing:
-            if recognised is not None:
-                return None
-            raise part_not_found(str(missing), part_names(body, facts.params)) from missing
+            taken_for = recognised.noun if recognised is not None and facts.params.source_noun is None else ""
+            raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
         verts = welded.mesh.verts + torch.from_numpy(changed.points - body.points)
     return PlainChangeRun(facts, verts, done, recognised, log)
 

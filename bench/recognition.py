@@ -1,0 +1,86 @@
+"""Ask the judge what real assets are: ``python -m bench.recognition FOLDER``.
+
+`recognition.json` names public files by repository, commit, path and SHA-256, each with its noun: that of its name, put
+right by eye. Those whose name says nothing, or that show nothing of it, are left out. FOLDER has the files, wherever in
+it; nothing is fetched, and what is missing is counted. For each probability there is the share of assets at or above it
+that are what they are taken for. `if called so` is that of descriptions which call the asset what it is taken for, if
+as many describe another thing as describe the asset, and one in five of these names just the noun of the same group
+that the asset is mistaken for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.runs.verdict import recognise
+from training.evaluation.sources import posed_mesh
+
+LISTED = Path(__file__).with_suffix(".json")
+FROM = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.96, 0.97, 0.98, 0.99)
+MISTAKEN = 0.2
+GROUP = {noun: group for group, nouns in NOUN_GROUPS.items() for noun in nouns}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an asset is, and what it was taken for."""
+
+    name: str
+    noun: str
+    taken_for: str
+    probability: float
+
+    @property
+    def right(self) -> bool:
+        return self.noun == self.taken_for
+
+    @property
+    def near(self) -> bool:
+        """Whether it was mistaken for something of its own group."""
+        return not self.right and GROUP[self.noun] == GROUP[self.taken_for]
+
+
+def answers(folder: Path) -> Iterator[Answer]:
+    """Ask for each listed file that is in the folder."""
+    files = {
+        hashlib.sha256(path.read_bytes()).hexdigest(): path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in (".glb", ".obj") and path.is_file()
+    }
+    for repository in json.loads(LISTED.read_text()):
+        for name, noun, digest in repository["files"]:
+            if (path := files.get(digest)) is None:
+                continue
+            asset = load_asset(path.read_bytes(), path.name, Limits.unlimited())
+            joints = [joint["name"] for joint in asset.parts().joints]
+            found = recognise(posed_mesh(asset).mesh, None, joints)
+            yield Answer(f"{repository['repository']}/{name}", noun, found.noun, found.probability)
+
+
+def main() -> None:
+    """Print what was mistaken, the surest first, and the shares."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    found = list(answers(parser.parse_args().folder))
+    for each in sorted(found, key=lambda each: -each.probability):
+        if not each.right:
+            print(f"{each.probability:.3f} {each.noun} taken for {each.taken_for}: {each.name}")
+    listed = sum(len(repository["files"]) for repository in json.loads(LISTED.read_text()))
+    print(f"{len(found)} assets of {listed} that are listed\n\n| from | assets | right | share | if called so |")
+    print("|---|---|---|---|---|")
+    for least in FROM:
+        sure = [each for each in found if each.probability >= least]
+        right, near = sum(each.right for each in sure), sum(each.near for each in sure)
+        shares = right / max(1, len(sure)), right / max(1.0, right + MISTAKEN * near)
+        print(f"| {least:g} | {len(sure)} | {right} | {shares[0]:.1%} | {shares[1]:.1%} |")
+
+
+if __name__ == "__main__":
+    main()
