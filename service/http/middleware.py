@@ -100,7 +100,7 @@ async def _refuse_hosts(scope: Scope, receive: Receive, send: Send) -> None:
         "type": "urn:meshdeform:problem:request_invalid",
         "title": "The request is not valid",
         "status": 400,
-        "detail": "The request has no Host header, or several.",
+        "detail": "The request has several Host headers, or none.",
         "code": "request_invalid",
         "advice": "Send one.",
         "instance": scope["path"],
