@@ -26,6 +26,7 @@ from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
+from meshdeform.geometry.junctions import Junctions
 from meshdeform.geometry.kernels import kernel
 
 # Squared lengths below this count as zero: no mesh has such edges, and 1 / sqrt is still finite here.
@@ -277,6 +278,16 @@ class RestMesh(TriangleMesh):
     def num_components(self) -> int:
         """Number of connected components."""
         return int(self.components.max()) + 1 if self.components.numel() else 0
+
+    @cached_property
+    def junctions(self) -> Junctions:
+        """Vertices on edges of faces that they are no corner of, which follow those edges."""
+        return Junctions.of(self.verts.numpy(), self.faces.numpy())
+
+    @cached_property
+    def joined(self) -> NDArray[np.int64]:
+        """The connected component (V,) of each vertex, from 0, with those as one that a junction joins."""
+        return self.junctions.joined(self.components.numpy()) if len(self.junctions) else self.components.numpy()
 
     @cached_property
     def incidence(self) -> sparse.csr_matrix:
