@@ -5,6 +5,7 @@ The vertices p that the variables give are placed in this order, with d = p - re
     d <- s d                  s = 0 where the surface is kept, rising with f = (distance from there) / fall-off as
                               f^2 (3 - 2 f) to 1: displacement and its derivative are continuous
     d <- (d + R P d) / 2      with a mirror: P takes values from the mirror image of each vertex, R reflects
+    d <- T d                  with T-junctions: vertices on edges follow them (`junctions.py`)
     v  = rest + d
 
 All of it is differentiable, and exact: a kept vertex has the bits of the rest shape. Mirrored partners move by mirrored
@@ -88,7 +89,7 @@ class Constraints:
 
     def placement(self, mesh: RestMesh) -> Placement | None:
         """Return the placement of the mesh's vertices; None if only handles constrain them."""
-        if self.freedom is None and self.mirror is None:
+        if self.freedom is None and self.mirror is None and not len(mesh.junctions):
             return None
         return Placement(mesh, self)
 
@@ -134,6 +135,8 @@ class Placement:
         self._rest, self._mirror = mesh.verts, constraints.mirror
         free = constraints.freedom
         self._share = None if free is None else torch.from_numpy(free**2 * (3 - 2 * free))[:, None]
+        junctions = mesh.junctions if free is None else mesh.junctions.without(free == 0)
+        self._follow = junctions.follow if len(junctions) else None
 
     def place(self, points: Tensor) -> Tensor:
         """Return where vertices (V, 3) float64 may be that the variables would move to `points`; differentiable."""
@@ -142,14 +145,18 @@ class Placement:
             moved = self._share * moved
         if self._mirror is not None:
             moved = self._mirror.average(moved)
+        if self._follow is not None:
+            moved = sparse_product(self._follow, moved)
         return self._rest + moved
 
     def matrix(self, axis: int) -> sparse.csr_matrix:
         """Return the matrix (V, V) that acts on one coordinate of the displacements."""
         count = len(self._rest)
         share = np.ones(count) if self._share is None else self._share.numpy()[:, 0]
-        scaled = sparse.diags(share).tocsr()
-        return scaled if self._mirror is None else (self._mirror.matrix(axis) @ scaled).tocsr()
+        matrix = sparse.diags(share).tocsr()
+        if self._mirror is not None:
+            matrix = (self._mirror.matrix(axis) @ matrix).tocsr()
+        return matrix if self._follow is None else (self._follow @ matrix).tocsr()
 
 
 TOLERANCE = 1e-4

@@ -107,7 +107,7 @@ class EditMap:
         for piece in reaching:
             rows = np.flatnonzero(pieces == piece)
             moved[rows] = self._carried_rigidly(points[rows])
-        return torch.from_numpy(moved)
+        return torch.from_numpy(rest.junctions.closed(points, moved))
 
     def _carry(self, mesh: RestMesh) -> Tensor:
         return torch.from_numpy(Binding(self.rest, mesh, closely=True).move(self.rest.verts + self.moved))

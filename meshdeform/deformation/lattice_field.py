@@ -341,6 +341,7 @@ class LatticeField(ControlledMap):
         weights = _balanced(lattice, self._embedding.T @ shares, planes)
         system = LatticeSystem(lattice, weights, self._pinned(constraints))
         self._placement = constraints.placement(rest)
+        self._follow = None if self._bodies is None else _followers(rest, self._bodies, constraints)
         requested = constraints.handles
         handles = Handles(requested, rest, self._placement, self._embedding, system.smooth) if requested else None
         count = len(lattice.cells)
@@ -378,7 +379,13 @@ class LatticeField(ControlledMap):
         points = sparse_product(self._embedding, control)
         if self._placement is not None:
             points = self._placement.place(points)
-        return points if self._bodies is None else self._bodies.place(points)
+        if self._bodies is None:
+            return points
+        points = self._bodies.place(points)
+        if self._follow is None:
+            return points
+        # What lies on an edge of a body follows it, once the body is in shape.
+        return self.rest.verts + sparse_product(self._follow, points - self.rest.verts)
 
     def moved(self, whole: RestMesh) -> Tensor:
         """Return the vertices (V, 3) float64 of another mesh inside of the lattice, moved with its current nodes."""
@@ -410,6 +417,13 @@ class LatticeField(ControlledMap):
                 missing = (control - self.solve())[self.lattice.cell_nodes]
                 gradient = torch.einsum("cni,na->cia", missing, torch.from_numpy(_SIDES)) / (4 * self.lattice.spacing)
                 self._controls.correct(gradient)
+
+
+def _followers(rest: RestMesh, bodies: RigidBodies, constraints: Constraints) -> sparse.csr_matrix | None:
+    """Return what takes vertices (V, V) to edges of bodies and others; None if there are none on an edge."""
+    held = bodies.members if constraints.kept is None else bodies.members | constraints.kept
+    junctions = rest.junctions.without(held)
+    return junctions.follow if len(junctions) else None
 
 
 @kernel

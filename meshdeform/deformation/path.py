@@ -84,9 +84,9 @@ class ShapePath:
         self._rest = rest = self._poisson.rest
         self._result = result.detach().double().clone()
         self._bridges = Bridges.of(rest)
-        self._placement = Placement(self._bridges, rest.num_components)
+        self._placement = Placement(self._bridges, int(rest.joined.max()) + 1)
         self._used = np.bincount(rest.faces.numpy().ravel(), minlength=len(rest.verts)) > 0
-        self._labels = rest.components.numpy()
+        self._labels = rest.joined
         jacobians = _jacobians(rest, self._result)
         self._vectors = rotation_vectors(jacobians, rest.solid, self._pairs())
         self._stretch = rotation_matrices(self._vectors).transpose(0, 2, 1) @ jacobians
@@ -120,7 +120,7 @@ class ShapePath:
         """Return the pairs of faces that should agree: neighbours, and those that a bridge joins."""
         rest = self._rest
         neighbours = rest.edge_adjacency
-        used = np.unique(self._labels[rest.faces.numpy()[:, 0]])
+        used = np.unique(rest.components.numpy()[rest.faces.numpy()[:, 0]])
         if sparse.csgraph.connected_components(neighbours, directed=False)[0] > len(used):
             neighbours = _around_vertices(rest)
         joined = _BETWEEN_COMPONENTS * self._bridges.pairs(len(rest.faces))
@@ -278,7 +278,7 @@ class Bridges:
     """Lines between points of different components."""
 
     faces: _Index  # (B, 2) int64: the faces on which each bridge begins and ends
-    components: _Index  # (B, 2) int64: their components
+    components: _Index  # (B, 2) int64: their components, of `RestMesh.joined`
     # sparse (B, V): weights of the vertices that give the end points
     begins: sparse.csr_matrix
     ends: sparse.csr_matrix
@@ -306,7 +306,7 @@ class Bridges:
 
     @classmethod
     def _between(cls, rest: RestMesh, pairs: _Index, face: _Index, points: sparse.csr_matrix) -> Bridges:
-        of_face = rest.components.numpy()[rest.faces.numpy()[:, 0]]
+        of_face = rest.joined[rest.faces.numpy()[:, 0]]
         begins, ends = points[pairs[:, 0]], points[pairs[:, 1]]
         verts = rest.verts.numpy()
         length = np.linalg.norm((ends - begins) @ verts, axis=1)

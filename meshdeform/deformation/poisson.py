@@ -11,6 +11,13 @@ Pinned vertices are eliminated: their rows leave the matrix, and their positions
 remains is positive definite on a component with a pinned vertex, so none is grounded there, and the component is not
 moved to its centre of mass: the pinned vertices determine its place.
 
+Vertices on edges of other faces (`geometry/junctions.py`) are eliminated as well: they follow the edges, v = P u + o
+with o what they are apart from them at rest. The system of the others u is that of the same energy::
+
+    P^T L P u = P^T (G^T M J - L o)
+
+so both sides deform together, and components that such a vertex joins have one centre of mass.
+
 Collapsed faces (`collapse.COLLAPSED_SHAPE`) have no weight, because their cotangents would swamp all others in
 float64. To keep what they connect together, each of their edges e is a weak spring  w ||v_j - v_i - J_f e||^2,
 w = 1e-6 longest edge / |e|, dimensionless like the cotangents. Springs have zero energy under every deformation with
@@ -221,14 +228,23 @@ class PoissonSystem:
 
     def __init__(self, mesh: TriangleMesh, pinned: NDArray[np.bool_] | None = None) -> None:
         rest = RestMesh.of(mesh)
-        self._labels, self._count = rest.components.numpy(), rest.num_components
-        self._pinned = np.zeros(len(self._labels), bool) if pinned is None else pinned
+        self._pinned = np.zeros(len(rest.verts), bool) if pinned is None else pinned
+        junctions = rest.junctions.without(self._pinned)
+        self._follow = junctions.follow if len(junctions) else None
+        self._labels = junctions.joined(rest.components.numpy()) if len(junctions) else rest.components.numpy()
+        self._count = int(self._labels.max(initial=-1)) + 1
         held = np.bincount(self._labels[self._pinned], minlength=self._count) > 0
-        free = _ungrounded(self._labels, held) & ~self._pinned
-        self.rest, self._factor, matrix, self._divergence = _prepare(rest, np.flatnonzero(free))
+        free = ~self._pinned
+        free[junctions.verts] = False
+        free = _ungrounded(self._labels, free, held)
+        self.rest, self._factor, matrix, self._divergence = _prepare(rest, np.flatnonzero(free), self._follow)
         self._divergence_t = self._divergence.T.tocsr()
         self._verts = rest.verts.numpy()
         self._pull = matrix[:, self._pinned] @ self._verts[self._pinned] if held.any() else None
+        if self._follow is not None:
+            apart = self._verts - self._follow @ self._verts
+            self._known = apart + self._follow @ np.where(self._pinned[:, None], self._verts, 0.0)
+            self._pull = matrix @ self._known
         areas = self.rest.vertex_areas
         # In a component without area, all vertices have the same weight.
         share = np.where(self._sums(areas)[self._labels] > 0, areas, 1.0)
@@ -267,7 +283,9 @@ class PoissonSystem:
     def _forward(self, jacobians: _Floats) -> _Floats:
         matrix, right = self._divergence, np.zeros((len(self._labels), 3))
         _diverge(matrix.indptr, matrix.indices, matrix.data, np.ascontiguousarray(jacobians), right)
-        verts: _Floats = self._factor.solve(right if self._pull is None else right - self._pull)
+        verts = self._solved(right if self._pull is None else right - self._pull)
+        if self._follow is not None:
+            verts += self._known
         if not np.isfinite(verts).all():
             raise NumericalError("The Jacobians are not finite, or too large to solve for.")
         verts += (self._rest_centres - self._sums(self._shares * verts))[self._labels]
@@ -276,7 +294,7 @@ class PoissonSystem:
 
     def _backward(self, gradient: _Floats) -> _Floats:
         matrix, field = self._divergence_t, np.zeros((len(self.rest.faces), 3, 3))
-        solved = self._factor.solve(self._balanced(gradient))
+        solved = self._solved(self._balanced(gradient))
         _diverge_back(matrix.indptr, matrix.indices, matrix.data, solved, field)
         return field
 
@@ -289,9 +307,15 @@ class PoissonSystem:
         return self._response(bent)
 
     def _response(self, forces: _Floats) -> _Floats:
-        moved: _Floats = self._factor.solve(self._balanced(forces))
+        moved = self._solved(self._balanced(forces))
         moved -= self._sums(self._shares * moved)[self._labels]
         return moved
+
+    def _solved(self, right: _Floats) -> _Floats:
+        """Solve for vertices (V, 3), which follow edges where they lie on them; pinned ones are zero."""
+        if self._follow is None:
+            return self._factor.solve(right)
+        return np.asarray(self._follow @ self._factor.solve(self._follow.T @ right))
 
     def _balanced(self, forces: _Floats) -> _Floats:
         """Remove the part that would move a component's centre of mass."""
@@ -329,23 +353,30 @@ def _diverge_back(
                     out[f, i, j] += data[k] * values[indices[k], i]
 
 
-def _ungrounded(labels: NDArray[np.int64], held: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return flags (V,) of all vertices except the first of each component that is not held in place."""
-    _, first = np.unique(labels, return_index=True)
-    free = np.ones(len(labels), bool)
-    free[first[~held]] = False
+def _ungrounded(labels: NDArray[np.int64], free: NDArray[np.bool_], held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return flags (V,) of the free vertices except the first of each component that is not held in place."""
+    free = free.copy()
+    candidates = np.flatnonzero(free)
+    names, first = np.unique(labels[candidates], return_index=True)
+    free[candidates[first[~held[names]]]] = False
     return free
 
 
-def _prepare(rest: RestMesh, free: NDArray[np.int64]) -> tuple[RestMesh, Factor, sparse.csr_matrix, sparse.csr_matrix]:
-    """Factor; return the mesh with the threshold used, factor, matrix, and the right-hand side's operator (V, 3F)."""
+def _prepare(
+    rest: RestMesh, free: NDArray[np.int64], follow: sparse.csr_matrix | None
+) -> tuple[RestMesh, Factor, sparse.csr_matrix, sparse.csr_matrix]:
+    """Factor; return the mesh with the threshold used, factor, matrix, and the right-hand side's operator (V, 3F).
+
+    `follow`, (V, V): takes the free vertices to all; None if all are free.
+    """
     for shape in _SHAPES:
         rest_used = rest if shape == rest.collapsed_shape else RestMesh(rest.verts, rest.faces, shape)
         weighted = rest_used.gradient.T @ sparse.diags(np.repeat(rest_used.areas, 3))
         springs, stretch, weights = _springs(rest_used, np.flatnonzero(~rest_used.solid))
         pull = springs.T @ sparse.diags(weights)
         matrix = (weighted @ rest_used.gradient + pull @ springs).tocsr()
-        factor = factorise(matrix, free)
+        reduced = matrix if follow is None else (follow.T @ matrix @ follow).tocsr()
+        factor = factorise(reduced, free)
         if factor is not None:
             return rest_used, factor, matrix, (weighted + pull @ stretch).tocsr()
     raise NumericalError(

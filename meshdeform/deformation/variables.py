@@ -62,7 +62,7 @@ class Elements:
     @classmethod
     def faces_of(cls, rest: RestMesh) -> Elements:
         """Return the faces of a mesh as elements."""
-        return cls(rest.faces.numpy(), rest.components.numpy()[rest.faces.numpy()[:, 0]])
+        return cls(rest.faces.numpy(), rest.joined[rest.faces.numpy()[:, 0]])
 
     @cached_property
     def _incidence(self) -> sparse.csr_matrix:
