@@ -1,7 +1,8 @@
 """Carry out the changes of a sentence on a body, one after the other, and check what came of each.
 
 A face that flips is smoothed with its neighbours; where that does not help, the factor is halved, and a warning says
-so. The result is as symmetric as the source, and stands where it stood.
+so. The result is as symmetric as the source, and stands where it stood. A vertex on an edge of another face follows
+that edge.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meshdeform.geometry.junctions import Junctions
 from meshdeform.plain.body import UP, Body, Flags, Floats
 from meshdeform.plain.maps import Moved, move
 from meshdeform.plain.parts import PartMissingError, Parts
@@ -84,8 +86,9 @@ def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Don
     Raises PartMissingError: a part is not there; nothing is changed.
     """
     done = []
+    junctions = Junctions.of(body.points, body.faces)
     for change in changes:
-        body, each = _apply(body, change)
+        body, each = _apply(body, change, junctions)
         done.append(each)
     return body, done
 
@@ -112,13 +115,13 @@ def missing_part(body: Body, changes: Sequence[Change]) -> str | None:
     return None
 
 
-def _apply(body: Body, change: Change) -> tuple[Body, Done]:
+def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done]:
     parts = Parts(body)
     full = calibrated(parts, change)
     for parts.even, share in _ATTEMPTS:
         moved = move(parts, change, _part_of_way(change, full, share))
-        points = _settled(body, change, moved)
-        points, flipped = _relaxed(body, points, _flipped(body, points, change), change)
+        points = junctions.closed(body.points, _settled(body, change, moved))
+        points, flipped = _relaxed(body, points, _flipped(body, points, change), change, junctions)
         if not flipped.any():
             break
     before = moved.length(body.points)
@@ -173,7 +176,7 @@ def _flipped(body: Body, points: Floats, change: Change) -> Flags:
     return np.asarray(thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), body.crosses) < 0))
 
 
-def _relaxed(body: Body, points: Floats, flipped: Flags, change: Change) -> tuple[Floats, Flags]:
+def _relaxed(body: Body, points: Floats, flipped: Flags, change: Change, junctions: Junctions) -> tuple[Floats, Flags]:
     """Return the points with displacements smoothed around flipped faces, and which are still flipped."""
     degree = np.maximum(np.asarray(body.edges.sum(1)).ravel(), 1)
     moved = points - body.points
@@ -185,5 +188,6 @@ def _relaxed(body: Body, points: Floats, flipped: Flags, change: Change) -> tupl
         around |= (body.edges @ around.astype(float)) > 0
         mean = (body.edges @ moved) / degree[:, None]
         moved[around] = 0.5 * (moved[around] + mean[around])
+        moved = junctions.carried(moved)
         flipped = _flipped(body, body.points + moved, change)
     return body.points + moved, flipped

@@ -6,7 +6,7 @@ A selection of the request selects faces of the surface, or bodies that keep the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -174,13 +174,22 @@ def select_bodies(selectors: Sequence[RigidSelector], surface: SelectableSurface
         for number, selector in enumerate(selectors)
         for verts in _bodies(selector, surface.faces(("control", "rigid"), number, selector), surface.mesh)
     ]
-    bodies = _united(selected, len(surface.mesh.verts))
+    bodies = _united([_with_edges(body, surface.mesh) for body in selected], len(surface.mesh.verts))
     if len(bodies) == 1 and len(bodies[0].verts) == len(surface.mesh.verts):
         raise ParameterError(
             "params.control.rigid: the whole asset is one rigid body, so nothing is left to deform.",
             advice="Select the parts that keep their shape only.",
         )
     return bodies
+
+
+def _with_edges(body: Body, mesh: RestMesh) -> Body:
+    """Return a body with the ends of the edges on which its vertices lie, which would come off it otherwise."""
+    if not len(mesh.junctions):
+        return body
+    members = np.zeros(len(mesh.verts), bool)
+    members[body.verts] = True
+    return replace(body, verts=np.flatnonzero(mesh.junctions.completed(members)))
 
 
 def _bodies(selector: RigidSelector, flags: _Flags, mesh: RestMesh) -> list[_Index]:
@@ -238,7 +247,7 @@ def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Fram
     kept, regions = _kept(params.regions, surface)
     bodies = select_bodies(params.rigid, surface)
     partners = _partners(params.symmetry, surface.mesh)
-    kept = _completed(kept, bodies, partners)
+    kept = _completed(kept, bodies, partners, surface.mesh)
     bodies = [body for body in bodies if not kept[body.verts].any()]
     if kept.all():
         raise _refusal("regions", "they keep the whole asset, so nothing is left to deform.", "Keep less.")
@@ -273,8 +282,11 @@ def _kept(regions: Sequence[selection.Region], surface: SelectableSurface) -> tu
     return verts, properties
 
 
-def _completed(kept: _Flags, bodies: Sequence[Body], partners: Partners | None) -> _Flags:
-    """Return the kept vertices (V,) with the mirror images of all, and with the whole of bodies that they touch."""
+def _completed(kept: _Flags, bodies: Sequence[Body], partners: Partners | None, mesh: RestMesh) -> _Flags:
+    """Return the kept vertices (V,) with the mirror images of all, and with the whole of bodies that they touch.
+
+    An edge on which a kept vertex lies is kept as well: otherwise, it would leave that behind.
+    """
     kept = kept.copy()
     while True:
         before = int(kept.sum())
@@ -282,6 +294,7 @@ def _completed(kept: _Flags, bodies: Sequence[Body], partners: Partners | None) 
             kept[body.verts] |= kept[body.verts].any()
         if partners is not None:
             kept |= kept[partners.partner]
+        kept = mesh.junctions.completed(kept)
         if int(kept.sum()) == before:
             return kept
 
