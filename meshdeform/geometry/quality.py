@@ -45,6 +45,7 @@ from scipy.spatial import cKDTree
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
+from meshdeform.geometry.junctions import opened
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, area_vectors
 from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
 
@@ -108,6 +109,8 @@ class MeshQuality:
     self_intersections_added: int | None
     """Faces that cut a face which they neither cut nor touched at rest. Faces that touch without cutting cut each
     other, by rounding, as soon as they are turned. All three are None if there are too many pairs to search."""
+    opened_junctions: int | None
+    """Vertices on edges of other faces that came off them (`junctions.py`); None if there are too many pairs."""
     volume_ratio: float  # signed volume after over before; 0 if the rest mesh encloses none
     area_ratio: float  # total area after over before
     area_ratio_spread: float  # standard deviation of the logarithm of the faces' area ratios
@@ -134,6 +137,9 @@ class MeshQuality:
         }
         counts = [f"{count:,} {words}" for words, count in damage.items() if count]
         sentences = [f"Damaged faces, of {faces:,}: {', '.join(counts)}."] if counts else []
+        if self.opened_junctions:
+            what = f"{self.opened_junctions:,} of the vertices on edges of other faces came off"
+            sentences.append(f"Cracks opened: {what}.")
         if self.self_intersecting_faces_after is None:
             sentences.append(
                 "The self-intersections were not counted, because too many faces lie on or in each other. Remove "
@@ -180,6 +186,7 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
         self_intersecting_faces_before=cuts_before,
         self_intersecting_faces_after=cuts_after,
         self_intersections_added=cuts_added,
+        opened_junctions=opened(rest_verts, faces, verts),
         volume_ratio=_volume(verts, faces) / volume if abs(volume) > 1e-12 * diagonal_sq**1.5 else 0.0,
         area_ratio=scale,
         area_ratio_spread=float(ratio.std()) if len(ratio) else 0.0,

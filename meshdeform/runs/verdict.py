@@ -4,7 +4,7 @@ It is worse if nothing was gained of what the prompt asks for, while a figure of
 noun's rank among all that the judge knows must become half of the source's to count as gained, since far from the first
 ones it changes by chance: a van that was number 115 among boats is no boat as number 62. Ranks ignore attributes: of a
 prompt that has any, the rank must only not become worse. A source that ranks first already has no rank to gain: there,
-without attributes, the structure alone decides.
+without attributes, the structure alone decides. An open crack is worse whatever was gained.
 
 What the source is, `recognise` finds in the same way, among the nouns of the builtin prior.
 """
@@ -64,8 +64,12 @@ LIMITS = {
     "contacts": 0.005,  # of the diagonal: a gap between parts is seen
     "cut_share": 0.01,  # of the faces: fewer usually hide where parts meet
     "flipped_faces": 0.0,  # each is a hole or a dark spot
+    "opened_junctions": 0.0,  # each is the end of a crack, through which one looks into the asset
 }
 """Largest figures of a result whose structure counts as kept."""
+
+_NEVER_WORTH_IT = frozenset({"opened_junctions"})
+"""Figures that may not be beyond their limits however much was gained."""
 
 _SENTENCES = {
     "asymmetry": "Mirror symmetry was lost: {:.1%} of the diagonal.",
@@ -73,6 +77,7 @@ _SENTENCES = {
     "contacts": "Parts that touched came apart: {:.1%} of the diagonal.",
     "cut_share": "Faces newly cut others: {:.1%} of all.",
     "flipped_faces": "Faces were flipped: {:,}.",
+    "opened_junctions": "Cracks opened: {:,} of the vertices on edges of other faces came off.",
 }
 
 
@@ -171,11 +176,12 @@ def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[
 
     `source` and `result`: with the same faces, +Y up; `quality`: the fields of
     `meshdeform.geometry.quality.MeshQuality` for these two. Returns dict: the fields of
-    `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0 if not counted) and `flipped_faces`.
+    `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0 if not counted), `flipped_faces` and
+    `opened_junctions`.
     """
     cuts = quality["self_intersections_added"] or 0
-    shares = {"cut_share": cuts / len(source.faces), "flipped_faces": quality["flipped_faces"]}
-    return {**measure_structure(source, result).to_dict(), **shares}
+    faults = {name: quality[name] for name in ("flipped_faces", "opened_junctions")}
+    return {**measure_structure(source, result).to_dict(), "cut_share": cuts / len(source.faces), **faults}
 
 
 def worse_than_source(before: int, after: int, structure: Mapping[str, Any]) -> bool:
@@ -195,9 +201,11 @@ def verdict(prompt: str, likeness: Mapping[str, Any], structure: Mapping[str, An
     gained = rank <= was if attributes else 2 * rank <= was
     crooked = any(attribute.degree in CROOKED for attribute in attributes)
     beyond = _beyond(structure, excused=("asymmetry", "flatness") if crooked else ())
-    if gained or not beyond:
+    if gained:
+        beyond = [name for name in beyond if name in _NEVER_WORTH_IT]
+    if not beyond:
         return {"value": KEEP_RESULT, "reasons": [], "structure": dict(structure)}
-    reasons = [_rank_reason(likeness["noun"], rank, was, likeness["nouns"])]
+    reasons = [] if gained else [_rank_reason(likeness["noun"], rank, was, likeness["nouns"])]
     reasons += [_SENTENCES[name].format(structure[name]) for name in beyond]
     return {"value": KEEP_SOURCE, "reasons": reasons, "structure": dict(structure)}
 

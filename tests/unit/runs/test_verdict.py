@@ -32,7 +32,14 @@ from training.judge.members import HELD_OUT, seeded
 from training.prior.families import member
 from training.shapes import box
 
-GOOD = {"asymmetry": 0.0, "flatness": None, "contacts": 0.0, "cut_share": 0.0, "flipped_faces": 0}
+GOOD = {
+    "asymmetry": 0.0,
+    "flatness": None,
+    "contacts": 0.0,
+    "cut_share": 0.0,
+    "flipped_faces": 0,
+    "opened_junctions": 0,
+}
 
 
 def judged(before: int, after: int) -> dict[str, Any]:
