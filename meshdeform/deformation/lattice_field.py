@@ -20,7 +20,7 @@ a larger face of a component that its own one touches follows that face::
 with q the nearest place on the face, b its barycentric coordinates, v_i the corners, and s(d) falling from 1 to 0 over
 the distances d = |p - q| from half a cell to a whole one. Only the weights with which vertices follow the nodes change,
 so it costs no step anything. A vertex follows only faces larger than all of its own; the corners of the face may follow
-a larger one themselves.
+a larger one themselves, or lie on an edge of another face, which they then follow (`geometry/junctions.py`).
 
 Enclose a mesh in a voxel lattice, and solve for its nodes from one Jacobian per cell.
 
@@ -482,6 +482,9 @@ def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
     return RestMesh(torch.cat([mesh.verts, other.verts]), faces)
 
 
+_MOST_FOLLOWED = 64
+"""Faces and edges that are followed one after the other; with each, what is left becomes less."""
+
 _CONTACT, _FULLY = 0.1, 0.5
 """Distances, in cells, up to which a component touches a face, and up to which its vertices follow that fully."""
 
@@ -499,6 +502,7 @@ def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
     large_faces = LargeFaces(corners[large], mesh.areas[large], component[faces[large, 0]])
     reaches = (_CONTACT * lattice.spacing, lattice.spacing)
     nearest, shares, distances = nearest_larger_faces(verts, own, component, large_faces, *reaches)
+    nearest[mesh.junctions.verts] = -1  # these follow edges, whatever else is near
     followers = np.flatnonzero(nearest >= 0)
     if not len(followers):
         return nothing
@@ -510,9 +514,19 @@ def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
     places = np.einsum("pi,pij->pj", shares, corners[face])
     left = _rows(len(verts), len(followers), followers, np.arange(len(followers))[:, None], strength)
     step = pull @ lattice.embedding(verts[followed]) - left @ lattice.embedding(places)
+    rows = mesh.junctions.verts
+    if len(rows):
+        pull = sparse.csr_matrix((pull.data, followed[pull.indices], pull.indptr), shape=(len(verts), len(verts)))
+        on_edge = _rows(len(verts), len(verts), rows, rows[:, None], np.ones((len(rows), 1)))
+        follow = (on_edge @ mesh.junctions.follow).tocsr()
+        used = np.union1d(rows, follow.indices)
+        pull, step = pull + follow, step + (follow - on_edge)[:, used] @ lattice.embedding(verts[used])
+        followed = np.arange(len(verts))
     added = nothing
-    # The corners of a face may follow a larger one, which is how often this goes on.
-    while step.nnz:
+    # The corners of a face may follow a larger one, or lie on an edge, which is how often this goes on.
+    for _ in range(_MOST_FOLLOWED):
+        if not step.nnz:
+            break
         added, step = added + step, pull @ step[followed]
         step.eliminate_zeros()
     return added.tocsr()

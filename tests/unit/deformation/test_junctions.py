@@ -171,3 +171,22 @@ def test_a_shape_carried_to_another_file_leaves_it_closed_there() -> None:
     verts[:, 2] += 0.5 * (2 * verts[:, 0]).sin() * (3 * verts[:, 1]).cos()
     mesh = plate()
     assert gap(mesh, EditMap.between(smooth, verts).move(mesh)) < 1e-12
+
+
+def test_a_detail_on_a_face_follows_it_where_its_corners_follow_an_edge() -> None:
+    """The edge is that of a narrow strip, so the corners follow no larger face."""
+    strip = grid(1, 1.0)
+    strip = TriangleMesh(strip.verts * torch.tensor([0.02, 1.0, 1.0], dtype=F64), strip.faces)
+    points = [[0.06, 0.1, 0.002], [0.10, 0.1, 0.002], [0.06, 0.14, 0.002]]
+    detail = TriangleMesh(torch.tensor(points, dtype=F64), torch.tensor([[0, 1, 2]]))
+    mesh = RestMesh.of(join(strip, moved(grid(4, 1.0), 0.51, 0.0), detail))
+    assert mesh.junctions.verts.tolist() == [5, 6, 7]
+    field = bent(LatticeField(mesh))
+    shape, nodes = placed(field).detach().numpy(), field.solve().detach().numpy()
+    point, corners = mesh.verts[-3].numpy(), mesh.verts.numpy()[mesh.faces.numpy()[2:-1]]
+    shares = [np.linalg.lstsq(np.stack([b - a, c - a], 1), point - a, rcond=None)[0] for a, b, c in corners]
+    within = [min(u, v, 1 - u - v) >= 0 for u, v in shares].index(True)
+    weights, face = np.array([1 - shares[within].sum(), *shares[within]]), mesh.faces.numpy()[2 + within]
+    assert np.isin(face, mesh.junctions.verts).any()
+    off = field.lattice.embedding(np.stack([point, weights @ corners[within]])) @ nodes
+    np.testing.assert_allclose(shape[-3] - weights @ shape[face], off[0] - off[1], atol=1e-12)
