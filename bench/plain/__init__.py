@@ -1,0 +1,1 @@
+"""Measure changes in plain words: a fixed list of sentences, and what each made of its asset."""
