@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshdeform.assets import Limits, load_asset
+from meshdeform.geometry.weld import weld
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.runs.verdict import recognise
-from training.evaluation.sources import posed_mesh
 
 LISTED = Path(__file__).with_suffix(".json")
 FROM = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.96, 0.97, 0.98, 0.99)
@@ -60,7 +60,7 @@ def answers(folder: Path) -> Iterator[Answer]:
                 continue
             asset = load_asset(path.read_bytes(), path.name, Limits.unlimited())
             joints = [joint["name"] for joint in asset.parts().joints]
-            found = recognise(posed_mesh(asset).mesh, None, joints)
+            found = recognise(weld(asset.surface.positions, asset.surface.triangles).mesh, None, joints)
             yield Answer(f"{repository['repository']}/{name}", noun, found.noun, found.probability)
 
 

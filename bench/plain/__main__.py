@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from bench.plain.assets import Listed, Row, listed, rows
-from bench.plain.measure import judged
+from bench.plain.assets import Listed, Row, connected, listed, rows
+from bench.plain.measure import judged, outside
 from meshdeform.assets import Asset, load_asset
 from meshdeform.errors import MeshdeformError
 from meshdeform.rendering.studio import Pose, Studio
@@ -36,6 +36,7 @@ from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
 
 SIZE, VIEWS, ACROSS = 200, (35.0, 90.0), 5
+_A_LITTLE = 0.1
 _Floats = NDArray[np.float64]
 
 
@@ -59,7 +60,7 @@ def main() -> None:
     began = time.process_time()
     for each in listed(given.folder):
         asset = each.asset()
-        pictures = [("source", asset.posed().positions)]
+        pictures = [("source", asset.surface.positions)]
         for row in rows():
             if row.asset != each.name or given.only not in f"{row.asset} {row.sentence}":
                 continue
@@ -93,10 +94,10 @@ def outcome(each: Listed, asset: Asset, row: Row) -> Made:
         return Made("refused" if row.wanted else "right", str(refused))
     except Exception as fault:  # one row that breaks must not hide the others
         return Made("broken", repr(fault))
-    after = load_asset(artifacts["result.glb"].data, "result.glb").posed().positions
+    after = load_asset(artifacts["result.glb"].data, "result.glb").surface.positions
     report = json.loads(artifacts["report.json"].data)
     said = " ".join(report["warnings"])
-    doubted = (report.get("verdict") or {}).get("verdict") == "doubtful"
+    doubted = (report.get("verdict") or {}).get("value") == "doubtful"
     if not row.wanted:
         return Made("doubtful" if doubted else "other", f"made all the same. {said}", after)
     everything = [np.ones(len(after), bool)]
@@ -104,7 +105,10 @@ def outcome(each: Listed, asset: Asset, row: Row) -> Made:
         part: everything if part == "whole" else each.pieces(asset, part)
         for part in {wanted.part for wanted in row.wanted}
     }
-    found = judged(row.wanted, pieces, each.front, asset.posed().positions, after)
+    # What the joints of a part hold a little of belongs to neither.
+    touched = {part: each.pieces(asset, part, _A_LITTLE) for part in pieces if part != "whole"}
+    rest = connected(asset, outside(row.wanted, touched)) if "whole" not in pieces else []
+    found = judged(row.wanted, pieces, rest, each.front, asset.surface.positions, after)
     word = "done" if found.made else "doubtful" if doubted else "other"
     return Made(word, f"{found.figures}. {said}" if word != "done" or doubted else found.figures, after)
 

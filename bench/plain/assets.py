@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.assets.build import Primitive
@@ -19,11 +21,12 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import join
 from training.shapes import box, lathe
 
-__all__ = ["Listed", "Row", "Wanted", "listed", "rows"]
+__all__ = ["Listed", "Row", "Wanted", "connected", "listed", "rows"]
 
 HERE = Path(__file__).parent
 _MOSTLY = 0.5
 _Flags = NDArray[np.bool_]
+_Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -59,9 +62,16 @@ class Listed:
         """Return the asset, read from its file."""
         return load_asset(self.data, self.filename)
 
-    def pieces(self, asset: Asset, part: str) -> list[_Flags]:
-        """Return the vertices (N,) of each piece of a part of the asset, read from this file."""
-        return [_chosen(asset, selector) for selector in self.selectors[part]]
+    def pieces(self, asset: Asset, part: str, least: float = _MOSTLY) -> list[_Flags]:
+        """Return the vertices (N,) of each piece of a part of the asset, read from this file.
+
+        `least`: how much of a vertex the joints of the part hold, if joints make it.
+        """
+        found = []
+        for selector in self.selectors[part]:
+            flags = _chosen(asset, selector.removeprefix("each "), least)
+            found += _apart(asset, flags) if selector.startswith("each ") else [flags]
+        return found
 
 
 def rows() -> list[Row]:
@@ -98,10 +108,13 @@ def listed(folder: Path) -> list[Listed]:
     return found
 
 
-def _chosen(asset: Asset, selector: str) -> _Flags:
+def _chosen(asset: Asset, selector: str, least: float) -> _Flags:
     """Return the vertices (N,) that a selector of `assets.toml` names."""
+    first, *others = (each.strip() for each in selector.split("&"))
+    if others:
+        return np.asarray(np.logical_and.reduce([_chosen(asset, each, least) for each in (first, *others)]))
     kind, _, what = selector.partition(":")
-    points, parts = asset.posed().positions, asset.parts()
+    points, parts = asset.surface.positions, asset.parts()
     flags = np.zeros(len(points), bool)
     if kind == "box":
         low, high = np.array([float(value) for value in what.split()]).reshape(3, 2).T
@@ -112,12 +125,38 @@ def _chosen(asset: Asset, selector: str) -> _Flags:
         own = [joint["index"] for joint in parts.joints if re.fullmatch(what, joint["name"])]
         held = np.zeros(len(points))
         np.add.at(held, at, np.isin(nodes, own) * shares)
-        return held > _MOSTLY
+        return held > least
     entries, triangles_of = (parts.nodes, parts.in_node) if kind == "node" else (parts.materials, parts.of_material)
     for entry in entries:
         if re.fullmatch(what, entry["name"]):
             flags[asset.surface.triangles[triangles_of(entry["index"])].ravel()] = True
     return flags
+
+
+def connected(asset: Asset, flags: _Flags) -> list[_Flags]:
+    """Return the connected components (N,) of some vertices; those at one place count as one."""
+    points, triangles = asset.surface.positions, asset.surface.triangles
+    places, number = np.unique(points.round(6), axis=0, return_inverse=True)
+    number = number.ravel()
+    own = number[triangles[flags[triangles].all(1)]]
+    edges = np.concatenate([own[:, [0, 1]], own[:, [1, 2]]])
+    graph = sparse.coo_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(len(places),) * 2)
+    labels = csgraph.connected_components(graph, directed=False)[1][number]
+    return [flags & (labels == label) for label in np.unique(labels[flags])]
+
+
+def _apart(asset: Asset, flags: _Flags) -> list[_Flags]:
+    """Return the connected components (N,) of some vertices; one within the box of another belongs to it."""
+    points = asset.surface.positions
+    boxes: list[tuple[_Floats, _Floats, _Flags]] = []
+    for piece in sorted(connected(asset, flags), key=lambda piece: -float(np.ptp(points[piece], axis=0).max())):
+        low, high = points[piece].min(0), points[piece].max(0)
+        home = next((box for box in boxes if (low >= box[0] - 1e-6).all() and (high <= box[1] + 1e-6).all()), None)
+        if home is not None:
+            home[2][piece] = True
+        else:
+            boxes.append((low, high, piece.copy()))
+    return [piece for _, _, piece in boxes]
 
 
 def _block(low: Sequence[float], high: Sequence[float], n: int = 4) -> TriangleMesh:

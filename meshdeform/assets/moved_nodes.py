@@ -10,7 +10,7 @@ Source: glTF 2.0 specification, sections 3.7.3 (Skins) and 3.11 (Animations); KH
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,10 +37,13 @@ def world_shifts(nodes: Sequence[Json], moves: Mapping[int, NodeMove]) -> list[F
     return [shifts[number] for number in range(len(nodes))]
 
 
-def move_nodes(document: Document, moves: Mapping[int, NodeMove]) -> list[tuple[int, int]]:
+def move_nodes(
+    document: Document, moves: Mapping[int, NodeMove], skins: Collection[int] = (), scale: float | None = None
+) -> list[tuple[int, int]]:
     """Move nodes, and return each replaced accessor with its new one.
 
-    `document`: changed in place: nodes, inverse bind matrices, and animations of translations; `moves`: by node.
+    `document`: changed in place: nodes, inverse bind matrices, and animations of translations; `moves`: by node;
+    `skins`: those of the deformed meshes, which are scaled as they were bound if there is a `scale`.
     """
     nodes = document.root.get("nodes", [])
     shifts = world_shifts(nodes, moves)
@@ -48,14 +51,14 @@ def move_nodes(document: Document, moves: Mapping[int, NodeMove]) -> list[tuple[
         return []
     worlds = world_matrices(nodes)
     replaced = []
-    for skin in document.root.get("skins", []):
-        replaced += _rebind(document, skin, worlds, shifts)
+    for number, skin in enumerate(document.root.get("skins", [])):
+        replaced += _rebind(document, skin, worlds, shifts, scale if number in skins else None)
     offsets = _place_nodes(nodes, worlds, shifts, moves)
     return replaced + _move_animations(document, len(nodes), offsets)
 
 
 def _rebind(
-    document: Document, skin: Json, worlds: Sequence[Matrix], shifts: Sequence[Floats]
+    document: Document, skin: Json, worlds: Sequence[Matrix], shifts: Sequence[Floats], scale: float | None
 ) -> list[tuple[int, int]]:
     """Give a skin inverse bind matrices for the moved joints, so that they leave vertices where they are."""
     if not any(shifts[joint].any() for joint in skin["joints"]):
@@ -63,7 +66,9 @@ def _rebind(
     matrices = inverse_binds(document, skin)
     for matrix, joint in zip(matrices, skin["joints"], strict=True):
         over = worlds[joint][:3, :3] @ matrix[:3, :3]
-        if shifts[joint].any() and is_invertible(over):
+        if scale is not None:
+            matrix[:3, 3] *= scale
+        elif shifts[joint].any() and is_invertible(over):
             matrix[:3, 3] -= matrix[:3, :3] @ np.linalg.solve(over, shifts[joint])
     old = skin.get("inverseBindMatrices")
     values = matrices.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)

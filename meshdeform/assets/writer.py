@@ -73,7 +73,7 @@ class Deformation:
         return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints)
 
 
-def _local_shape(block: Block, shape: Deformation, node_shift: Floats) -> LocalShape:
+def _local_shape(block: Block, shape: Deformation, node_shift: Floats, scale: float | None) -> LocalShape:
     """Transform a block's new vertices back to mesh space; `node_shift`, (3,): that of its node, in world space."""
     # Vertices that did not move keep their exact bits: positions are the source plus the displacement, and directions
     # are replaced only where they changed.
@@ -84,6 +84,8 @@ def _local_shape(block: Block, shape: Deformation, node_shift: Floats) -> LocalS
         # The targets follow, and what they add at rest with them: the new shape has it already.
         maps = placement.maps_back(shape.jacobians[block.rows])
         moved += block.rest.positions - np.einsum("vij,vj->vi", maps, block.rest.positions)
+    if scale is not None and placement.linear.ndim == 3:
+        moved = (scale - 1.0) * block.positions.astype(np.float64)
     with np.errstate(over="ignore"):
         positions = (block.positions + moved).astype(np.float32)
     if not np.isfinite(positions).all():
@@ -131,9 +133,9 @@ def write_shape(
 
     `loose` are the points and lines, which follow the surface.
     """
-    moves = _node_moves(document, blocks, shape)
+    moves, scale = _node_moves(document, blocks, shape), _uniform_scale(shape)
     shifts = world_shifts(document.root["nodes"], moves)
-    locals_ = _local_shapes(blocks, loose, shape, shifts)
+    locals_ = _local_shapes(blocks, loose, shape, shifts, scale)
     owners = _own_meshes(document, [*blocks, *loose])
     replaced: list[tuple[int, int]] = []
     for block, local in zip([*blocks, *loose], locals_, strict=True):
@@ -143,7 +145,21 @@ def write_shape(
             mesh = document.root["meshes"][owners[block.node]]
             jacobians = shape.jacobians[block.rows]
             replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
-    return _finished(document, finish, replaced + move_nodes(document, moves))
+    skins = {document.root["nodes"][block.node].get("skin") for block in blocks} - {None}
+    return _finished(document, finish, replaced + move_nodes(document, moves, skins, scale))
+
+
+def _uniform_scale(shape: Deformation) -> float | None:
+    """Return the scale of a deformation that is one of everything, without a turn, in which the rig follows."""
+    if shape.jacobians is None:
+        return None
+    used = np.unique(shape.surface.triangles)
+    jacobian, source = shape.jacobians[used[0]], shape.surface.positions[used]
+    scale = float(jacobian[0, 0])
+    if scale == 1.0 or not (shape.jacobians[used] == scale * np.eye(3)).all():
+        return None
+    beside = shape.positions[used] - scale * source
+    return scale if np.ptp(beside, axis=0).max() <= 1e-9 * np.ptp(source, axis=0).max() else None
 
 
 def _node_moves(document: Document, blocks: list[Block], shape: Deformation) -> dict[int, NodeMove]:
@@ -168,7 +184,7 @@ def write_targets(
 ) -> bytes:
     """Write shapes as morph targets into the document and return it as a GLB; `Asset.morph` documents the rest."""
     shifts = [np.zeros(3)] * len(document.root["nodes"])
-    locals_ = [_local_shapes(blocks, loose, shape, shifts) for shape in shapes]
+    locals_ = [_local_shapes(blocks, loose, shape, shifts, None) for shape in shapes]
     blocks = [*blocks, *loose]
     add_morph_targets(document, blocks, locals_, _own_meshes(document, blocks), new)
     return _finished(document, finish, [])
@@ -185,11 +201,12 @@ def write_vertex_values(document: Document, blocks: list[Block], name: str, valu
 
 
 def _local_shapes(
-    blocks: list[Block], loose: list[Block], shape: Deformation, shifts: Sequence[Floats]
+    blocks: list[Block], loose: list[Block], shape: Deformation, shifts: Sequence[Floats], scale: float | None
 ) -> list[LocalShape]:
     """Return the new vertices of the blocks, then of the points and lines, in the spaces of their meshes.
 
-    `shifts`: how far each node moves in world space; a skin does not follow its node.
+    `shifts`: how far each node moves in world space; a skin does not follow its node. `scale`: of a uniform scaling,
+    whose skins are scaled as they were bound, so that they are in every pose.
     """
     moved = shape.positions - shape.surface.positions
     shift_of = {
@@ -198,7 +215,7 @@ def _local_shapes(
     }
     carried = carried_positions(shape.surface, moved, loose, [shift_of[block.node] for block in loose])
     return [
-        *(_local_shape(block, shape, shift_of[block.node]) for block in blocks),
+        *(_local_shape(block, shape, shift_of[block.node], scale) for block in blocks),
         *(LocalShape(positions, None, None) for positions in carried),
     ]
 

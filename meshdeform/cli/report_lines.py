@@ -191,8 +191,10 @@ def kept_line(quality: Mapping[str, Any]) -> str:
 
 
 def verdict_line(verdict: Mapping[str, Any]) -> str:
-    """Return the line for the report's `verdict`; empty if the result is not worse than its source."""
+    """Return the line for the report's `verdict`; empty if nothing speaks against the result."""
     reasons = " ".join(verdict["reasons"])
+    if verdict["value"] == "doubtful":
+        return f"Verdict: doubtful. {reasons}"
     return f"Verdict: keep your asset as it is ({verdict['value']}). {reasons}" if reasons else ""
 
 

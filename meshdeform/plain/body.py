@@ -1,12 +1,11 @@
 """The asset as it stands: its welded vertices, what moves with which joint, its names, and its solid in a grid.
 
-The lateral axis is the normal of the mirror plane, found on points spread over the surface with their normals; up is
-+Y, and the front axis is the third.
+Up is +Y. Names that say left, right, front or rear tell the front; else the lateral axis is the normal of the mirror
+plane, found on points spread over the surface with their normals, and the front axis is the third.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
-from meshdeform.plain.words import singular
+from meshdeform.plain.names import sides_of, tokens
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -32,6 +31,12 @@ _MOST_NAMES = 400
 _MOST_PLACES = 2_000_000
 _MIRRORED = 0.004
 """Distance, as a share of the diagonal, up to which a vertex has a mirror image."""
+_CLEARLY = 0.8
+"""Share of the asymmetry about the middle of the box, below which another plane is better."""
+_APART = 0.05
+"""Distance, likewise, from which the middles of what names call front and rear, or left and right, tell them apart."""
+_METRES = ("glb", "gltf")
+"""Formats whose unit is the metre; others have none."""
 
 
 def step(t: Floats) -> Floats:
@@ -45,11 +50,6 @@ def ease(t: Floats, soft: float = 0.25) -> Floats:
     t, most = np.clip(t, 0, 1), 1 / (1 - soft)
     rising, falling = most * t * t / (2 * soft), 1 - most * (1 - t) ** 2 / (2 * soft)
     return np.where(t < soft, rising, np.where(t > 1 - soft, falling, most * (t - soft / 2)))
-
-
-def tokens(name: str) -> list[str]:
-    """Return the words of a name of a node, joint or material: "LeftForeArm.001" has "left", "fore" and "arm"."""
-    return [singular(word.lower()) for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)]
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,7 @@ class Body:
     weights: sparse.csr_matrix  # sparse (V, J) float64: how much each vertex follows each joint
     vertex_map: Index  # (N,) int64: the vertex of each row of the asset's surface, or -1
     rows: Index  # (V,) int64: a row of each vertex
+    unit: float | None = None  # metres of its unit of length; None if its format has none
 
     def moved(self, points: Floats) -> Body:
         """Return the body with its vertices at other places."""
@@ -166,24 +167,56 @@ class Body:
         return (self.corners[at] * shares[:, :, None]).sum(1), self.crosses[at] / np.maximum(areas[at, None], 1e-300)
 
     @cached_property
-    def _asymmetry(self) -> dict[int, float]:
-        """How far the surface is from its mirror image across both upright planes, as a share of the diagonal."""
+    def _mirrors(self) -> dict[int, tuple[float, float]]:
+        """How far the surface is from its mirror image across both upright planes, and where these are on their axes.
+
+        As a share of the diagonal. The planes are in the middle of the box, or, if that is clearly better, of the
+        surface: an animal may turn its head.
+        """
         places, normals = self.samples(_SAMPLES)
         reach = 0.1 * self.diagonal
         tree = cKDTree(np.hstack([places, reach * normals]))
-        asymmetry = {}
+        mirrors = {}
         for axis in (0, 2):
-            images, across = places.copy(), normals.copy()
-            images[:, axis] = 2 * self.low[axis] + self.size[axis] - images[:, axis]
-            across[:, axis] *= -1
-            distance = tree.query(np.hstack([images, reach * across]))[0]
-            asymmetry[axis] = float(np.median(distance) + distance.mean()) / self.diagonal
-        return asymmetry
+            found = []
+            middle = float(self.low[axis] + self.size[axis] / 2)
+            for at in (middle, float(places[:, axis].mean()), float(np.median(places[:, axis]))):
+                images, across = places.copy(), normals.copy()
+                images[:, axis] = 2 * at - images[:, axis]
+                across[:, axis] *= -1
+                distance = tree.query(np.hstack([images, reach * across]))[0]
+                found.append((float(np.median(distance) + distance.mean()) / self.diagonal, at))
+            mirrors[axis] = min(found) if min(found)[0] < _CLEARLY * found[0][0] else found[0]
+        return mirrors
 
     @cached_property
     def lateral(self) -> int:
         """The axis from side to side."""
-        return 0 if self._asymmetry[0] <= 1.15 * self._asymmetry[2] else 2
+        if self.named_front is not None:
+            return 2 - self.named_front[0]
+        return 0 if self._mirrors[0][0] <= 1.15 * self._mirrors[2][0] else 2
+
+    @cached_property
+    def named_front(self) -> tuple[int, int] | None:
+        """The axis and the sign of the front, if names of nodes, materials or joints say where it is."""
+        masses: dict[str, Floats] = {}
+        shares = self.weights.tocsc()
+        named = [(joint.name, shares[:, [number]].toarray().ravel()) for number, joint in enumerate(self.joints)]
+        named += [(name, flags.astype(float)) for name, flags in self.names.items() if not flags.all()]
+        for name, mass in named:
+            for side in sides_of(name):
+                masses[side] = np.asarray(masses.get(side, np.zeros(len(self.points))) + mass)
+        places = {side: mass @ self.points / mass.sum() for side, mass in masses.items() if mass.sum() > 0}
+        middle = self.low + self.size / 2
+        forward = places.get("front", middle) - places.get("rear", middle)
+        leftward = places["left"] - places["right"] if {"left", "right"} <= set(places) else np.zeros(3)
+        # What is left of something that looks along +Z is at +X.
+        for vector in (forward, np.array([-leftward[2], 0.0, leftward[0]])):
+            level = vector * [1, 0, 1]
+            axis = int(np.argmax(np.abs(level)))
+            if abs(level[axis]) > _APART * self.diagonal:
+                return axis, int(np.sign(level[axis]))
+        return None
 
     @property
     def front(self) -> int:
@@ -193,13 +226,13 @@ class Body:
     @property
     def either(self) -> bool:
         """Whether it is as symmetric from front to back, so that its front says nothing."""
-        low, high = sorted(self._asymmetry.values())
+        low, high = sorted(asymmetry for asymmetry, _ in self._mirrors.values())
         return high <= 1.15 * low
 
     @cached_property
     def middle(self) -> float:
         """Where the mirror plane is on the lateral axis."""
-        return float(self.low[self.lateral] + self.size[self.lateral] / 2)
+        return self._mirrors[self.lateral][1]
 
     @cached_property
     def partners(self) -> Index | None:
@@ -345,6 +378,7 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
         weights.tocsr(),
         vertex_map,
         rows,
+        1.0 if asset.summary.format in _METRES else None,
     )
 
 

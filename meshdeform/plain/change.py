@@ -1,8 +1,8 @@
-"""Carry out the changes of a sentence on a body, one after the other, and check what came of each.
+"""Carry out the changes of a sentence on a body, one after the other, and measure what came of each.
 
-A face that flips is smoothed with its neighbours; where that does not help, the factor is halved, and a warning says
-so. The result is as symmetric as the source, and stands where it stood. A vertex on an edge of another face follows
-that edge.
+What is affine is exactly that. Elsewhere, a face that flips is smoothed with its neighbours; where that does not help,
+the change is halved, and a warning says so. The result is as symmetric as the source, unless a side was asked for, and
+stands where it stood. A vertex on an edge of another face follows that edge.
 """
 
 from __future__ import annotations
@@ -12,25 +12,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meshdeform.errors import PromptError
 from meshdeform.geometry.junctions import Junctions
+from meshdeform.plain import effect, table
 from meshdeform.plain.body import UP, Body, Flags, Floats
-from meshdeform.plain.maps import Moved, move
-from meshdeform.plain.parts import PartMissingError, Parts
-from meshdeform.plain.words import SHAPES, WHOLE, Change, Sentence
+from meshdeform.plain.effect import Effect
+from meshdeform.plain.maps import move
+from meshdeform.plain.moved import Moved
+from meshdeform.plain.parts import Parts
+from meshdeform.plain.pieces import PartMissingError
+from meshdeform.plain.table import SHAPES, WHOLE
+from meshdeform.plain.words import Change, Sentence, check_factor
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 
 _ROUNDS = 12
-_ATTEMPTS = ((0.0, 1.0), (0.5, 1.0), (1.0, 1.0), (1.0, 0.5), (1.0, 0.25), (1.0, 0.125))
-"""How evenly a change is spread, and which share of it is made, until no face flips."""
+_SHARES = (1.0, 0.5, 0.25, 0.125)
+"""Which share of a change is made, until no face flips."""
 _MOST_CORRECTED = 1.7
 """Greatest share of what was asked for that a map may be given, so that its result is what was asked for."""
 _ON_ORIGIN = 0.01
 """Height of the lowest point, as a share of the body's, up to which it stands on the origin."""
 _TOLD_APART = 0.25
 """Share of what was asked for below which a part was found that is none."""
-_SHORT = 0.5
-"""Share of what was asked for below which a warning says that there was less."""
+_OF_LIVING = frozenset({*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]})
+"""Nouns of what may have a skeleton: "a bigger axe" says nothing of a person as a whole."""
 _LOPSIDED = frozenset({"leaning", "bent", "twisted"})
 _TURNING = frozenset({"bent", "twisted"})
+_WORDS = {
+    "long": "long",
+    "big": "large",
+    "tall": "tall",
+    "wide": "wide",
+    "fat": "thick",
+    "deep": "deep",
+    "high": "high",
+}
 
 
 @dataclass(frozen=True)
@@ -42,48 +58,54 @@ class Done:
     factor: float  # the factor of the map, halved where faces would have flipped
     got: float  # how much of what it measures grew
     flips: int  # faces that it flipped all the same
+    effect: Effect
+    affine: Floats | None = None  # (3, 4) float64: the map of all points, if it is one
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences about what is less than was asked for."""
-        requested, what = self.change.factor, _phrase(self.change)
+        """Sentences about faces that would flip, or do."""
+        asked, made, what = f"{self.change.factor:.2f}", f"{self.factor:.2f}", _phrase(self.change)
         warnings = []
-        if self.factor != requested:
-            warnings.append(f"{what}: {requested:.2f} would flip faces, so it was {self.factor:.2f}.")
-        elif (
-            requested not in (0, 1)
-            and self.change.operation not in SHAPES
-            and (self.got - 1) / (requested - 1) < _SHORT
-        ):
-            warnings.append(
-                f"{what}: {requested:.2f} was asked for, and {self.got:.2f} came of it. Where triangles are large, "
-                "output.subdivide helps."
-            )
+        if made != asked:
+            warnings.append(f"{what}: {asked} would flip faces, so it was {made}.")
         if self.flips:
             warnings.append(f"{what}: {self.flips} faces were flipped.")
         return warnings
 
-    def to_dict(self) -> dict[str, str | float | int]:
+    @property
+    def doubts(self) -> list[str]:
+        """Sentences, with figures, about what the result has too little or too much of."""
+        change = self.change
+        if change.operation in SHAPES or change.factor == 1:
+            return []
+        return self.effect.doubts(change.name, change.factor, _WORDS[change.operation])
+
+    def to_dict(self) -> dict[str, str | float | int | None]:
         """Return its entry in the report."""
+        grown = self.effect.grown
         return {
             "operation": self.change.operation,
-            "part": self.change.part,
+            "part": self.change.name,
             "found_by": self.found_by,
             "asked": round(self.change.factor, 4),
             "factor": round(self.factor, 4),
             "got": round(self.got, 4),
+            "grown": None if grown is None else round(grown, 4),
+            "other": round(self.effect.other, 4),
+            "rest": round(self.effect.rest, 4),
             "flips": self.flips,
         }
 
 
 def _phrase(change: Change) -> str:
-    return change.operation if change.part == WHOLE else f"{change.operation} ({change.part})"
+    return change.operation if change.part == WHOLE else f"{change.operation} ({change.name})"
 
 
 def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Done]]:
     """Carry out changes in their order.
 
-    Raises PartMissingError: a part is not there; nothing is changed.
+    Raises PartMissingError: a part is not there; nothing is changed. Raises PromptError: a length is asked for of what
+    has no unit, or one that is too far from what is there.
     """
     done = []
     junctions = Junctions.of(body.points, body.faces)
@@ -93,23 +115,47 @@ def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Don
     return body, done
 
 
+def affine_of(done: Sequence[Done]) -> Floats | None:
+    """Return the affine map (3, 4) that changes are together; None if one is no affine map."""
+    total = np.eye(4)
+    for each in done:
+        if each.affine is None:
+            return None
+        total = np.vstack([each.affine, [0, 0, 0, 1]]) @ total
+    return total[:3]
+
+
 def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
-    """Return the changes of a sentence: in "a bigger helmet", of a part of the asset that has the noun as its name."""
-    if sentence.noun is None or not sentence.compared:
+    """Return the changes of a sentence: in "a bigger helmet", of a part of the asset that has the noun as its name.
+
+    Raises PartMissingError: a skeleton shows that the asset is not what the sentence calls it.
+    """
+    parts, noun = Parts(body), sentence.noun
+    if noun is None or not sentence.compared:
+        return tuple(
+            replace(each, part=parts.spelled(each.part)) if each.part != WHOLE else each for each in sentence.changes
+        )
+    if not parts.is_named(noun.replace("-", " ")):
+        if parts.rigged and noun not in _OF_LIVING:
+            raise PartMissingError(f"No part called {noun!r} was found, and the asset is a body.")
         return sentence.changes
-    try:
-        Parts(body).named(sentence.noun.replace("-", " "))
-    except PartMissingError:
-        return sentence.changes
-    return tuple(replace(each, part=sentence.noun) if each.part == WHOLE else each for each in sentence.changes)
+    changed = []
+    for each in sentence.changes:
+        operation = table.meaning(each.operation, noun)
+        possible = each.part == WHOLE and table.direction(operation, noun) is not None
+        changed.append(replace(each, part=noun, operation=operation) if possible else each)
+    return tuple(changed)
 
 
-def missing_part(body: Body, changes: Sequence[Change]) -> str | None:
-    """Return why a change cannot be carried out; None if all can."""
+def missing_part(body: Body, sentence: Sentence) -> str | None:
+    """Return why a change of a sentence cannot be carried out; None if all can.
+
+    Raises PromptError: as `apply_changes`.
+    """
     parts = Parts(body)
     try:
-        for change in changes:
-            calibrated(parts, change)
+        for change in meant(body, sentence):
+            calibrated(parts, _in_factors(parts, change))
     except PartMissingError as error:
         return str(error)
     return None
@@ -117,9 +163,14 @@ def missing_part(body: Body, changes: Sequence[Change]) -> str | None:
 
 def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done]:
     parts = Parts(body)
+    change = _in_factors(parts, change)
     full = calibrated(parts, change)
-    for parts.even, share in _ATTEMPTS:
+    points, flipped, share = body.points, np.zeros(len(body.faces), bool), 1.0
+    for share in _SHARES:
         moved = move(parts, change, _part_of_way(change, full, share))
+        if moved.affine is not None:
+            points = moved.points
+            break
         points = junctions.closed(body.points, _settled(body, change, moved))
         points, flipped = _relaxed(body, points, _flipped(body, points, change), change, junctions)
         if not flipped.any():
@@ -127,7 +178,34 @@ def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done
     before = moved.length(body.points)
     got = moved.length(points) / before if before and change.operation not in SHAPES else change.factor * share
     factor = _part_of_way(change, change.factor, share)
-    return body.moved(points), Done(change, moved.found_by, factor, float(got), int(flipped.sum()))
+    measured = effect.measure(body, moved, points)
+    done = Done(change, moved.found_by, factor, float(got), int(flipped.sum()), measured, moved.affine)
+    return body.moved(points), done
+
+
+def _in_factors(parts: Parts, change: Change) -> Change:
+    """Return a change with the factor that a length in metres is on the body.
+
+    Raises PromptError: the asset has no unit of length, or the factor is too large or too small.
+    """
+    if change.metres is None:
+        return change
+    unit, asked = parts.body.unit, f"{change.metres:g} m"
+    if unit is None:
+        raise PromptError(
+            f"The asset's format has no unit of length, so {asked} says nothing of it.",
+            advice="Say how many times: twice as tall, 20 % wider. A GLB is in metres.",
+        )
+    if table.direction(change.operation, change.part) == "all":
+        raise PromptError(
+            f"{asked} says nothing of a size in all directions.", advice="Say which length it is: 5 m tall."
+        )
+    moved = move(parts, change, 1.0)
+    girth = table.direction(change.operation, change.part) == "girth" and moved.measured
+    length = unit * (moved.extent(parts.body.points) if girth else moved.length(parts.body.points))
+    factor = change.metres / length + (1.0 if change.added else 0.0) if length > 0 else 0.0
+    check_factor(factor, f"{change.name} {asked}")
+    return replace(change, factor=factor, metres=None, added=False)
 
 
 def _part_of_way(change: Change, factor: float, share: float) -> float:
@@ -145,10 +223,12 @@ def calibrated(parts: Parts, change: Change) -> float:
         return factor
     for _ in range(2):
         moved = move(parts, change, factor)
+        if moved.affine is not None:
+            return factor
         before = moved.length(parts.body.points)
         grown = moved.length(_settled(parts.body, change, moved)) / before - 1 if before else 0.0
         if change.part != WHOLE and grown / (requested - 1) < _TOLD_APART:
-            raise PartMissingError(f"The {change.part} cannot be told from the rest well enough to change it.")
+            raise PartMissingError(f"The {change.name} cannot be told from the rest well enough to change it.")
         if abs(grown - (requested - 1)) < 0.01 or grown * (requested - 1) <= 0:
             break
         most = _MOST_CORRECTED * abs(requested - 1)
@@ -159,10 +239,11 @@ def calibrated(parts: Parts, change: Change) -> float:
 def _settled(body: Body, change: Change, result: Moved) -> Floats:
     """Return the points as symmetric as the source, and on the same ground if what stands on it was changed."""
     moved = result.points - body.points
-    points = body.points + (moved if change.operation in _LOPSIDED else body.symmetric(moved))
+    lopsided = change.operation in _LOPSIDED or change.sides
+    points = body.points + (moved if lopsided else body.symmetric(moved))
     # Swimming and hanging things have no ground to sink into.
     grounded = change.operation != "fat" or abs(body.ground) <= _ON_ORIGIN * body.size[UP]
-    if grounded and change.part in (WHOLE, "leg", "foot", "wheel", "base"):
+    if grounded and (change.part in (WHOLE, "leg", "foot", "wheel", "base") or change.operation == "high"):
         points[:, UP] += body.ground - points[:, UP].min()
     return points
 

@@ -13,11 +13,15 @@ import numpy as np
 from meshdeform.errors import PromptError
 from meshdeform.plain.body import Body, Floats, Index
 from meshdeform.plain.change import calibrated, meant
-from meshdeform.plain.maps import Moved, move
-from meshdeform.plain.parts import PartMissingError, Parts
-from meshdeform.plain.words import OF_PARTS, PART_NAMES, WHOLE, Change, Sentence
+from meshdeform.plain.maps import move
+from meshdeform.plain.moved import Moved
+from meshdeform.plain.parts import Parts
+from meshdeform.plain.pieces import PartMissingError
+from meshdeform.plain.table import OF_PARTS, WHOLE, direction
+from meshdeform.plain.vocabulary import PART_NAMES
+from meshdeform.plain.words import Change, Sentence
 
-_TRIED = ("fat", "tall", "long", "big", "wide")
+_TRIED = ("fat", "tall", "long", "big", "wide", "deep", "high")
 """Operations on parts; of those that come to the same, the first counts."""
 _TRIALS = (0.7, 1.3)
 _FEWEST_NAMES, _MOST_NAMES, _MOST_TRIED = 4, 64, 500_000
@@ -58,11 +62,29 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
     results: dict[str, NamedPart] = {}
     for part, name in named.items():
         each = _find_part(parts, part, name, read)
-        if each is not None and not any(_same(each, other) for other in results.values()):
-            results[part] = each
+        # Everything has a lowest end: only that of a bottle is listed. A body that has no such name is the belly.
+        hidden = part == "base" and each is not None and each.found_by == "geometry" and not parts.is_bottle
+        hidden |= part == "body" and not parts.is_named("body")
+        if each is None or (hidden and sentence is None) or any(_same(each, other) for other in results.values()):
+            continue
+        results[part] = each
     if "seat" in results and "back" not in results and "top" not in results:
         results["seat"] = replace(results["seat"], name="top")
-    return [each for part, each in results.items() if sentence is not None or _is_evident(parts, part, results)]
+    if sentence is not None:
+        return list(results.values())
+    return _apart([each for part, each in results.items() if _is_evident(parts, part, results)])
+
+
+def _apart(found: list[NamedPart]) -> list[NamedPart]:
+    """Return parts that share no vertex: what several have belongs to one with a name, then to the smallest."""
+    sizes = [(each.found_by == "geometry", int((each.weight > _INSIDE).sum())) for each in found]
+    taken, own = np.zeros(len(found[0].weight) if found else 0, bool), dict[int, NamedPart]()
+    for number in sorted(range(len(found)), key=sizes.__getitem__):
+        weight = np.where(taken, 0.0, found[number].weight)
+        taken |= weight > _INSIDE
+        if (weight > _INSIDE).any():
+            own[number] = replace(found[number], weight=weight)
+    return [own[number] for number in sorted(own)]
 
 
 def _is_evident(parts: Parts, part: str, named: Mapping[str, NamedPart]) -> bool:
@@ -82,6 +104,8 @@ def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentenc
     """Return a part with the operations that suit it; None if there is none by this name."""
     moved: dict[str, Moved] = {}
     for operation in _TRIED:
+        if direction(operation, part) is None:
+            continue
         change = Change(operation, part, 1.0)
         if not all(_is_read(parts.body, f"{name} {word} by 30 %", change, read) for word in OF_PARTS[operation]):
             continue

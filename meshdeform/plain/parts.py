@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar
 
@@ -17,7 +17,13 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step, tokens
+from meshdeform.plain import names
+from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
+from meshdeform.plain.names import tokens
+from meshdeform.plain.pieces import Limb, PartMissingError, Piece, attachment
+from meshdeform.plain.vocabulary import PART_NAMES, PART_OF
+from meshdeform.plain.wording import one_off
+from meshdeform.plain.words import part_and_sides
 
 _AROUND = np.ones((3, 3, 3))
 
@@ -33,14 +39,38 @@ _CLASSES = {
     }.items()
     for word in words.split()
 }
-_SIDES = frozenset({"back", "front", "left", "right", "top", "bottom"})
+_CLASS_OF = {
+    **dict.fromkeys(("leg", "thigh", "shin", "foot", "toe"), "leg"),
+    **dict.fromkeys(("arm", "forearm", "hand", "finger", "wing"), "arm"),
+    **dict.fromkeys(("head", "eye", "jaw", "nose", "hair", "horn", "trunk"), "head"),
+    **dict.fromkeys(("ear",), "ear"),
+    **dict.fromkeys(("neck",), "neck"),
+    **dict.fromkeys(("tail",), "tail"),
+}
+"""The class of limbs that each part of a body belongs to."""
+_OF_BODIES = frozenset({*_CLASS_OF, "belly", "body", "back", "shoulder", "hip"}) - {
+    "hair",
+    "eye",
+    "nose",
+    "horn",
+    "trunk",
+}
+"""Parts of bodies that a skeleton has: where there is one, names of clothes say nothing about them."""
+_WITH_ALL_BELOW = frozenset({"leg", "arm", "head", "tail", "ear", "wing", "hand", "foot"})
+"""Parts to which all joints below theirs belong; what hangs on others is carried."""
+_FINGERS = frozenset({"index", "middle", "ring", "pinky", "little", "thumb"})
+_LEVEL = 0.9
+_MOSTLY_LEVEL = 0.4
+"""Upright share of normals from which a face is level, and share of a slab's surface that is: a trunk is round."""
 _MOSTLY = 0.6
+_OF_A_NECK, _LIKE_THE_NECK, _LONG_ENOUGH = 0.35, 2.5, 0.22
+"""Of the neck of a bottle: its section as a share of the largest, at most; how many times that of its upper end it may
+be below, as no dome's stays; and its length as a share of the height, at least."""
+_INSIDE, _HALF = 0.5, 0.501
+_FEWEST = 6
+"""Vertices of an arm, at least."""
 _Found = TypeVar("_Found")
 _HELPERS = frozenset({"ik", "pole", "target", "control", "ctrl"})
-
-
-class PartMissingError(Exception):
-    """A part that a word names is not there; the message says why."""
 
 
 class _once(Generic[_Found]):  # noqa: N801 - like `cached_property`
@@ -60,26 +90,6 @@ class _once(Generic[_Found]):  # noqa: N801 - like `cached_property`
             raise value.with_traceback(None)
         kept: _Found = value
         return kept
-
-
-@dataclass(frozen=True)
-class Limb:
-    """Any part that was found by a name or as components."""
-
-    body: Body
-    weight: Floats  # (V,) float64: how much each vertex belongs to it
-    pivot: Floats  # (3,) float64: where it is attached; its middle if it hangs on nothing
-    found_by: str  # `joints`, `names`, `components` or `geometry`
-
-    @cached_property
-    def pieces(self) -> tuple[list[Index], Index, list[Floats]]:
-        """The rows of its pieces, the number (V,) of the nearest one, and where (3,) each is attached."""
-        pieces = self.body.groups(self.weight > 0.5)
-        numbers = self.body.nearest(pieces)
-        if len(pieces) == 1 and self.found_by != "joints":
-            return pieces, numbers, [self.pivot]
-        own = (np.where(numbers == number, self.weight, 0) for number in range(len(pieces)))
-        return pieces, numbers, [attachment(self.body, weight) for weight in own]
 
 
 @dataclass(frozen=True)
@@ -140,9 +150,26 @@ class Parts:
         self._named: dict[str, Limb] = {}
 
     def own_names(self) -> list[str]:
-        """Return the names, as words, of nodes and materials that are parts and not all of it."""
-        named = (" ".join(tokens(name)) for name, flags in self.body.names.items() if self._is_part(flags))
-        return list(dict.fromkeys(filter(None, named)))
+        """Return the names, as words without sides, of nodes and materials that are parts and not all of it."""
+        named = (part_and_sides(list(tokens(name)))[1] for name, each in self.body.names.items() if self._is_part(each))
+        return list(dict.fromkeys(name for name in named if name))
+
+    @cached_property
+    def forward(self) -> int:
+        """The sign of the front on its axis: as names say, away from the back of a seat, where the head is, or +Z."""
+        if self.body.named_front is not None:
+            return self.body.named_front[1]
+        axis, middle = self.body.front, self.body.low + self.body.size / 2
+        try:
+            away = middle - self.body.points[self.back().weight > 0].mean(0)
+        except PartMissingError:
+            if self.rigged or self.built:
+                return 1
+            try:
+                away = self.body.points[self.head.weight > _INSIDE].mean(0) - middle
+            except PartMissingError:
+                return 1
+        return -1 if away[axis] < -0.05 * self.body.size[axis] else 1
 
     def of_class(self, name: str) -> Floats | None:
         """Return how much each vertex (V,) follows the joints of a class, such as `leg`; None without such joints."""
@@ -154,7 +181,8 @@ class Parts:
         kinds: list[str] = []
         for joint in joints:
             words = tokens(joint.name)
-            kind = next((_CLASSES[word] for word in words if word in _CLASSES), "")
+            kind = _CLASS_OF.get(names.part_of(joint.name) or "", "")
+            kind = kind or next((_CLASSES[word] for word in words if word in _CLASSES), "")
             squeezed = re.search(r"thigh|foot|leg|arm|hand|neck|wing|flipper", joint.name.lower())
             if not kind and squeezed:
                 kind = _CLASSES[squeezed[0]]
@@ -212,25 +240,45 @@ class Parts:
             foot = body.ground + 0.22 * (hip - body.ground)
         return Legs(hip, foot, weight, self._nearest_limb(stand), stand.count if stand else 2, found_by)
 
+    def leg_pieces(self) -> Limb:
+        """Return the legs one by one.
+
+        Raises PartMissingError: there are none.
+        """
+        body, legs = self.body, self.legs
+        chains = [] if legs.found_by == "geometry" else self._chains("leg")
+        pieces = []
+        for number in np.unique(legs.limb[legs.weight > _INSIDE]):
+            weight = np.where(legs.limb == number, legs.weight, 0)
+            own = weight > _INSIDE
+            if not own.any():
+                continue
+            top = body.points[own & (body.points[:, UP] > legs.hip - 0.2 * (legs.hip - body.ground))]
+            pivot = (top if len(top) else body.points[own]).mean(0)
+            pivot[UP] = legs.hip
+            held = [float(np.minimum(share, weight).sum()) for _, share in chains]
+            name = body.joints[chains[int(np.argmax(held))][0]].name if held else ""
+            pieces.append(Piece(body, weight, pivot, name))
+        return Limb(body, pieces, legs.found_by)
+
+    def _chains(self, kind: str) -> list[tuple[int, Floats]]:
+        """Return the first joint of each chain of a class, and how much each vertex (V,) follows the chain."""
+        body = self.body
+        found = []
+        for number, joint in enumerate(body.joints):
+            if self._kinds[number] == kind and (joint.parent < 0 or self._kinds[joint.parent] != kind):
+                below = [n for n in range(len(body.joints)) if self._kinds[n] == kind and self._under(n, number)]
+                found.append((number, _share(body, np.array(below))))
+        return found
+
     def _standing_joints(self) -> Floats | None:
         """Return how much each vertex follows chains of leg joints that reach the ground; None if there are none."""
         body = self.body
         total = self.of_class("leg")
         if total is None or total.max() <= 0.5:
             return None
-        roots = [
-            number
-            for number, joint in enumerate(body.joints)
-            if self._kinds[number] == "leg" and (joint.parent < 0 or self._kinds[joint.parent] != "leg")
-        ]
         joints = np.zeros(len(body.points))
-        for root in roots:
-            below = [
-                number
-                for number in range(len(body.joints))
-                if self._kinds[number] == "leg" and self._under(number, root)
-            ]
-            share = _share(body, np.array(below))
+        for _, share in self._chains("leg"):
             own = body.points[share > 0.5, UP]
             if len(own) and own.min() < body.ground + 0.15 * body.size[UP] and np.ptp(own) > 0.05 * body.size[UP]:
                 joints += share
@@ -411,11 +459,14 @@ class Parts:
 
         Raises PartMissingError: there are none.
         """
-        own = self.of_class("arm")
-        if own is None or own.max() <= 0.5:
+        body, pieces = self.body, []
+        for number, share in self._chains("arm") if self.of_class("arm") is not None else []:
+            weight = body.smooth(share, 2)
+            if (weight > _INSIDE).sum() >= _FEWEST:
+                pieces.append(Piece(body, weight, attachment(body, weight), body.joints[number].name))
+        if not pieces:
             raise PartMissingError("No arms were found: arms are known by the joints of a skeleton.")
-        weight = self.body.smooth(own, 2)
-        return Limb(self.body, weight, attachment(self.body, weight), "joints")
+        return Limb(body, pieces, "joints")
 
     @cached_property
     def wheels(self) -> Flags:
@@ -423,7 +474,7 @@ class Parts:
         body = self.body
         wheels = np.zeros(len(body.points), bool)
         for name, flags in body.names.items():
-            if {"wheel", "tire", "tyre"} & set(tokens(name)) and not flags.all():
+            if names.part_of(name) == "wheel" and not flags.all():
                 wheels |= flags
         if wheels.any() or self.rigged or body.components.max() >= 400:
             return wheels
@@ -440,10 +491,25 @@ class Parts:
                     wheels[own] = True
         return wheels
 
-    def _wheels_or_missing(self) -> Flags:
-        if not self.wheels.any():
+    def wheel_pieces(self) -> Limb:
+        """Return the wheels one by one, each about its own middle.
+
+        Raises PartMissingError: there are none.
+        """
+        body, wheels = self.body, self.wheels
+        if not wheels.any():
             raise PartMissingError("No wheels were found.")
-        return self.wheels
+        named = [(name, flags) for name, flags in body.names.items() if names.part_of(name) == "wheel"]
+        sources = [(name, flags & wheels) for name, flags in named if (flags & wheels).any()] or [("", wheels)]
+        pieces, taken = [], np.zeros(len(wheels), bool)
+        for name, flags in sorted(sources, key=lambda source: int(source[1].sum())):
+            for own in body.groups(flags & ~taken):  # a node of a wheel, and its material
+                weight = np.zeros(len(wheels))
+                weight[own] = 1.0
+                middle = (body.points[own].max(0) + body.points[own].min(0)) / 2
+                pieces.append(Piece(body, weight, middle, name))
+                taken[own] = True
+        return Limb(body, pieces, "names" if named else "components")
 
     @_once
     def slab(self) -> tuple[float, float]:
@@ -465,9 +531,20 @@ class Parts:
         while high + 1 < len(areas) and areas[high + 1] > 0.6 * areas[widest]:
             high += 1
         thick = (high - low + 1) * solid.side
-        if thick > 0.3 * body.size[UP] or areas[widest] < 0.3 * body.size[0] * body.size[2] / solid.side**2:
+        bottom, top = float(heights[low] - solid.side / 2), float(heights[high] + solid.side / 2)
+        narrow = areas[widest] < 0.3 * body.size[0] * body.size[2] / solid.side**2
+        if thick > 0.3 * body.size[UP] or narrow or not self._is_level(bottom, top):
             raise PartMissingError("No seat or top was found: there is no slab on legs.")
-        return float(heights[low] - solid.side / 2), float(heights[high] + solid.side / 2)
+        return bottom, top
+
+    def _is_level(self, low: float, high: float) -> bool:
+        """Return whether most of the surface between two heights is level."""
+        body = self.body
+        middles = body.corners[:, :, UP].mean(1)
+        lengths = np.linalg.norm(body.crosses, axis=1)
+        within = (middles > low - body.solid.side) & (middles < high + body.solid.side)
+        level = np.abs(body.crosses[:, UP]) > _LEVEL * lengths
+        return bool(lengths[within & level].sum() > _MOSTLY_LEVEL * lengths[within].sum())
 
     def back(self) -> Limb:
         """Return the part above a seat.
@@ -480,7 +557,51 @@ class Parts:
             raise PartMissingError("No back was found: nothing stands above the seat.")
         weight = (body.points[:, UP] > seat - 0.5 * body.solid.side).astype(float)
         above = body.points[weight > 0]
-        return Limb(body, weight, np.array([above[:, 0].mean(), seat, above[:, 2].mean()]), "geometry")
+        pivot = np.array([above[:, 0].mean(), seat, above[:, 2].mean()])
+        return Limb(body, [Piece(body, weight, pivot)], "geometry")
+
+    @_once
+    def bottle_neck(self) -> tuple[float, float]:
+        """The heights between which the neck of a bottle is: narrow, and above where it is widest.
+
+        Raises PartMissingError: it has none.
+        """
+        body, solid = self.body, self.body.solid
+        areas = ndimage.gaussian_filter1d(solid.filled.sum((0, 2)).astype(float), 1.0)
+        layers = np.flatnonzero(areas > 0.05 * areas.max())
+        widest, top = int(np.argmax(areas)), int(layers.max())
+        usual = float(np.median(areas[top - len(areas) // 10 : top - 1]))
+        low = top
+        while low > widest and areas[low] < _LIKE_THE_NECK * usual:
+            low -= 1
+        short = (top - low) * solid.side < _LONG_ENOUGH * body.size[UP]
+        if self.built or self.stands_on_legs or short or usual > _OF_A_NECK * areas[widest]:
+            raise PartMissingError("No neck was found: nothing narrow is above a wide part.")
+        return float(solid.heights(np.array([low + 1]))[0]), float(solid.heights(np.array([top]))[0])
+
+    @property
+    def is_bottle(self) -> bool:
+        """Whether it has a neck such as bottles have."""
+        try:
+            return self.bottle_neck is not None
+        except PartMissingError:
+            return False
+
+    @property
+    def stands_on_legs(self) -> bool:
+        """Whether it has several legs."""
+        try:
+            return self.legs.count > 1
+        except PartMissingError:
+            return False
+
+    def is_named(self, word: str) -> bool:
+        """Return whether joints, nodes or materials have the name of a part."""
+        try:
+            self.named(word)
+        except PartMissingError:
+            return False
+        return True
 
     def named(self, word: str) -> Limb:
         """Return the part that joints, nodes or materials with this name make.
@@ -492,41 +613,124 @@ class Parts:
         return self._named[word]
 
     def _find_named(self, word: str) -> Limb:
-        body, name_words = self.body, set(word.split())
-        chosen = [n for n, joint in enumerate(body.joints) if name_words <= set(tokens(joint.name))]
-        if chosen:
-            below = [n for n in range(len(body.joints)) if any(self._under(n, root) for root in chosen)]
-            weight = np.minimum(_share(body, np.array(below)), 1)
-            if (weight > 0.5).mean() > _MOSTLY:  # all hangs on it, as on a back: itself is meant
-                weight = np.minimum(_share(body, np.array(chosen)), 1)
-            if weight.max() > 0.5 and (weight < 0.5).any():
-                weight = body.smooth(weight, 2)
-                return Limb(body, weight, attachment(body, weight), "joints")
-        flags = np.zeros(len(body.points), bool)
-        for name, each in body.names.items():
-            words = set(tokens(name))
-            # "wheel back left" is no back.
-            elsewhere = name_words <= _SIDES and bool(words & set(_CLASSES) | (words & {"wheel", "door", "window"}))
-            if name_words <= words and not elsewhere and self._is_part(each):
-                flags |= each
-        if not flags.any():
+        body = self.body
+        pieces = self._pieces_of_joints(word)
+        if pieces:
+            return Limb(body, pieces, "joints")
+        pieces = [] if self.rigged and word in _OF_BODIES else self._pieces_of_names(word)
+        if not pieces:
             raise PartMissingError(f"No part called {word!r} was found.")
-        weight = body.smooth(flags.astype(float), 2)
-        # Components that belong to it in whole are not blended with what they merely touch.
-        whole = np.bincount(body.components, ~flags)[body.components] == 0
-        weight = np.where(whole, 1.0, np.where(flags, np.maximum(weight, 0.5), weight))
-        return Limb(body, weight, attachment(body, flags.astype(float)), "names")
+        return Limb(body, pieces, "names")
+
+    def spelled(self, word: str) -> str:
+        """Return a part of a sentence as the file spells it: of a name that it lacks, the only one a letter off."""
+        if word in PART_NAMES or self.is_named(word):
+            return word
+        known = [*self.own_names(), *(part for part in PART_OF if self.is_named(PART_OF[part]))]
+        near = {PART_OF.get(each, each) for each in known if one_off(word, each)}
+        return near.pop() if len(near) == 1 else word
+
+    def _pieces_of_joints(self, word: str) -> list[Piece]:
+        """Return a piece for each chain of joints that a word names, with what hangs on it."""
+        body = self.body
+        own = {number for number in range(len(body.joints)) if self._is_called(number, word)}
+        pieces = []
+        for first in sorted(own):
+            if any(above in own for above in self._above(first)):
+                continue
+            below = [n for n in range(len(body.joints)) if self._under(n, first)]
+            held = self._held(first) if word in ("hand", "foot") else set()
+            inside = [
+                number
+                for number in below
+                if all(self._belongs(each, word, own) and each not in held for each in self._above(number, first))
+            ]
+            weight = np.minimum(_share(body, np.array(inside)), 1)
+            if (weight > _INSIDE).mean() > _MOSTLY:  # all hangs on it, as on a back: itself is meant
+                inside = [first]
+                weight = np.minimum(_share(body, np.array(inside)), 1)
+            outside = [number for number in below if number not in inside]
+            if (weight > _INSIDE).any() and (weight < _INSIDE).any():
+                weight = body.smooth(weight, 2)
+                pieces.append(
+                    Piece(
+                        body,
+                        weight,
+                        attachment(body, weight),
+                        body.joints[first].name,
+                        self._chains_of(outside, weight),
+                    )
+                )
+        return [piece for piece in pieces if len(piece.rows)]
+
+    def _held(self, first: int) -> set[int]:
+        """Return joints without a telling name that hold more than a hand or a foot itself, such as its axe."""
+        joints, points = self.body.joints, self.body.points
+
+        def extent(number: int) -> float:
+            own = points[_share(self.body, np.array([number])) > _INSIDE]
+            return float(np.linalg.norm(np.ptp(own, axis=0))) if len(own) else 0.0
+
+        nameless = [n for n in range(len(joints)) if names.part_of(joints[n].name) is None and self._under(n, first)]
+        return {number for number in nameless if number != first and extent(number) > extent(first) > 0}
+
+    def _chains_of(self, joints: list[int], weight: Floats) -> tuple[Floats, ...]:
+        """Return how much each vertex (V,) follows each chain of some joints, beside a part with a weight (V,)."""
+        chains = []
+        for first in joints:
+            if self.body.joints[first].parent not in joints:
+                own = np.array([number for number in joints if self._under(number, first)])
+                share = np.minimum(_share(self.body, own), 1 - np.clip(weight, 0, 1))
+                if (share > _INSIDE).any():
+                    chains.append(share)
+        return tuple(chains)
+
+    def _is_called(self, number: int, word: str) -> bool:
+        """Return whether a word names a joint: of a trunk or a limb, the chain decides in which it stands."""
+        name, kind = self.body.joints[number].name, self._kind_of(number)
+        if word == "finger" and kind == "arm" and _FINGERS & set(tokens(name)):
+            return True
+        if not names.means(name, word):
+            return False
+        if word == "shoulder":
+            return "leg" not in {self._kinds[n] for n in range(len(self._kinds)) if self._under(n, number)}
+        return kind == "body" if word in ("back", "hip", "belly", "body") else True
+
+    def _kind_of(self, number: int) -> str:
+        return self._kinds[number] if self._classes else ""
+
+    def _belongs(self, number: int, word: str, own: set[int]) -> bool:
+        """Return whether a joint at or below one that a word names is a part of it."""
+        noun = names.part_of(self.body.joints[number].name)
+        return number in own or word in _WITH_ALL_BELOW or noun is None or names.noun_part(word) is None
+
+    def _above(self, number: int, last: int | None = None) -> list[int]:
+        """Return the joints above one; with `last`, itself and those below that one."""
+        found, at = [], number if last is not None else self.body.joints[number].parent
+        while at >= 0 and at != last:
+            found.append(at)
+            at = self.body.joints[at].parent
+        return found
+
+    def _pieces_of_names(self, word: str) -> list[Piece]:
+        """Return a piece for each group of vertices of the nodes and materials that a word names."""
+        body = self.body
+        taken = np.zeros(len(body.points), bool)
+        pieces = []
+        chosen = [(name, each) for name, each in body.names.items() if names.means(name, word) and self._is_part(each)]
+        for name, each in sorted(chosen, key=lambda pair: int(pair[1].sum())):
+            flags = each & ~taken
+            taken |= each
+            smoothed = body.smooth(flags.astype(float), 2)
+            # Components that belong to it in whole are not blended with what they merely touch.
+            whole = np.bincount(body.components, ~flags)[body.components] == 0
+            weight = np.where(whole & flags, 1.0, np.where(flags, np.maximum(smoothed, _HALF), smoothed * ~whole))
+            found = Limb.of_weight(body, weight, "names", attachment(body, flags.astype(float)))
+            pieces += [replace(piece, name=name) for piece in found.pieces if len(piece.rows)]
+        return pieces
 
     def _is_part(self, flags: Flags) -> bool:
         return bool(flags.any() and not flags.all())
-
-    def wheel_parts(self) -> Limb:
-        """Return the wheels as a part.
-
-        Raises PartMissingError: there are none.
-        """
-        flags = self._wheels_or_missing()
-        return Limb(self.body, flags.astype(float), self.body.points[flags].mean(0), "components")
 
 
 @dataclass(frozen=True)
@@ -640,18 +844,6 @@ def _share(body: Body, columns: Index) -> Floats:
     if not len(columns):
         return np.zeros(len(body.points))
     return np.asarray(body.weights[:, columns].sum(1)).ravel()
-
-
-def attachment(body: Body, weight: Floats) -> Floats:
-    """Return where a part is attached: the middle of its vertices beside the rest, by edges, else by nearness."""
-    inside = weight > 0.5
-    beside = inside & ((body.edges @ (~inside).astype(float)) > 0)
-    if not beside.any() and (~inside).any():
-        distance = cKDTree(body.points[~inside]).query(body.points[inside])[0]
-        near = distance <= distance.min() + 0.02 * body.diagonal
-        beside = np.zeros(len(inside), bool)
-        beside[np.flatnonzero(inside)[near]] = True
-    return np.asarray(body.points[beside if beside.any() else inside].mean(0))
 
 
 def _unit(vector: Floats, lateral: int) -> Floats:

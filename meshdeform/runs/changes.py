@@ -24,7 +24,9 @@ from meshdeform.errors import (
     UnavailableError,
     VocabularyError,
 )
-from meshdeform.plain.words import OF_PARTS, WHOLE, Sentence, described, read_changes
+from meshdeform.plain.table import OF_PARTS, WHOLE
+from meshdeform.plain.wording import says_change
+from meshdeform.plain.words import Sentence, described, read_changes
 from meshdeform.priors.builtin.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.requests.choices import BackdropMode, GuidanceKind, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
@@ -79,6 +81,17 @@ def is_change(sentence: Sentence) -> bool:
     return sentence.noun is None or sentence.compared
 
 
+def refuse_unread_change(prompt: str, error: VocabularyError) -> None:
+    """Raise VocabularyError: a prompt that is no known prompt compares or commands, so that a change was meant."""
+    if says_change(prompt, noun_of):
+        raise VocabularyError(
+            f"{prompt!r} is read as a change in plain words, and not all of it is understood.",
+            advice="Changes are such as: longer legs, a bigger head, 20 % taller, lower the seat. Nothing is added, "
+            "removed or turned.",
+            **error.extra,
+        ) from error
+
+
 def check_change(params: ResolvedParams) -> None:
     """Refuse controls that a change in plain words does not have."""
     for name in _UNUSED:
@@ -118,9 +131,8 @@ def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams,
         return
     if not is_change(sentence) and sentence.noun != params.source_noun:
         return  # whether it is one, the run finds out
-    changes = [asdict(change) for change in sentence.changes]
     try:
-        answer = _ask(asset, filename, params, limits, changes=changes)
+        answer = _ask(asset, filename, params, limits, prompt=prompt, only_check=True)
     except (DependencyError, UnavailableError):
         return  # the run refuses it
     if answer["missing"] is not None:
@@ -164,23 +176,23 @@ def _answer(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.assets import load_asset
     from meshdeform.plain.body import loose_body
     from meshdeform.plain.change import missing_part
-    from meshdeform.plain.words import Change
     from meshdeform.requests.selection import find_excluded
 
     params = ResolvedParams.model_validate(task["params"])
     asset = load_asset(Path(task["asset"]).read_bytes(), task["filename"], Limits(**task["limits"]))
     asset = asset.without(find_excluded(params.exclude, asset.parts().nodes))
     body = loose_body(asset, backdrop=params.backdrop is BackdropMode.DEFORM)
-    if "changes" not in task:
+    if "only_check" not in task:
         return _parts(asset, body, task["prompt"], params)
-    missing = missing_part(body, [Change(**change) for change in task["changes"]])
+    sentence = asked_changes(task["prompt"], params)
+    missing = None if sentence is None else missing_part(body, sentence)
     return {"missing": missing, "parts": [] if missing is None else part_names(body, params)}
 
 
 def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dict[str, Any]:
     from meshdeform.plain.change import apply_changes, meant
     from meshdeform.plain.naming import find_parts
-    from meshdeform.plain.parts import PartMissingError
+    from meshdeform.plain.pieces import PartMissingError
 
     corners, read = body.vertex_map[asset.surface.triangles], partial(asked_changes, params=params)
     sentence = read(prompt)
@@ -195,7 +207,7 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dic
         moved, used = asset.surface.positions.copy(), body.vertex_map >= 0
         moved[used] += (changed.points - body.points)[body.vertex_map[used]]
         document["result"] = base64.b64encode(asset.replace(moved, compact=True)).decode()
-        document["warnings"] = [warning for each in done for warning in each.warnings]
+        document["warnings"] = [*sentence.notes, *(said for each in done for said in [*each.warnings, *each.doubts])]
     document["parts"] = [
         {
             "name": part.name,

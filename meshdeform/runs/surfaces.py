@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, Surface, load_asset
+from meshdeform.assets.placement import unit_rows
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.deformation.poisson import completed_jacobians
 from meshdeform.errors import AssetEmptyError, ParameterError
@@ -165,6 +166,22 @@ def deformed_surface(surface: Surface, welded: WeldedMesh, verts: Tensor) -> Def
     still[triangles[moved].ravel()] = False
     normals[still], tangents[still] = surface.normals[still], surface.tangents[still]
     return DeformedSurface(welded.scatter(verts, surface.positions), normals, tangents, rebuilt)
+
+
+def affine_surface(surface: Surface, welded: WeldedMesh, affine: _Floats) -> tuple[DeformedSurface, _Floats]:
+    """Move every vertex that is deformed by one affine map (3, 4), without any solve.
+
+    Returns the surface, and the linear map (N, 3, 3) around each vertex.
+    """
+    linear, shift = affine[:, :3], affine[:, 3]
+    used = welded.vertex_map >= 0
+    jacobians = np.tile(np.eye(3), (len(used), 1, 1))
+    jacobians[used] = linear
+    positions, normals, tangents = surface.positions.copy(), surface.normals.copy(), surface.tangents.copy()
+    positions[used] += surface.positions[used] @ (linear - np.eye(3)).T + shift
+    normals[used] = unit_rows(normals[used] @ np.linalg.inv(linear))
+    tangents[used, :3] = unit_rows(tangents[used, :3] @ linear.T)
+    return DeformedSurface(positions, normals, tangents, 0), jacobians
 
 
 @dataclass(frozen=True)

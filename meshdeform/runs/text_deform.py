@@ -26,8 +26,8 @@ from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.body import body_of
-from meshdeform.plain.change import Done, apply_changes, meant
-from meshdeform.plain.parts import PartMissingError
+from meshdeform.plain.change import Done, affine_of, apply_changes, meant
+from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.words import Sentence
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
@@ -43,6 +43,7 @@ from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import (
     DeformedSurface,
     Shown,
+    affine_surface,
     deformed_surface,
     drawn_triangles,
     prepared,
@@ -285,17 +286,26 @@ def start_change(facts: AssetFacts, sentence: Sentence, recognised: Recognition 
             taken_for = recognised.noun if recognised is not None and facts.params.source_noun is None else ""
             raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
         verts = welded.mesh.verts + torch.from_numpy(changed.points - body.points)
-    return PlainChangeRun(facts, verts, done, recognised, log)
+    return PlainChangeRun(facts, verts, done, recognised, sentence.notes, log)
 
 
 class PlainChangeRun(JobRun):
     """A change that was made, created by `start_change`; it has no steps."""
 
     def __init__(
-        self, facts: AssetFacts, verts: Tensor, done: list[Done], recognised: Recognition | None, log: RunLog
+        self,
+        facts: AssetFacts,
+        verts: Tensor,
+        done: list[Done],
+        recognised: Recognition | None,
+        notes: tuple[str, ...],
+        log: RunLog,
     ) -> None:
         super().__init__(0, 0, log)
-        self._facts, self._verts, self._done, self._recognised = facts, verts, done, recognised
+        self._facts, self._done, self._recognised, self._notes = facts, done, recognised, notes
+        self._affine = affine_of(done)
+        # Of an affine change, the file's own vertices are moved, not those that were welded.
+        self._verts = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
 
     def _steps(self) -> Iterator[dict[str, float]]:
         return iter(())
@@ -325,7 +335,9 @@ class PlainChangeRun(JobRun):
             look = facts.asset.appearance().of_triangles(facts.drawn)
         outcome = Outcome(self._verts, result, written, shown, self._surface.rebuilt_normals, Held())
         report, picture = side_by_side(
-            lambda: change_report(facts, self._done, self._recognised, self._follows, outcome, self.log),
+            lambda: change_report(
+                facts, self._done, self._notes, self._recognised, follows=self._follows, outcome=outcome, log=self.log
+            ),
             lambda: preview_png(look, *shown.poses),
         )
         artifacts["preview.png"] = ArtifactData(picture, "image/png")
@@ -334,7 +346,14 @@ class PlainChangeRun(JobRun):
 
     @cached_property
     def _surface(self) -> DeformedSurface:
+        if self._affine is not None:
+            return self._moved_as_one[0]
         return deformed_surface(self._facts.asset.surface, self._facts.welded, self._verts)
+
+    @cached_property
+    def _moved_as_one(self) -> tuple[DeformedSurface, NDArray[np.float64]]:
+        assert self._affine is not None
+        return affine_surface(self._facts.asset.surface, self._facts.welded, self._affine)
 
     @property
     def _follows(self) -> bool:
@@ -344,7 +363,11 @@ class PlainChangeRun(JobRun):
 
     @cached_property
     def _written(self) -> bytes:
-        jacobians = vertex_jacobians(self._facts.welded, self._verts) if self._follows else None
+        jacobians = None
+        if self._follows and self._affine is not None:
+            _, jacobians = self._moved_as_one
+        elif self._follows:
+            jacobians = vertex_jacobians(self._facts.welded, self._verts)
         surface = self._surface
         shape = surface.positions, surface.normals, surface.tangents
         return self._facts.asset.replace(*shape, jacobians=jacobians, **self._file_options)

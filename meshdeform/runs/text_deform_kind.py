@@ -38,7 +38,7 @@ from meshdeform.runs.base import (
     check_weights_part,
     start_of,
 )
-from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change
+from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -100,7 +100,11 @@ def check(
         offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
         if is_taught(model) and not offered:  # before its words are read
             raise _not_allowed(model, known)
-        _check_prompts(_prompts(request), resolved)
+        try:
+            _check_prompts(_prompts(request), resolved)
+        except VocabularyError as error:
+            refuse_unread_change(request.prompt, error)
+            raise
         if not offered:
             raise _not_allowed(model, known)
         from meshdeform.priors import check_model

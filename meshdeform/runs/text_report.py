@@ -32,7 +32,15 @@ from meshdeform.runs.control import Control, control_report
 from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.surfaces import Shown
-from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports, verdict
+from meshdeform.runs.verdict import (
+    Recognition,
+    change_verdict,
+    kept_structure,
+    likeness,
+    likeness_and_before,
+    prompt_reports,
+    verdict,
+)
 
 if TYPE_CHECKING:
     from meshdeform.plain.change import Done
@@ -184,27 +192,32 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
 def change_report(
     facts: AssetFacts,
     done: Sequence[Done],
+    notes: Sequence[str],
     recognised: Recognition | None,
+    *,
     follows: bool,
     outcome: Outcome,
     log: RunLog,
 ) -> bytes:
     """Return `report.json` of a change in plain words.
 
-    `recognised`: what the source was taken for, if it was asked; `follows`: whether the rig followed.
+    `notes`: how misspelt words were read; `recognised`: what the source was taken for, if it was asked; `follows`:
+    whether the rig followed.
     """
     with log.phase("measure"):
         measured = _measured(facts, outcome)
     mode, rig = RigMode.FOLLOW if follows else RigMode.KEEP, facts.asset.rig()
-    nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "verdict", "prompts"))
+    nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "prompts"))
     report = {
         **_common(facts, outcome, measured),
         **nothing,
         "way": "change",
         "changes": [each.to_dict() for each in done],
+        "verdict": change_verdict(doubt for each in done for doubt in each.doubts),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
         "source_noun": None if recognised is None else recognised.to_dict(),
         "warnings": [
+            *notes,
             *(sentence for each in done for sentence in each.warnings),
             *measured.warnings(facts),
             *rig_warnings(facts.asset, mode),

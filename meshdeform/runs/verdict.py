@@ -56,7 +56,7 @@ _BUILT = ("vehicles", "furniture", "buildings", "vessels and tools")
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
-KEEP_RESULT, KEEP_SOURCE = "keep_result", "keep_source"
+KEEP_RESULT, KEEP_SOURCE, DOUBTFUL = "keep_result", "keep_source", "doubtful"
 
 LIMITS = {
     "asymmetry": 0.01,  # of the diagonal: a leg or a wheel is seen to be longer than its mirror image
@@ -187,6 +187,12 @@ def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[
 def worse_than_source(before: int, after: int, structure: Mapping[str, Any]) -> bool:
     """Return whether a noun gained no rank at all, from `before` to `after`, while the structure suffered."""
     return after >= before and bool(_beyond(structure))
+
+
+def change_verdict(doubts: Iterable[str]) -> dict[str, Any]:
+    """Return the verdict on a change in plain words, by what was measured of it."""
+    reasons = list(doubts)
+    return {"value": DOUBTFUL if reasons else KEEP_RESULT, "reasons": reasons}
 
 
 def verdict(prompt: str, likeness: Mapping[str, Any], structure: Mapping[str, Any]) -> dict[str, Any]:

@@ -489,13 +489,15 @@ _ENDINGS = (
 )
 """Endings of inflected words, by language: German, Spanish."""
 _SPANISH = 1
+LANGUAGES = len(_ENDINGS)
+"""Number of languages other than English."""
 
 
-@lru_cache(maxsize=1)
-def _languages() -> tuple[dict[str, str], ...]:
-    """Return the English word of each word, by language."""
+@lru_cache(maxsize=2)
+def _languages(path: Path) -> tuple[dict[str, str], ...]:
+    """Return the English word of each word of a table, by language."""
     tables: tuple[dict[str, str], ...] = ({}, {})
-    for line in _TABLE.read_text(encoding="utf-8").splitlines():
+    for line in path.read_text(encoding="utf-8").splitlines():
         if not line.startswith("#"):
             english, *others = line.split("|")
             for language, words in zip(tables, others, strict=True):
@@ -513,8 +515,9 @@ def _plain(word: str) -> str:
     return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
-def _english_of(word: str, language: int) -> str | None:
-    table = _languages()[language]
+def english_of(word: str, language: int, path: Path = _TABLE) -> str | None:
+    """Return the English word of an inflected word of a language, by a table in a file; None if it lacks it."""
+    table = _languages(path)[language]
     stems = [
         form.removesuffix(ending)
         for form in (word, _plain(word))
@@ -532,8 +535,8 @@ def translated(words: Sequence[str], is_kept: Callable[[str], bool], is_adjectiv
     `words`: in lower case. `is_kept` and `is_adjective`: whether an English word may stand in another language's
     sentence, such as a name; whether it is an adjective, which Spanish puts after its noun.
     """
-    for language in range(len(_ENDINGS)):
-        english = [_english_of(word, language) or (word if is_kept(word) else "") for word in words]
+    for language in range(LANGUAGES):
+        english = [english_of(word, language) or (word if is_kept(word) else "") for word in words]
         if all(english):
             return _before_nouns(english, is_adjective) if language == _SPANISH else english
     return list(words)

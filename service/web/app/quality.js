@@ -109,6 +109,7 @@ export function shownQuality(report) {
 
 /** Whether doing nothing is better, by the run's own checks. @param {any} judged @returns {Finding[]} */
 function verdict(judged) {
+  if (judged?.value === "doubtful") return [warn("Not quite what was asked for", judged.reasons.join(" "))];
   return judged?.value === "keep_source" ? [warn("Better keep your asset", judged.reasons.join(" "))] : [];
 }
 

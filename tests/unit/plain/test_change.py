@@ -15,8 +15,9 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.plain.body import Body, loose_body
 from meshdeform.plain.change import Done, apply_changes, meant
 from meshdeform.plain.naming import find_parts
-from meshdeform.plain.parts import PartMissingError
-from meshdeform.plain.words import OF_PARTS, Sentence, read_changes
+from meshdeform.plain.pieces import PartMissingError
+from meshdeform.plain.table import OF_PARTS
+from meshdeform.plain.words import Sentence, read_changes
 from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
@@ -95,35 +96,12 @@ def test_a_result_is_as_symmetric_as_its_source() -> None:
         np.testing.assert_allclose(after.points[after.partners], images, atol=1e-6)
 
 
-@each_case("text, axis, factor", [("twice as tall", 1, 2.0), ("wider", 0, 1.35), ("flatter", 1, 1 / 1.4)])
-def test_a_chair_grows_along_one_axis_and_keeps_its_plate(text: str, axis: int, factor: float) -> None:
-    body = body_of_glb(plain_glb(chair()))
-    after, _ = changed(body, text)
-    assert np.ptp(after.points, axis=0)[axis] == pytest.approx(factor * np.ptp(body.points, axis=0)[axis], rel=1e-3)
-    plate = (body.points[:, 1] > 0.49) & (body.points[:, 1] < 0.61)
-    if axis == 1:
-        assert np.ptp(after.points[plate, 1]) == pytest.approx(0.1, abs=0.05)
-
-
-def test_shelves_grow_fat_as_one_and_stay_within_their_sides() -> None:
-    sides = [_box((x, 0, -0.3), (x + 0.05, 3, 0.3)) for x in (-1.0, 0.95)]
-    shelves = [_box((-0.95, y, -0.3), (0.95, y + 0.04, 0.3), 2) for y in (0.0, 0.8, 1.6, 2.9)]
-    body = body_of_glb(plain_glb(join(*sides, *shelves)))
-    after, (done,) = changed(body, "fatter")
-    assert (done.flips, after.points[:, 1].tolist()) == (0, body.points[:, 1].tolist())
-    inner = np.abs(body.points[:, 0]) < 0.96
-    assert np.abs(after.points[inner, 0]).max() < np.abs(after.points[~inner, 0]).min() + 1e-6
-    np.testing.assert_allclose(
-        np.ptp(after.points, axis=0)[[0, 2]], done.change.factor * np.array([2.0, 0.6]), rtol=0.06
-    )
-
-
 def test_a_couch_is_longer_along_its_longer_side() -> None:
     seat, back = _box((-1.5, 0.4, -0.5), (1.5, 0.6, 0.5)), _box((-1.5, 0.6, -0.5), (1.5, 1.2, -0.3))
     legs = [_box((x, 0, z), (x + 0.1, 0.4, z + 0.1), 1) for x in (-1.5, 1.4) for z in (-0.5, 0.4)]
     body = body_of_glb(plain_glb(join(seat, back, *legs)))
     after, _ = changed(body, "twice as long")
-    np.testing.assert_allclose(np.ptp(after.points, axis=0), [6.0, 1.2, 1.0], atol=0.05)
+    np.testing.assert_allclose(np.ptp(after.points, axis=0), [6.0, 1.2, 1.0], atol=1e-6)
 
 
 def test_parts_of_a_chair() -> None:
@@ -148,7 +126,8 @@ SHOWN = {**DOGS, "chair": plain_glb(chair())}
 def test_every_sentence_that_is_offered_is_a_change_of_just_that_part(shown: str) -> None:
     body = body_of_glb(SHOWN[shown])
     found = {part.name: part for part in find_parts(body, read)}
-    assert set(found) - {"hips"} == {"legs", *(["seat", "back"] if shown == "chair" else ["head", "neck", "tail"])}
+    others = ["seat", "back"] if shown == "chair" else ["head", "neck", "tail", "belly"]
+    assert set(found) - {"hips"} == {"legs", *others}
     for part in found.values():
         for operation in part.operations:
             for word, factor in zip(OF_PARTS[operation], (1.3, 0.7), strict=True):
@@ -171,9 +150,9 @@ def test_the_triangles_of_a_named_part_are_those_of_its_node() -> None:
     asset = load_asset(two_nodes("Plinth.001", "AntennaLeft"))
     body, nodes = loose_body(asset), asset.parts().node_of_triangle
     found = {part.name: part.faces(body.vertex_map[asset.surface.triangles]) for part in find_parts(body, read)}
-    assert {name: found[name] for name in ("plinth", "antenna left")} == {
+    assert {name: found[name] for name in ("plinth", "antenna")} == {
         "plinth": [[0, int((nodes == 0).sum()) - 1]],
-        "antenna left": [[int((nodes == 0).sum()), len(nodes) - 1]],
+        "antenna": [[int((nodes == 0).sum()), len(nodes) - 1]],
     }
 
 
@@ -267,7 +246,9 @@ def test_everything_else_in_the_file_stays() -> None:
     assert report["mesh"]["same_faces"] is True  # type: ignore[index]
     assert report["changes"] == [
         {"operation": "tall", "part": "whole", "found_by": "", "asked": 1.4, "factor": 1.4, "got": 1.4, "flips": 0}
+        | {"grown": 1.4, "other": 1.0, "rest": 0.0}
     ]
+    assert report["verdict"] == {"value": "keep_result", "reasons": []}
 
 
 def test_a_part_that_is_not_there_is_refused_with_those_that_are(tmp_path: object) -> None:

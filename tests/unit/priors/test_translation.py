@@ -51,7 +51,7 @@ def test_what_no_language_understands_is_refused_as_it_was_written(prompt: str, 
 
 
 def test_every_noun_adjective_and_part_has_a_translation() -> None:
-    german, spanish = grammar._languages()
+    german, spanish = grammar._languages(grammar._TABLE)
     own = {*NOUNS, *ADJECTIVES, *PARTS} - {"gun"}
     assert own <= {*german.values()}
     assert own <= {*spanish.values()}

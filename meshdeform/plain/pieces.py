@@ -1,0 +1,149 @@
+"""A part and its pieces: each of two ears, four wheels or ten fingers, with what hangs on it, its axes and its side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshdeform.plain.body import UP, Body, Flags, Floats, Index
+from meshdeform.plain.names import sides_of
+
+_INSIDE = 0.5
+_SLENDER = 1.5
+"""How many times as long as wide a piece is from which its own axis is told by its shape."""
+_HANGS = 0.1
+"""Distance of a piece's middle from where it is attached, as a share of its size, from which it hangs there."""
+_AT_AN_END = 0.2
+"""Share of a piece's extent from an end, within which it is attached at that end."""
+_BESIDE = 0.1
+"""Distance from the middle of all pieces, as a share of how far they are apart, from which a piece is on a side."""
+_OPPOSITE = {"left": "right", "right": "left", "front": "rear", "rear": "front"}
+
+
+class PartMissingError(Exception):
+    """A part that a word names is not there; the message says why."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One of the pieces of a part."""
+
+    body: Body
+    weight: Floats  # (V,) float64: how much each vertex belongs to it
+    pivot: Floats  # (3,) float64: where it is attached; its middle if it hangs on nothing
+    name: str = ""  # of its joint or node
+    carried: tuple[Floats, ...] = ()  # (V,) float64 each: how much each vertex belongs to a chain that hangs on it
+
+    @cached_property
+    def rows(self) -> Index:
+        """Its vertices."""
+        return np.flatnonzero(self.weight > _INSIDE)
+
+    @cached_property
+    def axes(self) -> Floats:
+        """Its own axes, as rows of (3, 3): its length first."""
+        own = self.body.points[self.rows]
+        middle = own.mean(0)
+        sides, spread = np.linalg.svd(own - middle, full_matrices=False)[1:]
+        axis = middle - self.pivot
+        slender = sides[0] > _SLENDER * sides[1]
+        if slender or np.linalg.norm(axis) < _HANGS * np.linalg.norm(np.ptp(own, axis=0)):
+            axis = spread[0] if slender else self._level_axis(own)
+        axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+        across = np.eye(3)[int(np.argmin(np.abs(axis)))]
+        second = np.cross(axis, across)
+        second /= np.linalg.norm(second)
+        return np.stack([axis, second, np.cross(axis, second)])
+
+    def _level_axis(self, own: Floats) -> Floats:
+        """Return the front axis for what lies, such as a bonnet, and the axis that it is longest along else."""
+        size = np.ptp(own, axis=0)
+        lies = size[UP] < min(size[self.body.front], size[self.body.lateral])
+        return np.asarray(np.eye(3)[self.body.front if lies else int(np.argmax(size))])
+
+    def anchor(self, axis: Floats) -> Floats:
+        """Return a place (3,) that stays when it grows along an axis (3,): an end that is attached, or its middle."""
+        own = self.body.points[self.rows]
+        along = own @ axis
+        low, high = float(along.min()), float(along.max())
+        at = (float(self.pivot @ axis) - low) / max(high - low, 1e-12)
+        stays = low if at < _AT_AN_END else high if at > 1 - _AT_AN_END else (low + high) / 2
+        return np.asarray(axis * stays)
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A part as its pieces."""
+
+    body: Body
+    pieces: Sequence[Piece]
+    found_by: str  # `joints`, `names`, `components` or `geometry`
+
+    @classmethod
+    def of_weight(cls, body: Body, weight: Floats, found_by: str, pivot: Floats | None = None) -> Limb:
+        """Return a part of one weight (V,), with a piece for each group of vertices."""
+        groups = body.groups(weight > _INSIDE)
+        numbers = body.nearest(groups)
+        pieces = []
+        for number in range(len(groups)):
+            own = np.where(numbers == number, weight, 0)
+            alone = pivot is not None and len(groups) == 1
+            pieces.append(Piece(body, own, pivot if alone and pivot is not None else attachment(body, own)))
+        return cls(body, pieces, found_by)
+
+    @cached_property
+    def weight(self) -> Floats:
+        """How much each vertex (V,) belongs to it."""
+        total = np.zeros(len(self.body.points))
+        for piece in self.pieces:
+            total = total + piece.weight
+        return np.asarray(np.clip(total, 0, 1))
+
+    def on(self, sides: Sequence[str], forward: int, part: str) -> Limb:
+        """Return the pieces on some sides; by their names, where these tell, else by where they are.
+
+        `forward`: the sign of the front on its axis. Raises PartMissingError: none is there.
+        """
+        pieces = list(self.pieces)
+        for side in sides:
+            names = [sides_of(piece.name) for piece in self.pieces]
+            told = any(side in each or _OPPOSITE[side] in each for each in names)
+            pieces = [
+                piece
+                for piece in pieces
+                if (side in sides_of(piece.name) if told else self._is_there(piece, side, forward))
+            ]
+        if not pieces:
+            raise PartMissingError(f"No {' '.join(sides)} {part} was found, only {part}s without sides.")
+        return replace(self, pieces=pieces)
+
+    def _is_there(self, piece: Piece, side: str, forward: int) -> bool:
+        """Return whether a piece is on a side of the middle of all."""
+        body = self.body
+        axis = body.front if side in ("front", "rear") else body.lateral
+        middles = np.array([body.points[each.rows].mean(0)[axis] for each in self.pieces])
+        apart = float(np.ptp(middles))
+        middle = float(middles.min() + apart / 2) if axis == body.front else body.middle
+        # What is left of something that looks along +Z is at +X, and of something that looks along +X at -Z.
+        leftward = forward if axis == 0 else -forward
+        towards = {"front": forward, "rear": -forward, "left": leftward, "right": -leftward}[side]
+        least = _BESIDE * (apart if axis == body.front else float(body.size[axis]) / 2)
+        return bool(towards * (body.points[piece.rows].mean(0)[axis] - middle) > max(least, 1e-9))
+
+
+def attachment(body: Body, weight: Floats) -> Floats:
+    """Return where a part is attached: the middle of its vertices beside the rest, by edges, else by nearness."""
+    inside = weight > _INSIDE
+    if not inside.any():
+        inside = weight >= weight.max()
+    beside: Flags = inside & ((body.edges @ (~inside).astype(float)) > 0)
+    if not beside.any() and (~inside).any():
+        distance = cKDTree(body.points[~inside]).query(body.points[inside])[0]
+        near = distance <= distance.min() + 0.02 * body.diagonal
+        beside = np.zeros(len(inside), bool)
+        beside[np.flatnonzero(inside)[near]] = True
+    return np.asarray(body.points[beside if beside.any() else inside].mean(0))
