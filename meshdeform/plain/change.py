@@ -179,6 +179,10 @@ def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done
     got = moved.length(points) / before if before and change.operation not in SHAPES else change.factor * share
     factor = _part_of_way(change, change.factor, share)
     measured = effect.measure(body, moved, points)
+    if (
+        measured.grown is None and change.operation not in SHAPES
+    ):  # a neck, a place and a belly have measures of their own
+        measured = replace(measured, grown=float(got))
     done = Done(change, moved.found_by, factor, float(got), int(flipped.sum()), measured, moved.affine)
     return body.moved(points), done
 

@@ -18,6 +18,7 @@ from meshdeform.plain.pieces import Limb, PartMissingError
 from meshdeform.plain.table import SHAPES, WHOLE
 from meshdeform.plain.words import Change
 
+_NO_BACK = "The back of a body is no part that can be changed."
 _SLENDER = 2.0
 """How many times as tall as wide something is whose length is its height."""
 _BASE, _ABOVE_BASE = 0.06, 0.25
@@ -76,13 +77,15 @@ def _known(parts: Parts, change: Change, direction: str, factor: float) -> Moved
 def _named(parts: Parts, change: Change, direction: str, factor: float) -> Moved:
     """Return a part that joints, nodes or materials name after a change."""
     if change.part == "back" and parts.rigged:
-        raise PartMissingError("The back of a body is no part that can be changed.")
+        raise PartMissingError(_NO_BACK)
     if change.part == "base" and not parts.is_named("base"):
         return _base(parts, factor)
     if change.part == "body" and not parts.is_named("body"):
         wanted = {"all": "girth", "side": "side", "girth": "girth"}.get(direction)
         if wanted is not None and fatness.is_body(parts):
             return fatness.belly(parts, wanted, factor)
+    if direction == "place":
+        raise PartMissingError(f"No {change.part} on legs was found that can be moved.")
     limb = parts.named(change.part)
     if change.sides:
         limb = limb.on(change.sides, parts.forward, change.part)
@@ -213,11 +216,14 @@ def _placed(parts: Parts, rows: Index, factor: float) -> Moved:
         moved.weight,
         lambda at: float(at[rows, UP].max() - at[:, UP].min()),
         "geometry",
-        shift=moved.shift,
+        [Measured(rows, np.eye(3), (False, False, False))],
+        moved.shift,
     )
 
 
 def _back(parts: Parts, direction: str, factor: float) -> Moved | None:
+    if parts.rigged:
+        raise PartMissingError(_NO_BACK)
     back = parts.back()
     if direction != "up":
         return grown(back, direction, factor, from_root=False)

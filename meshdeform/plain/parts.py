@@ -63,9 +63,10 @@ _LEVEL = 0.9
 _MOSTLY_LEVEL = 0.4
 """Upright share of normals from which a face is level, and share of a slab's surface that is: a trunk is round."""
 _MOSTLY = 0.6
-_OF_A_NECK, _LIKE_THE_NECK, _LONG_ENOUGH = 0.35, 2.5, 0.22
-"""Of the neck of a bottle: its section as a share of the largest, at most; how many times that of its upper end it may
-be below, as no dome's stays; and its length as a share of the height, at least."""
+_UPPER_END, _OF_A_NECK, _LIKE_THE_NECK, _LONG_ENOUGH = 0.15, 0.35, 1.5, 0.22
+"""Of the neck of a bottle: the share of the height that tells its section; this as a share of the largest, at most; how
+many times as large it may be below, which no dome's or cone's stays; and its length as a share of the height, at least.
+"""
 _INSIDE, _HALF = 0.5, 0.501
 _FEWEST = 6
 """Vertices of an arm, at least."""
@@ -150,8 +151,9 @@ class Parts:
         self._named: dict[str, Limb] = {}
 
     def own_names(self) -> list[str]:
-        """Return the names, as words without sides, of nodes and materials that are parts and not all of it."""
-        named = (part_and_sides(list(tokens(name)))[1] for name, each in self.body.names.items() if self._is_part(each))
+        """Return the names, as words without sides, of nodes and materials that are parts of their own."""
+        own = (name for name, each in self.body.names.items() if self._is_part(each) and names.part_of(name) is None)
+        named = (part_and_sides(list(tokens(name)))[1] for name in own)
         return list(dict.fromkeys(name for name in named if name))
 
     @cached_property
@@ -570,7 +572,7 @@ class Parts:
         areas = ndimage.gaussian_filter1d(solid.filled.sum((0, 2)).astype(float), 1.0)
         layers = np.flatnonzero(areas > 0.05 * areas.max())
         widest, top = int(np.argmax(areas)), int(layers.max())
-        usual = float(np.median(areas[top - len(areas) // 10 : top - 1]))
+        usual = float(areas[top - int(_UPPER_END * len(layers)) : top + 1].max())
         low = top
         while low > widest and areas[low] < _LIKE_THE_NECK * usual:
             low -= 1
@@ -667,12 +669,14 @@ class Parts:
         """Return joints without a telling name that hold more than a hand or a foot itself, such as its axe."""
         joints, points = self.body.joints, self.body.points
 
-        def extent(number: int) -> float:
-            own = points[_share(self.body, np.array([number])) > _INSIDE]
+        def extent(of: list[int]) -> float:
+            own = points[_share(self.body, np.array(of, np.int64)) > _INSIDE]
             return float(np.linalg.norm(np.ptp(own, axis=0))) if len(own) else 0.0
 
-        nameless = [n for n in range(len(joints)) if names.part_of(joints[n].name) is None and self._under(n, first)]
-        return {number for number in nameless if number != first and extent(number) > extent(first) > 0}
+        below = [number for number in range(len(joints)) if self._under(number, first)]
+        telling = [number for number in below if names.part_of(joints[number].name) is not None]
+        itself = extent(telling)
+        return {number for number in below if number not in telling and extent([number]) > itself > 0}
 
     def _chains_of(self, joints: list[int], weight: Floats) -> tuple[Floats, ...]:
         """Return how much each vertex (V,) follows each chain of some joints, beside a part with a weight (V,)."""

@@ -17,6 +17,8 @@ _SLENDER = 1.5
 """How many times as long as wide a piece is from which its own axis is told by its shape."""
 _HANGS = 0.1
 """Distance of a piece's middle from where it is attached, as a share of its size, from which it hangs there."""
+_NEARLY = 0.95
+"""Cosine from which the axis of a stout piece counts as that of the asset beside it."""
 _AT_AN_END = 0.2
 """Share of a piece's extent from an end, within which it is attached at that end."""
 _BESIDE = 0.1
@@ -54,6 +56,8 @@ class Piece:
         if slender or np.linalg.norm(axis) < _HANGS * np.linalg.norm(np.ptp(own, axis=0)):
             axis = spread[0] if slender else self._level_axis(own)
         axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+        if not slender and np.abs(axis).max() > _NEARLY:
+            axis = np.round(axis)
         across = np.eye(3)[int(np.argmin(np.abs(axis)))]
         second = np.cross(axis, across)
         second /= np.linalg.norm(second)

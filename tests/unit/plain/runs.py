@@ -1,0 +1,29 @@
+"""Runs of changes from file to file."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.assets import load_asset
+from meshdeform.requests.document import JobRequest
+from meshdeform.runs import text_deform
+from meshdeform.runs.base import job_input
+
+
+def run(file: bytes, prompt: str, *, name: str = "asset.glb", **output: object) -> tuple[bytes, dict[str, Any]]:
+    """The result and the report of a prompt."""
+    request = JobRequest.model_validate({"prompt": prompt, "output": output})
+    made = text_deform.start(job_input(file, name, request))
+    assert [*made] == []
+    artifacts = made.finish()
+    return artifacts["result.glb"].data, json.loads(artifacts["report.json"].data)
+
+
+def changed_positions(glb: bytes, prompt: str) -> tuple[NDArray[np.float64], NDArray[np.float64], dict[str, Any]]:
+    """The positions that viewers show before and after a prompt, and the report."""
+    result, report = run(glb, prompt)
+    return load_asset(glb).posed().positions, load_asset(result).posed().positions, report
