@@ -1,6 +1,5 @@
 """Find the part that a word names: by joints, by names of nodes and materials, by components, else by the solid.
 
-Legs are what touches the ground below the level at which the stems join; of a pedestal, what is below the widest slab.
 Head and tail are the two ends of the body in the mirror plane, cut at the narrowest section; the thin end is the tail.
 Every finder returns weights with a band, and says how it found the part, or raises `PartNotFound`.
 """
@@ -21,24 +20,17 @@ from meshdeform.plain import names
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
 from meshdeform.plain.names import tokens
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece, attachment
+from meshdeform.plain.stand import AROUND, Stand, find_stand
 from meshdeform.plain.vocabulary import PART_NAMES, PART_OF
 from meshdeform.plain.wording import one_off
 from meshdeform.plain.words import part_and_sides
 
-_AROUND = np.ones((3, 3, 3))
-
 _CLASSES = {
-    word: part
-    for part, words in {
-        "ear": "ear",
-        "head": "head jaw eye face skull snout hair tongue beak mouth trunk horn nose",
-        "neck": "neck",
-        "tail": "tail",
-        "leg": "leg thigh calf shin knee foot toe ankle hoof paw ff ffb upleg",
-        "arm": "arm hand finger index middle ring pinky thumb elbow wrist wing flipper forearm clavicle",
-    }.items()
-    for word in words.split()
+    **dict.fromkeys(("face", "tongue"), "head"),
+    **dict.fromkeys(("knee", "ankle"), "leg"),
+    **dict.fromkeys(("middle", "ring", "clavicle"), "arm"),
 }
+"""The class of joints whose names are no part in a sentence."""
 _CLASS_OF = {
     **dict.fromkeys(("leg", "thigh", "shin", "foot", "toe"), "leg"),
     **dict.fromkeys(("arm", "forearm", "hand", "finger", "wing"), "arm"),
@@ -140,13 +132,10 @@ class _End:
 
 
 class Parts:
-    """The parts of one body; each is looked for once.
-
-    `even`: how evenly a change of one axis is spread, from 0, where it hurts least, to 1, alike everywhere.
-    """
+    """The parts of one body; each is looked for once."""
 
     def __init__(self, body: Body) -> None:
-        self.body, self.even = body, 0.0
+        self.body = body
         self.kept: dict[Callable[[Any], Any], Any] = {}
         self._named: dict[str, Limb] = {}
 
@@ -183,7 +172,7 @@ class Parts:
         kinds: list[str] = []
         for joint in joints:
             words = tokens(joint.name)
-            kind = _CLASS_OF.get(names.part_of(joint.name) or "", "")
+            kind = "leg" if "paw" in words else _CLASS_OF.get(names.part_of(joint.name) or "", "")
             kind = kind or next((_CLASSES[word] for word in words if word in _CLASSES), "")
             squeezed = re.search(r"thigh|foot|leg|arm|hand|neck|wing|flipper", joint.name.lower())
             if not kind and squeezed:
@@ -219,7 +208,7 @@ class Parts:
         if self.rigged and rigged is None:
             raise PartMissingError("The skeleton has no legs that stand on the ground.")
         try:
-            stand: _Stand | None = self._stand
+            stand: Stand | None = self._stand
         except PartMissingError:
             if rigged is None:
                 raise
@@ -292,7 +281,7 @@ class Parts:
             number = self.body.joints[number].parent
         return number == root
 
-    def _nearest_limb(self, stand: _Stand | None) -> Index:
+    def _nearest_limb(self, stand: Stand | None) -> Index:
         body = self.body
         if stand is None or stand.count < 1:
             return np.asarray((body.points[:, body.lateral] > body.middle).astype(np.int64))
@@ -301,8 +290,8 @@ class Parts:
         return np.asarray(stand.labels[within][near], np.int64)
 
     @_once
-    def _stand(self) -> _Stand:
-        return _find_stand(self.body)
+    def _stand(self) -> Stand:
+        return find_stand(self.body)
 
     # ---------------------------------------------------------------- head, neck, tail
 
@@ -382,7 +371,7 @@ class Parts:
         cut = max(dips)[1] * solid.side
         weight = 1 - step((top - body.points[:, UP] - 0.8 * cut) / (0.4 * cut))
         layers = solid.heights(np.arange(solid.filled.shape[UP]))
-        labels, _ = ndimage.label(solid.filled & (layers > top - 1.15 * cut)[None, :, None], _AROUND)
+        labels, _ = ndimage.label(solid.filled & (layers > top - 1.15 * cut)[None, :, None], AROUND)
         highest = labels[tuple(solid.cells[np.argmax(solid.centres[:, UP])])]
         weight = weight * solid.at((labels[solid.filled] == highest).astype(float), body.points, nearest=True)
         pivot = solid.centres[np.abs(depth - cut) < 1.5 * solid.side].mean(0)
@@ -735,97 +724,6 @@ class Parts:
 
     def _is_part(self, flags: Flags) -> bool:
         return bool(flags.any() and not flags.all())
-
-
-@dataclass(frozen=True)
-class _Stand:
-    """Find the feet on the ground: the level where it ends, the leg (C,) of each cell, 0 for none, and a trunk (C,)."""
-
-    hip: float
-    base: float
-    labels: Index
-    trunk: Flags
-    count: int
-
-
-def _find_stand(body: Body) -> _Stand:
-    """Return the stand below the body, by the layers of its solid; PartMissingError: there is none."""
-    solid = body.solid
-    filled, areas = solid.filled, solid.filled.sum((0, 2)).astype(float)
-    ground, top = int(np.argmax(areas > 0)), int(np.flatnonzero(areas > 0).max())
-    plane, breadth = (body.middle - solid.origin[body.lateral]) / solid.side, filled.shape[body.lateral]
-
-    def feet(layer: int) -> tuple[Index, list[int]]:
-        labels, _ = ndimage.label(filled[:, ground : layer + 1], _AROUND)
-        return labels, [int(k) for k in np.unique(labels[:, :3]) if k > 0]
-
-    trunk = np.zeros(filled.shape, bool)
-    tips = _trunk_tips(*feet(ground + max(3, int(0.06 * (top - ground)))), body, plane, breadth)
-    counts, kept = [], list[list[int]]()
-    for layer in range(ground, top + 1):
-        labels, soles = feet(layer)
-        bad = {int(labels[tip]) for tip in tips if tip[1] < labels.shape[1]}
-        good = []
-        for k in soles:
-            if k in bad:
-                cells = np.argwhere(labels[:, :3] == k)
-                if np.abs(cells[:, body.lateral] + 0.5 - plane).max() < 0.12 * breadth:
-                    trunk[:, ground : layer + 1][labels == k] = True
-                    continue
-            good.append(k)
-        counts.append(len(good))
-        kept.append(good)
-        if layer - ground > 10 and len(good) < 2 and len(soles) < 2:
-            break
-    number = np.array(counts)
-    lowest = number[1 : max(3, int(0.12 * (top - ground)))]
-    usual = int(np.bincount(lowest).argmax()) if len(lowest) else 1
-    if usual >= 2:
-        hip = int(np.flatnonzero(number >= 2).max())
-    else:  # a pedestal: from the widest slab down to where the section is small
-        of_layer = areas[ground : top + 1]
-        wide = of_layer[int(0.3 * len(of_layer)) :].max() >= 0.8 * of_layer.max()
-        hip = len(of_layer) - 1 - int(np.argmax(of_layer[::-1])) if wide else int(np.argmax(of_layer))
-        while hip > 0 and of_layer[hip] > 0.45 * areas.max():
-            hip -= 1
-    if hip < max(3, 0.08 * (top - ground)) or hip > 0.95 * (top - ground):
-        raise PartMissingError("No legs were found: nothing stands between the ground and the body.")
-    labels, soles = feet(ground + hip)
-    good = kept[hip] if hip < len(kept) else soles
-    within = np.isin(labels, good)
-    full = min(int(np.flatnonzero(number >= usual).max()) if usual >= 2 else hip, hip)
-    low_labels, low_found = feet(ground + full)
-    low_good = kept[full] if full < len(kept) else low_found
-    seeds, cells = np.argwhere(np.isin(low_labels, low_good)), np.argwhere(within)
-    # Upright distances count less: a cell belongs to the leg below it.
-    nearest = cKDTree(seeds * [1, 0.25, 1]).query(cells * [1, 0.25, 1])[1]
-    order = {k: place + 1 for place, k in enumerate(low_good)}
-    of_seed = np.array([order[int(k)] for k in low_labels[tuple(seeds.T)]])
-    legs = np.zeros(filled.shape, int)
-    legs[cells[:, 0], cells[:, 1] + ground, cells[:, 2]] = of_seed[nearest]
-    of_leg, base = areas[ground : ground + hip + 1], 0
-    while base < 0.5 * hip and of_leg[base] > 1.5 * np.median(of_leg[len(of_leg) // 3 :]):
-        base += 1
-    foot = solid.origin[UP] + (ground + base + 1) * solid.side if base > 2 else -np.inf
-    return _Stand(
-        float(solid.origin[UP] + (ground + hip + 1) * solid.side),
-        float(foot),
-        legs[filled],
-        trunk[filled],
-        len(low_good),
-    )
-
-
-def _trunk_tips(labels: Index, feet: list[int], body: Body, plane: float, breadth: int) -> list[tuple[int, int, int]]:
-    """Return the lowest cell of each foot that stands alone on the mirror plane beside pairs: a trunk, or a tail."""
-    if len(feet) < 5 or body.partners is None:
-        return []
-    tips = []
-    for k in feet:
-        cells = np.argwhere(labels == k)
-        if abs(cells[:, body.lateral].mean() + 0.5 - plane) < 0.06 * breadth:
-            tips.append(tuple(int(value) for value in cells[np.argmin(cells[:, 1])]))
-    return [(a, b, c) for a, b, c in tips]
 
 
 def _cut_of_head(end: _End) -> float | None:

@@ -220,7 +220,7 @@ def test_a_bigger_axe_is_not_a_bigger_animal() -> None:
 def test_the_documents_have_the_table() -> None:
     text = (ROOT / "docs/plain.md").read_text()
     rows = re.findall(r"^\| `(\w+)` \|[^|]*\|(.*)\|$", text, re.MULTILINE)
-    found = {kind: {op: way for op, way in re.findall(r"(\w+): (\w+)", cells)} for kind, cells in rows}
+    found = {kind: dict(re.findall(r"(\w+): (\w+)", cells)) for kind, cells in rows}
     shapes = {op: way for op, way in TABLE[WHOLE].items() if way != "shape"}
     assert found == {**TABLE, WHOLE: shapes}
     assert set(OF_PARTS) >= {op for kind, ways in TABLE.items() if kind != WHOLE for op in ways}
