@@ -13,6 +13,8 @@ from meshdeform.plain.body import UP, Body, Flags, Floats, Index
 from meshdeform.plain.names import sides_of
 
 _INSIDE = 0.5
+_FEWEST = 3
+"""Vertices of a piece that has axes of its own."""
 _SLENDER = 1.5
 """How many times as long as wide a piece is from which its own axis is told by its shape."""
 _HANGS = 0.1
@@ -49,6 +51,8 @@ class Piece:
     def axes(self) -> Floats:
         """Its own axes, as rows of (3, 3): its length first."""
         own = self.body.points[self.rows]
+        if len(own) < _FEWEST:
+            return np.eye(3)
         middle = own.mean(0)
         sides, spread = np.linalg.svd(own - middle, full_matrices=False)[1:]
         axis = middle - self.pivot

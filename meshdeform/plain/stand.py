@@ -61,10 +61,7 @@ def find_stand(body: Body) -> Stand:
     number = np.array(counts)
     lowest = number[1 : max(3, int(0.12 * (top - ground)))]
     usual = int(np.bincount(lowest).argmax()) if len(lowest) else 1
-    if usual >= 2:
-        hip = int(np.flatnonzero(number >= 2).max())
-    else:
-        hip = _pedestal(areas[ground : top + 1])
+    hip = int(np.flatnonzero(number >= 2).max()) if usual >= 2 else _pedestal(areas[ground : top + 1])
     if hip < max(3, 0.08 * (top - ground)) or hip > 0.95 * (top - ground):
         raise PartMissingError("No legs were found: nothing stands between the ground and the body.")
     labels, soles = feet(ground + hip)

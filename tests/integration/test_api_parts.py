@@ -41,7 +41,7 @@ def names(answer: Any) -> list[str]:
 def test_the_faces_of_a_part_are_taken_as_a_region(api: Api, openapi: dict[str, Any]) -> None:
     found = parts(api)
     check_document(found.json(), "FoundParts", openapi)
-    assert names(found) == ["legs", "head", "neck", "tail"]
+    assert names(found) == ["legs", "head", "neck", "tail", "belly"]
     assert found.json()["result"] is None
     legs = found.json()["parts"][0]
     assert legs["changes"][0] == {"operation": "long", "more": "longer", "less": "shorter"}
