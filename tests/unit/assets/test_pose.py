@@ -108,3 +108,14 @@ def test_vertices_without_weights_or_with_damaged_ones_are_placed_as_bound(verte
     placed, whole = load_asset(builder.glb()).surface, load_asset(arm().glb()).surface
     np.testing.assert_allclose(placed.positions[vertex], whole.positions[vertex], atol=1e-6)
     assert json.dumps(placed.skipped) == "[]"
+
+
+@each_case("time", [None, 0.0, 0.4, 1.0])
+def test_a_scaled_skin_is_scaled_in_every_pose_also_where_the_file_is_bent(time: float | None) -> None:
+    builder, centre = bent_arm(), np.array([0.2, -0.4, 0.1])
+    asset = load_asset(builder.glb())
+    positions = asset.surface.positions
+    jacobians = np.tile(0.5 * np.eye(3), (len(positions), 1, 1))
+    result = asset.replace(centre + 0.5 * (positions - centre), jacobians=jacobians)
+    before, after = (Player(glb).at(time, 0).verts for glb in (builder.glb(), result))
+    np.testing.assert_allclose(after, centre + 0.5 * (before - centre), atol=2e-6)

@@ -26,4 +26,4 @@ def run(file: bytes, prompt: str, *, name: str = "asset.glb", **output: object) 
 def changed_positions(glb: bytes, prompt: str) -> tuple[NDArray[np.float64], NDArray[np.float64], dict[str, Any]]:
     """The positions that viewers show before and after a prompt, and the report."""
     result, report = run(glb, prompt)
-    return load_asset(glb).posed().positions, load_asset(result).posed().positions, report
+    return load_asset(glb).surface.positions, load_asset(result).surface.positions, report
