@@ -77,6 +77,10 @@ class Body:
         """Return the body with its vertices at other places."""
         return replace(self, points=points)
 
+    def without_joints(self) -> Body:
+        """Return the body as if it had no skeleton."""
+        return replace(self, joints=[], weights=sparse.csr_matrix((len(self.points), 0)))
+
     @cached_property
     def low(self) -> Floats:
         """Its least coordinates, (3,)."""

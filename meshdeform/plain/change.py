@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -161,29 +162,47 @@ def missing_part(body: Body, sentence: Sentence) -> str | None:
     return None
 
 
+@dataclass(frozen=True)
+class _Attempt:
+    """What a change makes of a body."""
+
+    moved: Moved
+    points: Floats
+    flipped: Flags
+    share: float  # of the way that is made
+
+    @classmethod
+    def of(cls, body: Body, change: Change, junctions: Junctions) -> Self:
+        """Make as much of a change as flips no face."""
+        parts = Parts(body)
+        full = calibrated(parts, change)
+        for share in _SHARES:
+            moved = move(parts, change, _part_of_way(change, full, share))
+            points, flipped = moved.points, np.zeros(len(body.faces), bool)
+            if moved.affine is not None:
+                break
+            points = junctions.closed(body.points, _settled(body, change, moved))
+            points, flipped = _relaxed(body, points, _flipped(body, points, change), change, junctions)
+            if not flipped.any():
+                break
+        return cls(moved, points, flipped, share)
+
+
 def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done]:
-    parts = Parts(body)
-    change = _in_factors(parts, change)
-    full = calibrated(parts, change)
-    points, flipped, share = body.points, np.zeros(len(body.faces), bool), 1.0
-    for share in _SHARES:
-        moved = move(parts, change, _part_of_way(change, full, share))
-        if moved.affine is not None:
-            points = moved.points
-            break
-        points = junctions.closed(body.points, _settled(body, change, moved))
-        points, flipped = _relaxed(body, points, _flipped(body, points, change), change, junctions)
-        if not flipped.any():
-            break
+    change = _in_factors(Parts(body), change)
+    made = _Attempt.of(body, change, junctions)
+    if change.part == WHOLE and body.joints and made.share < 1:
+        # Skeletons of many bones divide a body where its shape does not.
+        made = max(made, _Attempt.of(body.without_joints(), change, junctions), key=lambda each: each.share)
+    moved, points = made.moved, made.points
     before = moved.length(body.points)
-    got = moved.length(points) / before if before and change.operation not in SHAPES else change.factor * share
-    factor = _part_of_way(change, change.factor, share)
+    got = moved.length(points) / before if before and change.operation not in SHAPES else change.factor * made.share
+    factor = _part_of_way(change, change.factor, made.share)
     measured = effect.measure(body, moved, points)
-    if (
-        measured.grown is None and change.operation not in SHAPES
-    ):  # a neck, a place and a belly have measures of their own
+    if measured.grown is None and change.operation not in SHAPES:
+        # A neck, a place and a belly have measures of their own.
         measured = replace(measured, grown=float(got))
-    done = Done(change, moved.found_by, factor, float(got), int(flipped.sum()), measured, moved.affine)
+    done = Done(change, moved.found_by, factor, float(got), int(made.flipped.sum()), measured, moved.affine)
     return body.moved(points), done
 
 
