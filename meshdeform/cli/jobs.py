@@ -6,6 +6,7 @@ The events of a job arrive in a thread, so that timeout and Ctrl-C take effect a
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import queue
 import threading
@@ -38,8 +39,10 @@ from meshdeform.cli.options import (
     output_option,
 )
 from meshdeform.cli.output import ago, duration, emit, note, plain, show_progress, table
+from meshdeform.cli.report_lines import verdict_line
 from meshdeform.cli.request import make_request, merge_params, parse_labels
 from meshdeform.errors import ConflictError, MeshdeformError, NotFoundError, UnavailableError
+from meshdeform.verdicts import read_verdict
 
 if TYPE_CHECKING:
     from meshdeform.api.jobs import EventView, JobView
@@ -92,10 +95,11 @@ def run_on_service(
                 emit(ended.as_json())
             raise failure
         saved = save_artifacts(client, job.id, folder)
+    found = _saved_verdict(saved)
     if printed.as_json:
-        emit({**ended.as_json(), "files": saved})
+        emit({"verdict": found, **ended.as_json(), "files": saved})
     else:
-        typer.echo("\n".join([job.id, *_path_lines(saved)]))
+        typer.echo("\n".join([job.id, *_path_lines(saved), *([verdict_line(found)] if found else [])]))
 
 
 def _followed(
@@ -403,7 +407,8 @@ def fetch(
     if printed.as_json:
         emit({"job_id": job_id, "files": files})
     elif printed.text:
-        typer.echo("\n".join(_path_lines(files)))
+        found = _saved_verdict(files)
+        typer.echo("\n".join([*_path_lines(files), *([verdict_line(found)] if found else [])]))
 
 
 def _safe_name(filename: str) -> str:
@@ -450,6 +455,12 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
 def _path_lines(files: list[dict[str, Any]]) -> list[str]:
     """Return a line with the path of each file."""
     return [plain(file["path"]) for file in files]
+
+
+def _saved_verdict(files: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """Return the verdict of the report among saved files; None if there is none."""
+    report = next((Path(file["path"]) for file in files if file["name"] == "report.json"), None)
+    return None if report is None else read_verdict(json.loads(report.read_bytes()))
 
 
 @clean_errors

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from meshdeform.cli.output import emit
+from meshdeform.verdicts import Verdict, read_verdict
 
 if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
@@ -31,10 +32,11 @@ def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed
 def _deformation(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
     report = run.report
     names = (
-        *("source_noun", "carrier", "orientation", "appearance", "likeness", "verdict", "prompts"),
+        *("source_noun", "carrier", "orientation", "appearance", "likeness", "prompts"),
         *("texture_stretch", "quality", "posed_quality", "silhouettes", "way", "changes"),
     )
     return {
+        "verdict": read_verdict(report),
         **{title: str(files[name]) if name in files else None for title, (name, _) in _FILES.items()},
         "steps": run.steps,
         "resumed_from": run.resumed_from,
@@ -49,6 +51,8 @@ def _deformation(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
 
 def _deformation_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     yield from (f"{title:<10} {summary[name]}" for name, (_, title) in _FILES.items() if summary[name] is not None)
+    if summary["verdict"] is not None:
+        yield verdict_line(summary["verdict"])
     yield source_line(summary)
     if summary["changes"] is not None:
         yield from change_lines(summary["changes"])
@@ -59,9 +63,9 @@ def _deformation_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield from prompt_lines(summary["prompts"])
     elif summary["likeness"] is not None:
         yield likeness_line(summary["likeness"])
-    yield kept_line(summary["posed_quality"] or summary["quality"])
+    if summary["verdict"] is None or summary["verdict"]["value"] == Verdict.GOOD:
+        yield kept_line(summary["posed_quality"] or summary["quality"])
     more: dict[str, Callable[[Any], str]] = {
-        "verdict": verdict_line,
         "texture_stretch": stretch_line,
         "fit": fit_line,
         "silhouettes": silhouettes_line,
@@ -191,11 +195,8 @@ def kept_line(quality: Mapping[str, Any]) -> str:
 
 
 def verdict_line(verdict: Mapping[str, Any]) -> str:
-    """Return the line for the report's `verdict`; empty if nothing speaks against the result."""
-    reasons = " ".join(verdict["reasons"])
-    if verdict["value"] == "doubtful":
-        return f"Verdict: doubtful. {reasons}"
-    return f"Verdict: keep your asset as it is ({verdict['value']}). {reasons}" if reasons else ""
+    """Return the line for a report's verdict, as `read_verdict` returns it: its value, why, and what helps."""
+    return f"{verdict['value']}: {' '.join([*verdict['reasons'], *verdict['advice']])}"
 
 
 def _named(noun: str) -> str:

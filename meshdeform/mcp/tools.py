@@ -23,6 +23,7 @@ from pydantic import Field
 from meshdeform.client import AsyncClient, EventView, JobView, WaitTimeoutError
 from meshdeform.errors import ForbiddenError, MeshdeformError, NotFoundError, ParameterError, readable_size
 from meshdeform.requests.document import DeformParams
+from meshdeform.verdicts import read_verdict
 
 Asset = Annotated[
     str,
@@ -41,6 +42,7 @@ Params = Annotated[
 ]
 JobId = Annotated[str, Field(description="The id that deform or fit_to_mesh returned.")]
 Name = Annotated[str, Field(description="result.glb, report.json, preview.png or morph.glb.")]
+_REPORT = "report.json"
 _UPLOAD = re.compile(r"upl_[0-9a-z]{26}")
 _JOB_FILE = re.compile(r"(job_[0-9a-z]{26})/([\w.-]+)")
 _LONGEST_WAIT_S = 600.0
@@ -172,7 +174,11 @@ class Tools:
         ctx: Context,
         timeout_s: Annotated[float, Field(gt=0, le=_LONGEST_WAIT_S, description="Longest wait in seconds.")] = 60.0,
     ) -> dict[str, Any]:
-        """Wait until a job has finished, and return its state and artifacts. Call it again if the job still runs."""
+        """Wait until a job has finished, and return its state and artifacts. Call it again if the job still runs.
+
+        The verdict of a deformation comes first: good, doubtful, or keep_source, where the asset was better as it was.
+        Tell its reasons, and follow its advice before you deliver what is not good.
+        """
 
         async def told(event: EventView) -> None:
             if event.type == "progress":
@@ -181,9 +187,10 @@ class Tools:
 
         async with self._client(ctx) as client:
             try:
-                return _summary(await client.wait(job_id, timeout_s=timeout_s, on_event=told, check=False))
+                job = await client.wait(job_id, timeout_s=timeout_s, on_event=told, check=False)
             except WaitTimeoutError:
                 return _summary(await client.get(job_id))
+            return {**await _verdict(client, job), **_summary(job)}
 
     async def list_jobs(
         self,
@@ -291,6 +298,14 @@ def explained(tool: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable[An
             raise ToolError(str(error)) from error
 
     return run
+
+
+async def _verdict(client: AsyncClient, job: JobView) -> dict[str, Any]:
+    """Return the `verdict` of a job's report: its value, reasons and advice; nothing where there is none."""
+    if all(artifact.name != _REPORT for artifact in job.artifacts):
+        return {}
+    found = read_verdict(json.loads(await client.read(job, _REPORT)))
+    return {} if found is None else {"verdict": {name: found[name] for name in ("value", "reasons", "advice")}}
 
 
 def _summary(job: JobView) -> dict[str, Any]:

@@ -242,10 +242,14 @@ class TargetFit:
         )
 
     def measure(self, rest: TriangleMesh, verts: Tensor) -> dict[str, Any]:
-        """Return `fit` of the report for a result (V, 3) in the cameras' frame; distances as shares of the diagonal."""
+        """Return `fit` of the report for a result (V, 3) in the cameras' frame; distances as shares of the diagonal.
+
+        `before` has the same distances of the source.
+        """
         result = TriangleMesh(verts, rest.faces)
         measured: dict[str, Any] = {
             **measure_fit(result, self.target).to_dict(),
+            "before": measure_fit(rest, self.target).to_dict(),
             "silhouettes": _silhouette_overlap(result, self.target),
             "alignment": self.alignment.to_dict(),
         }

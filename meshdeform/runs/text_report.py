@@ -18,28 +18,33 @@ from meshdeform.assets.surface import Surface
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
+from meshdeform.priors.builtin.grammar import parse
 from meshdeform.rendering.cameras import Frame
-from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode
+from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
 from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
 from meshdeform.runs.control import Control, control_report
 from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.surfaces import Shown
-from meshdeform.runs.verdict import (
-    Recognition,
-    change_verdict,
-    kept_structure,
-    likeness,
-    likeness_and_before,
-    prompt_reports,
-    verdict,
+from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports
+from meshdeform.runs.worth import (
+    Shape,
+    Source,
+    of_noun,
+    of_pictures,
+    of_prompts,
+    of_shape,
+    of_target,
+    verdict_of_change,
+    worst,
 )
 
 if TYPE_CHECKING:
@@ -155,7 +160,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
     with log.phase("measure"):
         measured = _measured(facts, outcome)
         movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, outcome.held)
-        compared = _comparisons(facts, outcome, measured.quality.to_dict())
+        compared = _comparisons(facts, outcome, measured.quality.to_dict(), movement)
     report = {
         **_common(facts, outcome, measured),
         "way": "prompt",
@@ -206,6 +211,7 @@ def change_report(
     """
     with log.phase("measure"):
         measured = _measured(facts, outcome)
+        structure = kept_structure(outcome.shown.source, outcome.shown.result, measured.quality.to_dict())
     mode, rig = RigMode.FOLLOW if follows else RigMode.KEEP, facts.asset.rig()
     nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "prompts"))
     report = {
@@ -213,7 +219,7 @@ def change_report(
         **nothing,
         "way": "change",
         "changes": [each.to_dict() for each in done],
-        "verdict": change_verdict(doubt for each in done for doubt in each.doubts),
+        "verdict": verdict_of_change(structure, [doubt for each in done for doubt in each.doubts]),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
         "source_noun": None if recognised is None else recognised.to_dict(),
         "warnings": [
@@ -293,30 +299,58 @@ def _common(facts: AssetFacts, outcome: Outcome, measured: _Measured) -> dict[st
     return report
 
 
-def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any]) -> dict[str, Any]:
-    """Return the members of the report that compare the result with what was asked for."""
+def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any], movement: Movement) -> dict[str, Any]:
+    """Return the members of the report that compare the result with what was asked for, and say what it is worth."""
     goal, shown = facts.goal, outcome.shown
+    structure = kept_structure(shown.source, shown.result, quality)
+    shape = Shape.of(structure, quality, movement.to_dict(), fitted=not goal.prompt and facts.prompts is None)
     compared: dict[str, Any] = {}
-    # Where the builtin prior guided; nothing else has a judge.
-    judged = facts.guidance["id"] == BUILTIN_MODEL
-    if judged and goal.prompt:
+    verdicts = []
+    if goal.prompt and _is_judged(facts, goal.prompt):
         nouns = {} if facts.recognised is None else facts.recognised.nouns
         comparison = likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
         if comparison is not None:
             compared["likeness"] = comparison
-            if facts.prompts is None:  # of several, none alone is what the result should be
-                structure = kept_structure(shown.source, shown.result, quality)
-                compared["verdict"] = verdict(facts.request.prompt, comparison, structure)
     if goal.fit is not None or facts.silhouettes is not None:
         in_frame = facts.frame.place(facts.welded.mesh), facts.frame.enter(outcome.verts)
         if goal.fit is not None:
             compared["fit"] = goal.fit.measure(*in_frame)
+            verdicts.append(of_target(compared["fit"], shape))
         if facts.silhouettes is not None:
             compared["silhouettes"] = facts.silhouettes.measure(*in_frame)
-    if facts.prompts is not None:
-        judge = likeness if judged else None
+            verdicts.append(of_pictures(compared["silhouettes"], shape))
+    if facts.prompts is not None:  # none alone is what the result should be
+        judge = likeness if facts.guidance["id"] == BUILTIN_MODEL else None
         compared["prompts"] = prompt_reports(facts.prompts, shown.source, shown.result, judge)
-    return compared
+        verdicts.append(of_prompts(compared["prompts"], shape))
+    elif "likeness" in compared:
+        verdicts.append(of_noun(goal.prompt, compared["likeness"], shape, _known_source(facts, shown)))
+    elif goal.prompt:
+        verdicts.append(of_shape(shape))
+    return {**compared, "verdict": worst(verdicts)}
+
+
+def _is_judged(facts: RunFacts, prompt: str) -> bool:
+    """Return whether the judge knows the noun of a prompt: not one that was taught, nor that of free text."""
+    if is_builtin(facts.params.model) and facts.guidance["id"] != BUILTIN_MODEL:
+        return False
+    try:
+        parse(prompt)
+    except (PromptError, VocabularyError):
+        return False
+    return True
+
+
+def _known_source(facts: RunFacts, shown: Shown) -> Source:
+    """Return what the verdict's advice depends on."""
+    sizes = [np.ptp(each.verts.numpy(), axis=0) for each in (shown.source, shown.result)]
+    before, after = (np.maximum(size, max(float(size.max()), 1e-12) * 1e-3) for size in sizes)
+    x, y, z = (float(factor) for factor in after / before)
+    long_axis = 0 if before[0] >= before[2] else 2
+    known = facts.recognised
+    if known is None:
+        return Source(growth=(x, y, z), long_axis=long_axis)
+    return Source(known.noun, known.certain, (x, y, z), long_axis)
 
 
 def _mesh_figures(facts: AssetFacts, outcome: Outcome) -> dict[str, Any]:

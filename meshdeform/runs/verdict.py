@@ -1,12 +1,7 @@
-"""Judge the likeness of a result, and whether it is worse than doing nothing by a run's own checks.
+"""Judge the likeness of a result, and what broke of its structure; find what the source is.
 
-It is worse if nothing was gained of what the prompt asks for, while a figure of the structure is beyond `LIMITS`. The
-noun's rank among all that the judge knows must become half of the source's to count as gained, since far from the first
-ones it changes by chance: a van that was number 115 among boats is no boat as number 62. Ranks ignore attributes: of a
-prompt that has any, the rank must only not become worse. A source that ranks first already has no rank to gain: there,
-without attributes, the structure alone decides. An open crack is worse whatever was gained.
-
-What the source is, `recognise` finds in the same way, among the nouns of the builtin prior.
+Ranks of nouns are among all that the judge knows. What follows from both is decided in `meshdeform.runs.worth`. What
+the source is, `recognise` finds in the same way, among the nouns of the builtin prior.
 """
 
 from __future__ import annotations
@@ -29,7 +24,7 @@ from meshdeform.geometry.quality import measure_structure
 from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.judge import Judge
 from meshdeform.priors.base import Prior
-from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
+from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 from meshdeform.requests.choices import OrientationMode, is_builtin
 from meshdeform.requests.document import ResolvedParams
@@ -56,7 +51,6 @@ _BUILT = ("vehicles", "furniture", "buildings", "vessels and tools")
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
-KEEP_RESULT, KEEP_SOURCE, DOUBTFUL = "keep_result", "keep_source", "doubtful"
 
 LIMITS = {
     "asymmetry": 0.01,  # of the diagonal: a leg or a wheel is seen to be longer than its mirror image
@@ -67,9 +61,6 @@ LIMITS = {
     "opened_junctions": 0.0,  # each is the end of a crack, through which one looks into the asset
 }
 """Largest figures of a result whose structure counts as kept."""
-
-_NEVER_WORTH_IT = frozenset({"opened_junctions"})
-"""Figures that may not be beyond their limits however much was gained."""
 
 _SENTENCES = {
     "asymmetry": "Mirror symmetry was lost: {:.1%} of the diagonal.",
@@ -102,13 +93,18 @@ class Recognition:
         return self.noun if self.probability >= _LIKELY else ""
 
     @property
+    def certain(self) -> bool:
+        """Whether nothing else is likely."""
+        return self.probability >= _CERTAIN
+
+    @property
     def built(self) -> bool:
         """Whether it is likely to be something that people build, which stands upright."""
         return any(self.likely_noun in NOUN_GROUPS[group] for group in _BUILT)
 
     def likely(self) -> dict[str, float]:
         """Return the nouns that it most likely is, with their weights; none if too little is known."""
-        if self.probability >= _CERTAIN:
+        if self.certain:
             return {self.noun: 1.0}
         first = dict(sorted(self.nouns.items(), key=lambda item: -item[1])[:_MOST])
         total = sum(first.values())
@@ -189,45 +185,26 @@ def worse_than_source(before: int, after: int, structure: Mapping[str, Any]) -> 
     return after >= before and bool(_beyond(structure))
 
 
-def change_verdict(doubts: Iterable[str]) -> dict[str, Any]:
-    """Return the verdict on a change in plain words, by what was measured of it."""
-    reasons = list(doubts)
-    return {"value": DOUBTFUL if reasons else KEEP_RESULT, "reasons": reasons}
+def broken(
+    structure: Mapping[str, Any], excused: Collection[str] = (), tolerated: Mapping[str, float] | None = None
+) -> list[str]:
+    """Return what of a structure is beyond its limits, in sentences.
 
-
-def verdict(prompt: str, likeness: Mapping[str, Any], structure: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the report's member `verdict`.
-
-    `likeness`: that of the report, with its `before`; `structure`: as `kept_structure` returns it. Returns dict:
-    `value`: `keep_result` or `keep_source`; its `reasons`, a list of sentences that is empty for `keep_result`; and the
-    `structure`.
+    `excused`: figures that do not count; `tolerated`: by which factor a figure may exceed its limit.
     """
-    rank, was = likeness["rank"], likeness["before"]["rank"]
-    attributes = parse(prompt).attributes
-    gained = rank <= was if attributes else 2 * rank <= was
-    crooked = any(attribute.degree in CROOKED for attribute in attributes)
-    beyond = _beyond(structure, excused=("asymmetry", "flatness") if crooked else ())
-    if gained:
-        beyond = [name for name in beyond if name in _NEVER_WORTH_IT]
-    if not beyond:
-        return {"value": KEEP_RESULT, "reasons": [], "structure": dict(structure)}
-    reasons = [] if gained else [_rank_reason(likeness["noun"], rank, was, likeness["nouns"])]
-    reasons += [_SENTENCES[name].format(structure[name]) for name in beyond]
-    return {"value": KEEP_SOURCE, "reasons": reasons, "structure": dict(structure)}
+    return [_SENTENCES[name].format(structure[name]) for name in _beyond(structure, excused, tolerated)]
 
 
-def _beyond(structure: Mapping[str, Any], excused: Collection[str] = ()) -> list[str]:
+def _beyond(
+    structure: Mapping[str, Any], excused: Collection[str] = (), tolerated: Mapping[str, float] | None = None
+) -> list[str]:
     """Return the figures that are beyond their limits."""
-    return [name for name, limit in LIMITS.items() if name not in excused and (structure[name] or 0.0) > limit]
-
-
-def _rank_reason(noun: str, rank: int, was: int, nouns: int) -> str:
-    """Say why no rank was gained."""
-    what = ParsedPrompt(noun)
-    if rank == was == 1:
-        return f"The source looked like {what} already."
-    more = "hardly more" if rank < was else "no more"
-    return f"It looks {more} like {what} than before: rank {rank} of {nouns} nouns, was {was}."
+    factors = tolerated or {}
+    return [
+        name
+        for name, limit in LIMITS.items()
+        if name not in excused and (structure.get(name) or 0.0) > limit * factors.get(name, 1.0)
+    ]
 
 
 def prompt_reports(

@@ -25,6 +25,7 @@ from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.local import read_asset, writing
 from meshdeform.cli.output import BatchView, ProgressView, duration, emit, note, show_batch
 from meshdeform.support.files import write_files
+from meshdeform.verdicts import read_verdict
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 _QUALITY = ("flipped_faces", "self_intersections_added", "symmetric_dirichlet_p99", "volume_ratio")
 _COLUMNS = (
-    *("name", "state", "asset", "prompt", "target", "preset", "seed", "model", "steps", "seconds", "loss"),
+    *("name", "state", "verdict", "asset", "prompt", "target", "preset", "seed", "model", "steps", "seconds", "loss"),
     *_QUALITY,
     *("job_id", "error_code", "error", "result"),
 )
@@ -167,6 +168,7 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
     return {
         "name": row.name,
         "state": state,
+        "verdict": (read_verdict(report) or {}).get("value"),
         "asset": str(row.asset),
         "prompt": request.prompt,
         "target": str(row.target) if row.target else None,

@@ -66,6 +66,7 @@ from meshdeform.errors import (
     UnavailableError,
 )
 from meshdeform.requests.choices import JobKind
+from meshdeform.verdicts import read_verdict
 
 M = TypeVar("M", bound=BaseModel)
 _FAREWELL_S = 5.0
@@ -817,6 +818,14 @@ class AsyncResult:
     async def report(self) -> dict[str, Any]:
         """Return the report: parameters, seed, hashes, losses, times, and the mesh's quality before and after."""
         return dict(json.loads(await self.read(REPORT)))
+
+    async def verdict(self) -> dict[str, Any] | None:
+        """Return what the result is worth by the report, None where it does not say.
+
+        Returns dict: `value`, one of `good`, `doubtful` and `keep_source`, where the asset was better as it was; and
+        sentences: its `reasons`, and the `advice` that may help.
+        """
+        return read_verdict(await self.report())
 
     async def preview(self) -> bytes:
         """Return a PNG of the asset before and after."""

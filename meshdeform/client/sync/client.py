@@ -68,6 +68,7 @@ from meshdeform.errors import (
     UnavailableError,
 )
 from meshdeform.requests.choices import JobKind
+from meshdeform.verdicts import read_verdict
 
 M = TypeVar("M", bound=BaseModel)
 _FAREWELL_S = 5.0
@@ -809,6 +810,14 @@ class Result:
     def report(self) -> dict[str, Any]:
         """Return the report: parameters, seed, hashes, losses, times, and the mesh's quality before and after."""
         return dict(json.loads(self.read(REPORT)))
+
+    def verdict(self) -> dict[str, Any] | None:
+        """Return what the result is worth by the report, None where it does not say.
+
+        Returns dict: `value`, one of `good`, `doubtful` and `keep_source`, where the asset was better as it was; and
+        sentences: its `reasons`, and the `advice` that may help.
+        """
+        return read_verdict(self.report())
 
     def preview(self) -> bytes:
         """Return a PNG of the asset before and after."""

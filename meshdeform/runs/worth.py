@@ -1,0 +1,282 @@
+"""Decide what a result is worth: `good`, `doubtful`, or `keep_source`, where the asset was better as it was.
+
+A result is good if it shows what was asked for, and is whole. Whether it shows a noun, the judge says: it must have a
+probability of `_SHOWN` at least among all that the judge knows, and less for the source, since else nothing is seen of
+what was to change. Whether a target or pictures are met, the distance that is left says, as a share
+of that at the start. Where nobody can say it, as for free text, the shape alone decides.
+
+It is whole if its parts neither swelled nor withered against each other (`_SWOLLEN`), no figure of its structure is
+much beyond its limit (`meshdeform.runs.verdict.LIMITS`, `_TOLERATED`), and the safeguard held back little in the end.
+
+Of what does not show its noun, the source is better where the noun gained no rank and a figure is beyond its limit, or
+where parts swelled or withered. `python -m bench.verdict` measures the rule on pairs of assets and prompts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.runs.verdict import CROOKED, broken
+from meshdeform.verdicts import Verdict
+
+_SHOWN = 0.8
+"""Probability of the noun from which a shape shows it."""
+_SWOLLEN = 0.7
+"""Standard deviation of the logarithms of the faces' area ratios, 0 of a similarity and of any stretch of the whole,
+above which parts are seen to have swollen or withered: by a factor of two against the mean."""
+_DISTORTED = 2.0
+"""The same of a fit, whose target has other proportions: mean symmetric Dirichlet energy, 1 of a similarity."""
+_TOLERATED = {"asymmetry": 2.0, "flatness": 2.0, "contacts": 2.0, "cut_share": 15.0}
+"""How far beyond its limit a figure may be in a good result: what exceeds it little is mostly not seen, and most cuts
+of an asset of many parts are where parts meet."""
+_HELD = 0.2
+"""Share of the surface that the safeguard held back in the end above which parts lag behind."""
+_UNMOVED = 0.01
+"""Displacement, as a share of the diagonal, below which a result looks like its source."""
+_MET, _WITHIN = 0.35, 2 / 3
+"""Share of the distance at the start that may be left of what a target or pictures are met by, and share of the target
+that must be within 1 % of the result."""
+_STRETCHED = 1.15
+"""Factor by which an axis grew against the others from which a change in plain words says it."""
+_MOST_ADVICE = 3
+
+_COMPARED = {
+    "tall": "taller", "short": "shorter", "thin": "thinner", "fat": "fatter", "wide": "wider", "long": "longer",
+    "flat": "flatter", "big": "bigger", "small": "smaller",
+}  # fmt: skip
+
+_SWELLED = "Parts of it swelled or withered against the rest."
+_ANOTHER = "Try another variation: another seed takes another way."
+_WEAKER = "Use less strength, such as 0.6: most of what went wrong comes last."
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What became of a surface, by the figures of its report."""
+
+    structure: Mapping[str, Any]  # as `kept_structure` returns it
+    swollen: bool  # whether parts swelled or withered against each other
+    held: float  # `movement.held_at_end`
+    moved: float  # `movement.rms`
+
+    @classmethod
+    def of(
+        cls, structure: Mapping[str, Any], quality: Mapping[str, Any], movement: Mapping[str, Any], *, fitted: bool
+    ) -> Shape:
+        """Return the shape of a report with these members; `fitted`: to a target or pictures alone."""
+        if fitted:
+            swollen = quality["symmetric_dirichlet_mean"] > _DISTORTED
+        else:
+            swollen = quality["area_ratio_spread"] > _SWOLLEN
+        return cls(structure, swollen, movement["held_at_end"], movement["rms"])
+
+    def faults(self, excused: Collection[str] = ()) -> list[str]:
+        """Return why it is not whole, in sentences; empty if it is."""
+        faults = [_SWELLED] if self.swollen else []
+        faults += broken(self.structure, excused, _TOLERATED)
+        if self.held > _HELD:
+            faults.append(f"The safeguard held back {self.held:.0%} of the surface in the end, which lags behind.")
+        return faults
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is known of the asset that a prompt deformed."""
+
+    noun: str = ""  # what it was taken for
+    sure: bool = True  # whether that is what it is
+    growth: tuple[float, float, float] = (1.0, 1.0, 1.0)  # the result's extents along x, y and z over the source's
+    long_axis: int = 2  # 0 or 2: the longer horizontal one of the source
+
+
+def of_noun(prompt: str, likeness: Mapping[str, Any], shape: Shape, source: Source | None = None) -> dict[str, Any]:
+    """Return the verdict of a result that should look like the prompt of the builtin prior.
+
+    `likeness`: that of the report, with its `before`.
+    """
+    reading = parse(prompt)
+    crooked = any(attribute.degree in CROOKED for attribute in reading.attributes)
+    excused = ("asymmetry", "flatness") if crooked else ()
+    faults = shape.faults(excused)
+    shown, why = _shown(reading, likeness)
+    if shown and not faults:
+        return _said(Verdict.GOOD, [why], shape)
+    advice = _advice(reading, likeness, source or Source(), shown=shown, whole=not faults)
+    damage = broken(shape.structure, excused)
+    if likeness["rank"] > 1 and (shape.swollen or (damage and not _gained(reading, likeness))):
+        return _said(Verdict.KEEP_SOURCE, dict.fromkeys([why, *faults, *damage]), shape, advice)
+    return _said(Verdict.DOUBTFUL, [*([] if shown else [why]), *faults], shape, advice)
+
+
+def _shown(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> tuple[bool, str]:
+    """Return whether a result shows its noun, and why."""
+    what, rank, before = ParsedPrompt(likeness["noun"]), likeness["rank"], likeness["before"]
+    if rank > 1:
+        other = ParsedPrompt(likeness["next"]["noun"])
+        gained = "more" if _gained(reading, likeness) else "hardly more" if rank < before["rank"] else "no more"
+        place = f"number {rank} of {likeness['nouns']} nouns, where the source was {before['rank']}"
+        return False, f"It looks {gained} like {what} than before ({place}), and most like {other}."
+    if before["probability"] >= _SHOWN:
+        asked = " and ".join(str(attribute) for attribute in reading.attributes)
+        unseen = f"; the judge does not see whether it is {asked}" if asked else ""
+        return False, f"The source looked like {what} already{unseen}."
+    sure = likeness["probability"] >= _SHOWN
+    return sure, f"It looks {'' if sure else 'only a little '}like {what}, by {likeness['probability']:.0%}."
+
+
+def _gained(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> bool:
+    """Return whether a noun gained a rank: half of it, or, with attributes, which ranks ignore, none lost."""
+    rank, was = likeness["rank"], likeness["before"]["rank"]
+    return bool(rank <= was if reading.attributes else 2 * rank <= was)
+
+
+def _advice(
+    reading: ParsedPrompt, likeness: Mapping[str, Any], source: Source, *, shown: bool, whole: bool
+) -> list[str]:
+    """Return what helps, in sentences, the best first."""
+    advice = []
+    if source.noun and not source.sure:
+        what = ParsedPrompt(source.noun)
+        advice.append(f"If your asset is not {what}, say what it is with source_noun: its front depends on it.")
+    advice += _plain_changes(reading, likeness, source)
+    if not shown:
+        advice.append(_ANOTHER)
+    if not whole:
+        advice.append(_WEAKER)
+    return advice[:_MOST_ADVICE]
+
+
+def _plain_changes(reading: ParsedPrompt, likeness: Mapping[str, Any], source: Source) -> list[str]:
+    """Return the change in plain words that does as much: of the attributes, or, of a near noun, of the proportions."""
+    if source.noun == reading.noun or likeness["before"]["probability"] >= _SHOWN:
+        words = [_compared(attribute) for attribute in reading.attributes if attribute.degree in _COMPARED]
+        return [_as_change(" and ".join(words))] if words else []
+    group = next((name for name, nouns in NOUN_GROUPS.items() if source.noun in nouns), "")
+    if group and reading.noun not in NOUN_GROUPS[group]:
+        return [f"Ask for what is nearer to {ParsedPrompt(source.noun)}: others of the {group} do better."]
+    word = _proportion(source) if group else ""
+    return [_as_change(word)] if word else []
+
+
+def _compared(attribute: Attribute) -> str:
+    word = _COMPARED[attribute.degree]
+    return word if attribute.part == "whole" else f"{word} {attribute.part}"
+
+
+def _as_change(words: str) -> str:
+    return f"Ask for the change alone, “{words}”: it is made on the asset itself, which stays whole."
+
+
+def _proportion(source: Source) -> str:
+    """Return the word for the axis that changed most against the others; empty if none did."""
+    along, across = source.long_axis, 2 - source.long_axis
+    names = {1: ("taller", "shorter"), along: ("longer", "shorter"), across: ("wider", "narrower")}
+    mean = (source.growth[0] * source.growth[1] * source.growth[2]) ** (1 / 3)
+    changes = {axis: source.growth[axis] / mean for axis in range(3)}
+    axis = max(changes, key=lambda each: max(changes[each], 1 / changes[each]))
+    if max(changes[axis], 1 / changes[axis]) < _STRETCHED:
+        return ""
+    more, less = names[axis]
+    return more if changes[axis] > 1 else less
+
+
+def of_prompts(prompts: Sequence[Mapping[str, Any]], shape: Shape) -> dict[str, Any]:
+    """Return the verdict of a result of several prompts, by the report's `prompts`.
+
+    None of them alone is what the result should be: of those that pull at the whole asset, one must be seen. What a
+    region looks like, cut out, decides nothing.
+    """
+    whole = [each["likeness"] for each in prompts if each.get("likeness") and not each.get("regions")]
+    seen = [likeness for likeness in whole if likeness["rank"] == 1 and likeness["probability"] >= _SHOWN]
+    unseen = []
+    if whole and not seen:
+        nouns = " or ".join(str(ParsedPrompt(likeness["noun"])) for likeness in whole)
+        unseen = [f"It does not look like {nouns}. It looks most like {ParsedPrompt(_first(whole[0]))}."]
+    return _by_faults([*unseen, *shape.faults()], shape)
+
+
+def _first(likeness: Mapping[str, Any]) -> str:
+    """Return the noun that a result looks most like."""
+    return str(likeness["noun"] if likeness["rank"] == 1 else likeness["next"]["noun"])
+
+
+def of_target(fit: Mapping[str, Any], shape: Shape) -> dict[str, Any]:
+    """Return the verdict of a fit to a mesh, by the report's `fit`."""
+    before = fit["before"]["to_target"] + fit["before"]["from_target"]
+    left = (fit["to_target"] + fit["from_target"]) / before if before > 0 else 0.0
+    found = f"{left:.0%} of the distance to the target is left, and {fit['within']:.0%} of the target is within 1 %."
+    advice = [
+        "Name places that belong together (landmarks), and turn the target as the asset is.",
+        "Choose a target whose shape is nearer to the asset's.",
+    ]
+    return _by_distance(left <= _MET and fit["within"] >= _WITHIN, found, shape, advice)
+
+
+def of_pictures(silhouettes: Sequence[Mapping[str, Any]], shape: Shape) -> dict[str, Any]:
+    """Return the verdict of a fit to pictures, by the report's `silhouettes`."""
+    before = sum(1 - each["iou_before"] for each in silhouettes)
+    left = sum(1 - each["iou"] for each in silhouettes) / before if before > 0 else 0.0
+    overlaps = ", ".join(f"{each['iou']:.0%}" for each in silhouettes)
+    found = f"{left:.0%} of what the silhouettes lacked is left; they overlap by {overlaps}."
+    return _by_distance(left <= _MET, found, shape, ["Check the azimuth of each picture, or give a further one."])
+
+
+def _by_distance(met: bool, found: str, shape: Shape, advice: Sequence[str]) -> dict[str, Any]:
+    faults = shape.faults()
+    if met and not faults:
+        return _said(Verdict.GOOD, [found], shape)
+    value = Verdict.KEEP_SOURCE if shape.swollen and not met else Verdict.DOUBTFUL
+    return _said(value, [found, *faults], shape, [*([] if met else advice), *([_WEAKER] if faults else [])])
+
+
+def of_shape(shape: Shape) -> dict[str, Any]:
+    """Return the verdict of a result of which nobody can say what it looks like: by its shape alone."""
+    return _by_faults(shape.faults(), shape)
+
+
+def _by_faults(faults: Sequence[str], shape: Shape) -> dict[str, Any]:
+    """Return the verdict of a result that is good unless something speaks against it."""
+    if shape.moved < _UNMOVED:
+        faults = [*faults, f"It hardly moved: {shape.moved:.1%} of its size."]
+    if not faults:
+        return _said(Verdict.GOOD, ["Nothing broke. Whether it looks as you meant, you see best."], shape)
+    return _said(Verdict.DOUBTFUL, faults, shape, [_ANOTHER, *([_WEAKER] if shape.faults() else [])])
+
+
+def verdict_of_change(structure: Mapping[str, Any], reasons: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the verdict of a change in plain words: good unless something broke, or other `reasons` speak against it.
+
+    Asymmetry and bent pieces are what some changes ask for; only flipped faces, new cuts and cracks count.
+    """
+    broke = broken(structure, frozenset(structure) - {"flipped_faces", "cut_share", "opened_junctions"})
+    if not broke and not reasons:
+        said = {"value": Verdict.GOOD.value, "reasons": ["Nothing broke."], "advice": []}
+    else:
+        advice = ["Ask for less of it, such as “slightly”."] if broke else []
+        said = {"value": Verdict.DOUBTFUL.value, "reasons": [*reasons, *broke], "advice": advice}
+    return {**said, "structure": dict(structure)}
+
+
+_ORDER = (Verdict.GOOD, Verdict.DOUBTFUL, Verdict.KEEP_SOURCE)
+
+
+def worst(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return one verdict of several guidances of a run: the worst value, with all reasons and advice."""
+    last = max(verdicts, key=lambda each: _ORDER.index(Verdict(each["value"])))
+    gathered = {
+        name: list(dict.fromkeys(text for each in verdicts for text in each[name])) for name in ("reasons", "advice")
+    }
+    return {**last, **gathered}
+
+
+def _said(value: Verdict, reasons: Iterable[str], shape: Shape, advice: Iterable[str] = ()) -> dict[str, Any]:
+    return {
+        "value": value.value,
+        "reasons": list(reasons),
+        "advice": list(advice),
+        "structure": dict(shape.structure),
+    }
