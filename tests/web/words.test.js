@@ -1,6 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { findings, shapeWords, skipped } from "../../service/web/app/quality.js";
+import { otherVariation } from "../../service/web/app/params.js";
+import { isWorthLess } from "../../service/web/app/verdict.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
 import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
@@ -22,25 +24,44 @@ test("good news, bad news and no news of a mesh", () => {
   assert.deepEqual(findings(null), []);
 });
 
-test("whether to keep the asset, how much of it is left, and what a skin looks like in its pose", () => {
+const said = (/** @type {any} */ report) => findings(report).map(({ tone, text }) => [tone, text]);
+
+test("a bad result: the verdict comes first, nothing is marked as good, and it is not called yours", () => {
   const reasons = ["It looks no more like a bus than before: rank 5 of 122 nouns, was 5.", "Faces were flipped: 2."];
   const report = {
-    verdict: { value: "keep_source", reasons },
+    verdict: { value: "keep_source", reasons, advice: ["Try “a van”."] },
     quality: { kept_share: 0.4, flipped_faces: 0 },
-    posed_quality: { kept_share: 0.92, flipped_faces: 2 },
+    posed_quality: { kept_share: 0.92, flipped_faces: 2, self_intersecting_faces_after: 0 },
     warnings: ["Damaged faces in the pose that viewers show, of 80: 2 flipped.", "Damaged faces in the bind pose, of 80: 1 flipped."],
-    mesh: { welded_faces: 80 },
+    mesh: { welded_faces: 80, same_faces: true },
   };
-  const said = findings(report);
-  assert.deepEqual(said.map(({ tone, text }) => [tone, text]), [
-    ["warn", "Better keep your asset"], ["plain", "Still your asset: 92%"], ["warn", "2 flipped faces of 80"],
+  assert.deepEqual(said(report), [
+    ["warn", "Better keep your asset"], ["warn", "2 flipped faces of 80"], ["plain", "No self-intersections"], ["plain", "Same triangles as before"],
   ]);
-  assert.equal(said[0].note, reasons.join(" "));
-  assert.deepEqual(findings({ verdict: { value: "keep_result", reasons: [] } }), []);
+  assert.equal(findings(report)[0].note, reasons.join(" "));
+});
+
+test("a good and a doubtful result, and one of an earlier version, which is doubtful", () => {
+  const quality = { kept_share: 0.92, flipped_faces: 0 };
+  assert.deepEqual(said({ verdict: { value: "good", reasons: ["It looks like a bus."], advice: [] }, quality }), [
+    ["good", "Good"], ["plain", "Still your asset: 92%"], ["good", "No flipped faces"],
+  ]);
+  assert.deepEqual(said({ verdict: { value: "doubtful", reasons: ["It does not look like a bus."], advice: [] }, quality }), [["warn", "Doubtful"], ["plain", "No flipped faces"]]);
+  const [earlier] = findings({ verdict: { value: "keep_result", reasons: [] } });
+  assert.deepEqual([earlier.tone, earlier.text], ["warn", "Doubtful"]);
+  assert.match(earlier.note, /^An earlier version/);
+  assert.deepEqual(said({ quality }), [["plain", "Still your asset: 92%"], ["good", "No flipped faces"]]);
+  assert.deepEqual([isWorthLess({}), isWorthLess({ verdict: { value: "good" } }), isWorthLess({ verdict: { value: "of later versions" } })], [false, false, true]);
+});
+
+test("another variation is the same request with another seed, where a seed alone makes it another", () => {
+  const job = { prompt: "a bus", params: { preset: "preview", seed: 1 }, output: {}, files: { asset: {} }, metadata: { thread: "t" } };
+  assert.deepEqual(otherVariation(job, 7), { prompt: "a bus", params: { preset: "preview", seed: 7 }, output: {}, metadata: { thread: "t" } });
+  assert.equal(otherVariation({ ...job, prompt: "" }), null);
+  assert.equal(otherVariation({ ...job, files: { asset: {}, weights: {} } }), null);
 });
 
 test("how well a target is met, and the source of a surface fit", () => {
-  const said = (/** @type {any} */ report) => findings(report).map(({ tone, text }) => [tone, text]);
   assert.deepEqual(said({ fit: { within: 0.991 } }), [["good", "Fits the target: 99%"]]);
   assert.deepEqual(said({ fit: { within: 0.72 } }), [["plain", "Fits the target: 72%"]]);
   assert.deepEqual(said({ levels: [{ distance: { mean: 0.02 } }, { distance: { mean: 0.0012 } }] }), [["plain", "Distance from your file 0.12%"]]);

@@ -7,6 +7,7 @@ import {
   type JobState, type Limits, type Models, type Orientation, type Parts, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
+import { readVerdict, type Verdict } from "./verdicts.js";
 
 /** A job, or its id. */
 export type JobLike = string | { id: string };
@@ -256,6 +257,11 @@ export class Client {
   async download(job: JobLike, name = "result.glb", options: { strength?: number; signal?: AbortSignal } = {}): Promise<Blob> {
     const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
     return this.#blob(path(job, `artifacts/${encodeURIComponent(name)}${query}`), options.signal);
+  }
+
+  /** Return what the result of a deformation is worth by its report; null where the report does not say. */
+  async verdict(job: JobLike, signal?: AbortSignal): Promise<Verdict | null> {
+    return readVerdict(await this.json(path(job, "artifacts/report.json"), { signal }));
   }
 
   /** Download a file that was sent with a job. */

@@ -6,3 +6,4 @@ export { type LabeledMesh, packMeshes } from "./meshes.js";
 export type { Call, Options, Retry } from "./transport.js";
 export * from "./types.js";
 export type { UploadOptions } from "./uploads.js";
+export { readVerdict, type Verdict, type VerdictValue } from "./verdicts.js";

@@ -150,6 +150,16 @@ export function refinement(job) {
   return { title: next[1], document: { prompt: job.prompt, params: { ...params, preset: next[0] }, output: job.output } };
 }
 
+/**
+ * The same request with another seed; null where it has further files, or no prompt that a seed varies.
+ * @param {any} job
+ * @returns {Record<string, any> | null}
+ */
+export function otherVariation(job, seed = randomSeed()) {
+  if (!job.prompt || Object.keys(job.files ?? {}).some((part) => part !== "asset")) return null;
+  return { prompt: job.prompt, params: { ...job.params, seed }, output: job.output, metadata: job.metadata ?? {} };
+}
+
 /** Ten shapes on the way to the last one. @param {number} steps */
 export function checkpointEvery(steps) {
   return Math.max(1, Math.round(steps / 10));

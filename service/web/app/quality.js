@@ -5,6 +5,7 @@
  * @typedef {{tone: "good" | "warn" | "plain", text: string, note: string}} Finding
  */
 import { count, counted, figure, percent } from "./format.js";
+import { isWorthLess, verdictFinding } from "./verdict.js";
 import { withArticle } from "./vocabulary.js";
 
 // What a sixfold stretch one way and as much pressure the other way come to: textures show it.
@@ -44,12 +45,19 @@ function seen(appearance) {
   return typeof appearance?.notice === "string" && appearance.notice ? [plain("Seen as clay", appearance.notice)] : [];
 }
 
-/** @param {any} report @returns {Finding[]} */
+/** The verdict first. Of a result that is not good nothing else is marked as good. @param {any} report @returns {Finding[]} */
 export function findings(report) {
+  const worthLess = isWorthLess(report);
+  const others = measured(report, worthLess);
+  return [...verdictFinding(report), ...(worthLess ? others.map((each) => (each.tone === "good" ? plain(each.text, each.note) : each)) : others)];
+}
+
+/** What was measured. @param {any} report @param {boolean} worthLess Whether the result is not good. @returns {Finding[]} */
+function measured(report, worthLess) {
   const quality = shownQuality(report);
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...verdict(report?.verdict), ...likeness(report?.likeness), ...stillYours(quality), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
+  const found = [...likeness(report?.likeness), ...(worthLess ? [] : stillYours(quality)), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     const others = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
     found.push(...others.map((/** @type {string} */ text) => warn(text.startsWith(STALLED) ? "Hardly moved" : "The source", text)));
@@ -105,12 +113,6 @@ export function findings(report) {
 /** The figures of the shape that viewers show: a skin's in the pose of its file, not in its bind pose. @param {any} report */
 export function shownQuality(report) {
   return report?.posed_quality ?? report?.quality ?? {};
-}
-
-/** Whether doing nothing is better, by the run's own checks. @param {any} judged @returns {Finding[]} */
-function verdict(judged) {
-  if (judged?.value === "doubtful") return [warn("Not quite what was asked for", judged.reasons.join(" "))];
-  return judged?.value === "keep_source" ? [warn("Better keep your asset", judged.reasons.join(" "))] : [];
 }
 
 /** @param {any} quality @returns {Finding[]} */

@@ -4,6 +4,7 @@ import { packMeshes } from "./meshes.js";
 import { newKey, Transport } from "./transport.js";
 import { isTerminal, } from "./types.js";
 import { canUpload, upload } from "./uploads.js";
+import { readVerdict } from "./verdicts.js";
 /** Larger files are uploaded before their job, in pieces. */
 const UPLOAD_ABOVE = 16 << 20;
 const LONGEST_HOLD_S = 30;
@@ -194,6 +195,10 @@ export class Client {
     async download(job, name = "result.glb", options = {}) {
         const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
         return this.#blob(path(job, `artifacts/${encodeURIComponent(name)}${query}`), options.signal);
+    }
+    /** Return what the result of a deformation is worth by its report; null where the report does not say. */
+    async verdict(job, signal) {
+        return readVerdict(await this.json(path(job, "artifacts/report.json"), { signal }));
     }
     /** Download a file that was sent with a job. */
     async file(job, part = "asset", signal) {

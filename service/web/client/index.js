@@ -3,3 +3,4 @@ export { Client } from "./client.js";
 export { MeshdeformError } from "./errors.js";
 export { packMeshes } from "./meshes.js";
 export * from "./types.js";
+export { readVerdict } from "./verdicts.js";

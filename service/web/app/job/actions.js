@@ -10,7 +10,7 @@ import { count, roughly } from "../format.js";
 import { isTerminal } from "../history.js";
 import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
-import { checkpointEvery, refinement } from "../params.js";
+import { checkpointEvery, otherVariation, refinement } from "../params.js";
 import { orToast } from "../problem-box.js";
 import { isAboutPrompt, showRefusal } from "../refusal.js";
 import { routeHash } from "../router.js";
@@ -121,6 +121,24 @@ export class JobActions {
       const time = seconds === null ? "How long is unknown yet" : `About ${roughly(seconds)}`;
       const body = [h("p", null, `${count(checked.params.steps)} steps. ${time}.`)];
       ask({ title: `Refine at quality ${title}?`, body, action: "Refine", act: start }, this.scope);
+    });
+    this.busy = false;
+  }
+
+  /** A button for the same request with another variation; null where it makes no difference, or for a link. */
+  variation() {
+    const document = currentLink() ? null : otherVariation(this.job);
+    return document ? button("Another variation", () => this._vary(document), { icon: "spark", title: "The same request once more, with another seed" }) : null;
+  }
+
+  /** @param {any} document */
+  async _vary(document) {
+    if (this.busy) return;
+    this.busy = true;
+    await orToast("Not started", async () => {
+      const asset = new Asset(await client.file(this.job, "asset", this.scope.signal), this.job.asset.filename);
+      const job = await client.submit(...(await asset.submission(document)));
+      location.hash = routeHash({ name: "job", id: job.id });
     });
     this.busy = false;
   }

@@ -7,6 +7,7 @@ import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
 import { routeHash } from "../router.js";
+import { adviceList, isWorthLess } from "../verdict.js";
 import { withArticle } from "../vocabulary.js";
 import { fileInput } from "../picking.js";
 import { copyLink, deformAlike, download, downloadMade } from "./files.js";
@@ -50,10 +51,12 @@ const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
   family_synthesize: { "preview.png": "The shapes", "result.glb": "The first shape" },
 });
 
-/** @param {any} report */
-export function qualityPanel(report) {
+/** @param {any} report @param {(HTMLElement | null)[]} remedies What does at once what the report advises. */
+export function qualityPanel(report, remedies = []) {
   const left = skipped(report);
-  return panel("quality-title", "Quality", findingList(findings(report)), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
+  const [first, ...others] = findings(report);
+  const advised = isWorthLess(report) ? [adviceList(report), remedies.length ? h("div", { class: "row" }, remedies) : null] : [];
+  return panel("quality-title", "Quality", findingList(first ? [first] : []), ...advised, findingList(others), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
 }
 
 /** @param {any} job @param {any[]} artifacts @param {import("../scope.js").Scope} scope */

@@ -16,6 +16,8 @@ import { slider } from "./stage-controls.js";
 
 /** @typedef {import("./shapes.js").Shape} Shape */
 
+// Percent: a shape that most of what went wrong has not reached.
+const WEAKER = "60";
 const AGAIN_MS = 3000;
 const BUSY = [429, 502, 503, 504];
 
@@ -220,6 +222,14 @@ export class JobStage extends PairStage {
     this.strength = "";
     this._place();
     this._next();
+  }
+
+  /** Show the result at less strength. */
+  weaken() {
+    this.morph.input.value = WEAKER;
+    this._morph();
+    this._strengthen();
+    this.morph.input.focus();
   }
 
   /** The slider has stopped: the shape of this strength is the server's. */

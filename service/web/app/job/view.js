@@ -1,9 +1,10 @@
 // @ts-check
 /** One job: live while it runs, and the same after a reload, since everything comes from its events. */
 import { announce } from "../announce.js";
+import { readVerdict } from "../../client/index.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { DEMO } from "../demo.js";
-import { fill, h, icon } from "../dom.js";
+import { button, fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle, STATE_WORDS } from "../format.js";
 import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
@@ -12,6 +13,7 @@ import { stateBadge } from "../jobs/card.js";
 import { PRESETS } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
+import { verdictBadge } from "../verdict.js";
 import { JobActions } from "./actions.js";
 import { askedPanel } from "./asked.js";
 import { FamilyStage } from "./family-stage.js";
@@ -166,8 +168,10 @@ export class JobView {
       if (succeeded && this.error) fill(this.error);
       this.report = names.includes("report.json") ? await client.json(`v1/jobs/${this.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
+      const verdict = readVerdict(this.report);
+      if (verdict && this.badge) fill(this.badge, verdictBadge(verdict));
       if (this.results) {
-        fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
+        fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report, this._remedies()) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
       if (this.report && this.stage instanceof FamilyStage) await this._family(this.stage, names);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
@@ -180,6 +184,15 @@ export class JobView {
       if (this.error && succeeded) fill(this.error, problemBox(linkProblem(error)));
       if (temporary(error) && (await this.scope.sleep(3000))) await this._finish();
     }
+  }
+
+  /** What does at once what the report advises. */
+  _remedies() {
+    const { stage, actions } = this;
+    const weaker = stage instanceof JobStage ? button("Less strength", () => stage.weaken(), { title: "Show a shape nearer to your asset" }) : null;
+    // A change in plain words has no variations.
+    const other = this.report.way === "change" ? null : (actions?.variation() ?? null);
+    return [other, weaker].filter((each) => each !== null);
   }
 
   /** @param {FamilyStage} stage @param {string[]} names Of the artifacts. */

@@ -4,7 +4,9 @@ import { client } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, jobTitle, percent, roughly, STATE_WORDS } from "../format.js";
 import { isTerminal, shareDone } from "../history.js";
+import { isDeformation } from "../job/shapes.js";
 import { routeHash } from "../router.js";
+import { verdictBadge } from "../verdict.js";
 
 const GLYPHS = /** @type {Record<string, string>} */ ({
   queued: "clock", running: "play", canceling: "stop", succeeded: "check", failed: "warn", canceled: "cross", expired: "clock",
@@ -44,8 +46,10 @@ export class JobCard {
     if (job.state === this.state) return;
     this.state = job.state;
     fill(this.badge, stateBadge(job.state));
-    if (job.state === "succeeded") this._thumbnail();
-    else if (!running) fill(this.picture, h("span", { class: "card-glyph" }, icon(GLYPHS[job.state] ?? "info")));
+    if (job.state === "succeeded") {
+      this._thumbnail();
+      if (isDeformation(job)) this._judge();
+    } else if (!running) fill(this.picture, h("span", { class: "card-glyph" }, icon(GLYPHS[job.state] ?? "info")));
   }
 
   /** @param {number} fraction */
@@ -53,6 +57,16 @@ export class JobCard {
     const known = this.picture.querySelector("progress");
     if (known) known.value = fraction;
     else fill(this.picture, h("progress", { max: 1, value: fraction, "aria-label": "Progress" }));
+  }
+
+  /** Show what the result is worth in place of the state. */
+  async _judge() {
+    try {
+      const verdict = await client.verdict(this.id, this.scope.signal);
+      if (verdict && !this.scope.over) fill(this.badge, verdictBadge(verdict));
+    } catch {
+      // The report is gone or cannot be read: the state stays.
+    }
   }
 
   async _thumbnail() {
