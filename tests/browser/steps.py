@@ -102,8 +102,13 @@ def drag(page: Page, place: Locator, *ways: tuple[float, float]) -> None:
 
 
 def badge(page: Page) -> Locator:
-    """The state of the job that the page shows."""
+    """The state of the job that the page shows, and what its result is worth where the report says it."""
     return page.locator(".job-head .badge")
+
+
+def until_judged(page: Page) -> None:
+    """Wait until the page says what the result of a deformation is worth."""
+    expect(badge(page)).to_have_text(re.compile("^(Good|Doubtful|Better keep your asset)$"))
 
 
 def until_noted(page: Page, text: str) -> None:

@@ -18,7 +18,6 @@ from tests.browser.conftest import Watch, watched
 from tests.browser.steps import (
     OF_COLOURS,
     RULES,
-    badge,
     barriers,
     choose,
     expect,
@@ -28,6 +27,7 @@ from tests.browser.steps import (
     shown_job,
     start,
     straight_way,
+    until_judged,
     until_noted,
 )
 from tests.fake_kind import FakeKind
@@ -134,7 +134,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         expect(page.locator("#estimate")).to_contain_text("6 steps")
         job_id = start(page)
         # Events are followed with the key, which `EventSource` could not send.
-        expect(badge(page)).to_have_text("Succeeded")
+        until_judged(page)
         with page.expect_download() as download:
             page.get_by_role("button", name="Download result.glb").click()
         download.value.save_as(tmp_path / "result.glb")
@@ -158,7 +158,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         with watched(browser, home, request, tmp_path) as (visitor, visits):
             visits.allow(r"status of 401 |status of 404 .*preview.png")
             visitor.goto(link)
-            expect(badge(visitor)).to_have_text("Succeeded")
+            until_judged(visitor)
             expect(visitor.locator(".job-head")).to_contain_text("You see this job by a link.")
             for name, content in (("result.glb", stored.content), ("sphere.obj", small_sphere.read_bytes())):
                 with visitor.expect_download() as download:
@@ -178,7 +178,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         # The key is in no address, and stays for this tab.
         assert key not in page.url
         page.reload()
-        expect(badge(page)).to_have_text("Succeeded")
+        until_judged(page)
         page.goto("/#/jobs")
         expect(page.locator(".card")).to_have_count(1)
         page.get_by_role("button", name="Forget the API key").click()
@@ -225,7 +225,7 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job_id = shown_job(page)
     assert service.finished(job_id)["state"] == "succeeded"
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
     assert service.job(job_id)["params"]["steps"] == 8
     # The focus is at the new content, and the morph is moved by the arrows.
     expect(page.locator("#main")).to_be_focused()

@@ -15,7 +15,6 @@ from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
 from tests.browser.steps import (
-    badge,
     choose,
     difference,
     expect,
@@ -25,6 +24,7 @@ from tests.browser.steps import (
     set_steps,
     start,
     until_drawn,
+    until_judged,
 )
 from tests.unit.assets.builders import Builder, unpack
 
@@ -120,7 +120,7 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     set_steps(page, 4)
     expect(page.locator("#estimate")).to_contain_text("4 steps")
     job = start(page)
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
     assert service.job(job)["params"]["guidance"]["orientation"] == turned
     expect(page.get_by_text(f"Front: the side at {turned}°")).to_be_visible()
     before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")

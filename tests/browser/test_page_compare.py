@@ -12,7 +12,7 @@ import pytest
 from meshdeform.assets import load_asset
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
-from tests.browser.steps import badge, difference, drag, expect, picture, set_steps, start, until_drawn
+from tests.browser.steps import difference, drag, expect, picture, set_steps, start, until_drawn, until_judged
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -92,7 +92,7 @@ def test_a_result_is_gone_on_from_taken_back_and_given_to_another_file(
     page.get_by_label("Prompt", exact=True).fill("a fat penguin")
     set_steps(page, 2)
     second = start(page)
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
     job = service.job(second)
     result = next(each for each in service.job(first)["artifacts"] if each["name"] == "result.glb")
     assert (job["metadata"]["thread"], job["asset"]["sha256"]) == (first, result["sha256"])

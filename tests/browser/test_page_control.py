@@ -14,7 +14,6 @@ from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
 from tests.browser.steps import (
-    badge,
     choose,
     difference,
     drag,
@@ -24,6 +23,7 @@ from tests.browser.steps import (
     open_more,
     set_steps,
     start,
+    until_judged,
     until_noted,
     until_shown,
 )
@@ -104,7 +104,7 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     expect(page.locator("#estimate")).to_contain_text("3 steps")
     job = start(page)
     assert service.finished(job)["state"] == "succeeded"
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
 
     control = service.job(job)["params"]["control"]
     source = load_asset(asset.read_bytes())
@@ -174,7 +174,7 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     ]
     assert (control["symmetry"], control["falloff"]) == ("z", 0.2)
     assert service.finished(job)["state"] == "succeeded"
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
     page.get_by_role("button", name="Edit and run again").click()
     rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
     expect(rows).to_have_count(3)

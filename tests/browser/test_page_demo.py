@@ -15,7 +15,7 @@ import pytest
 from docs.generation.demo import build
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import watched
-from tests.browser.steps import badge, difference, expect, picture, until_drawn
+from tests.browser.steps import badge, difference, expect, picture, until_drawn, until_judged
 from tests.browser.test_ndf_loader import small_field
 from tests.browser.viewer.assets import rigged
 
@@ -68,7 +68,7 @@ def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
     for _ in range(2):  # whoever comes back sees it again
         visitor.get_by_role("link", name="A job", exact=True).click()
         expect(badge(visitor)).to_have_text(re.compile("Queued|Running"))
-        expect(badge(visitor)).to_have_text("Succeeded")
+        until_judged(visitor)
         expect(visitor.get_by_label("Step", exact=True)).to_have_attribute("max", "3")
         expect(visitor.get_by_text(re.compile("^Looks "))).to_be_visible()
         visitor.get_by_role("link", name="Examples", exact=True).click()

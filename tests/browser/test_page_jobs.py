@@ -23,6 +23,7 @@ from tests.browser.steps import (
     start,
     straight_way,
     until_drawn,
+    until_judged,
     upper_half,
 )
 
@@ -52,7 +53,7 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
         assert (job["params"]["steps"], job["params"]["seed"]) == (12, 7)
         expect(page.get_by_label("Progress").locator(".progress-numbers")).to_contain_text("Step 1 of 12")
         expect(badge(page)).to_have_text("Running")
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
 
     before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
     expect(page.get_by_label("Morph", exact=True)).to_be_visible()
@@ -141,7 +142,7 @@ def test_a_lost_worker_is_said_and_the_job_continues(page: Page, service: Servic
             re.compile(r"The worker was lost at step \d+\. The job continues by itself from its last checkpoint\.")
         )
         expect(numbers).to_contain_text("attempt 2")
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
     expect(page.locator(".notice")).to_be_hidden()
 
     # The same variation at the next quality, in one click.

@@ -10,7 +10,17 @@ import numpy as np
 
 from meshdeform.assets import load_asset
 from tests.acceptance.service import Service, until
-from tests.browser.steps import badge, barriers, choose, difference, expect, open_form, picture, start, until_drawn
+from tests.browser.steps import (
+    barriers,
+    choose,
+    difference,
+    expect,
+    open_form,
+    picture,
+    start,
+    until_drawn,
+    until_judged,
+)
 from tests.unit.plain.shapes import rigged_dog
 
 if TYPE_CHECKING:
@@ -67,7 +77,7 @@ def test_a_part_is_pointed_at_changed_and_seen_at_once(page: Page, service: Serv
     expect(prompt).to_have_value("head smaller by 20 %")
 
     job = start(page)
-    expect(badge(page)).to_have_text("Succeeded")
+    until_judged(page)
     (change,) = json.loads(service.artifact(job, "report.json"))["changes"]
     assert (change["part"], change["asked"]) == ("head", 0.8)
     assert len(load_asset(service.artifact(job, "result.glb")).surface.positions)

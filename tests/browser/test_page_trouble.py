@@ -10,7 +10,7 @@ import pytest
 
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch, watched
-from tests.browser.steps import badge, choose, expect, open_form, set_steps, shown_job, start
+from tests.browser.steps import badge, choose, expect, open_form, set_steps, shown_job, start, until_judged
 from tests.fault_proxy import FaultProxy
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(
                 expect(notice).to_contain_text("Reconnecting; your job is safe")
                 proxy.pass_through()
                 expect(notice).to_be_hidden()
-        expect(badge(page)).to_have_text("Succeeded")
+        until_judged(page)
         # What was sent again and again is one job.
         assert len(service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"]) == before + 1
 
