@@ -27,7 +27,7 @@ from typing import Any
 
 from PIL import Image, ImageDraw
 
-from meshdeform.runs.worth import Shape, of_noun, of_target, verdict_of_change
+from meshdeform.runs.worth import Shape, Source, of_noun, of_target, verdict_of_change
 from meshdeform.verdicts import Verdict
 
 LIST = Path(__file__).with_suffix(".json")
@@ -94,7 +94,8 @@ def verdict_of(report: Mapping[str, Any]) -> dict[str, Any]:
     shape = Shape.of(structure, quality, report["movement"], fitted="fit" in report)
     if "fit" in report:
         return of_target(report["fit"], shape)
-    return of_noun(report["prompt"], report["likeness"], shape)
+    round_one = report["carrier"]["mirror"] == "xz"
+    return of_noun(report["prompt"], report["likeness"], shape, Source(round=round_one))  # none is convex
 
 
 def table(rows: Iterable[Judged]) -> str:

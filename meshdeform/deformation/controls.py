@@ -126,12 +126,12 @@ def is_level(mesh: RestMesh) -> bool:
 
     A block is none: it is to be shaped, and has no wall or shelf that must stay one.
     """
-    return _along_axes(mesh) and not _is_convex(mesh)
+    return _along_axes(mesh) and not is_convex(mesh)
 
 
 def is_block(mesh: RestMesh) -> bool:
     """Return whether a mesh is a convex block along the axes, whatever it is taken for: clay to be shaped."""
-    return _along_axes(mesh) and _is_convex(mesh)
+    return _along_axes(mesh) and is_convex(mesh)
 
 
 def _along_axes(mesh: RestMesh) -> bool:
@@ -140,7 +140,8 @@ def _along_axes(mesh: RestMesh) -> bool:
     return bool(upright + level > _BUILT and min(upright, level) > _EACH)
 
 
-def _is_convex(mesh: RestMesh) -> bool:
+def is_convex(mesh: RestMesh) -> bool:
+    """Return whether a surface is that of its convex hull."""
     hull = ConvexHull(mesh.verts.numpy(), qhull_options="QJ")  # also of what is flat
     return bool(abs(mesh.areas.sum().item() / hull.area - 1) < _CONVEX)
 

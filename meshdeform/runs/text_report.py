@@ -16,6 +16,7 @@ from meshdeform.assets import Asset
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.assets.surface import Surface
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
+from meshdeform.deformation.controls import is_convex
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import PromptError, VocabularyError
@@ -69,6 +70,8 @@ _HELD = (
     "parts lag behind. Ask for less (a nearer noun, a lower strength), or for a change of one part in plain words."
 )
 _THEN = ", "
+_ROUND = "xz"
+"""The mirror planes that were kept of what is alike from all sides."""
 _NO_COLOURS = "The asset has no colours, so the model saw it as clay."
 _COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
 
@@ -160,7 +163,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
     with log.phase("measure"):
         measured = _measured(facts, outcome)
         movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, outcome.held)
-        compared = _comparisons(facts, outcome, measured.quality.to_dict(), movement)
+        compared = _comparisons(facts, deformation, outcome, measured.quality.to_dict(), movement)
     report = {
         **_common(facts, outcome, measured),
         "way": "prompt",
@@ -299,7 +302,9 @@ def _common(facts: AssetFacts, outcome: Outcome, measured: _Measured) -> dict[st
     return report
 
 
-def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any], movement: Movement) -> dict[str, Any]:
+def _comparisons(
+    facts: RunFacts, deformation: Deformation, outcome: Outcome, quality: dict[str, Any], movement: Movement
+) -> dict[str, Any]:
     """Return the members of the report that compare the result with what was asked for, and say what it is worth."""
     goal, shown = facts.goal, outcome.shown
     structure = kept_structure(shown.source, shown.result, quality)
@@ -324,7 +329,7 @@ def _comparisons(facts: RunFacts, outcome: Outcome, quality: dict[str, Any], mov
         compared["prompts"] = prompt_reports(facts.prompts, shown.source, shown.result, judge)
         verdicts.append(of_prompts(compared["prompts"], shape))
     elif "likeness" in compared:
-        verdicts.append(of_noun(goal.prompt, compared["likeness"], shape, _known_source(facts, shown)))
+        verdicts.append(of_noun(goal.prompt, compared["likeness"], shape, _known_source(facts, deformation, shown)))
     elif goal.prompt:
         verdicts.append(of_shape(shape))
     return {**compared, "verdict": worst(verdicts)}
@@ -341,16 +346,20 @@ def _is_judged(facts: RunFacts, prompt: str) -> bool:
     return True
 
 
-def _known_source(facts: RunFacts, shown: Shown) -> Source:
-    """Return what the verdict's advice depends on."""
+def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> Source:
+    """Return what is known of the source of a prompt."""
     sizes = [np.ptp(each.verts.numpy(), axis=0) for each in (shown.source, shown.result)]
     before, after = (np.maximum(size, max(float(size.max()), 1e-12) * 1e-3) for size in sizes)
     x, y, z = (float(factor) for factor in after / before)
-    long_axis = 0 if before[0] >= before[2] else 2
     known = facts.recognised
-    if known is None:
-        return Source(growth=(x, y, z), long_axis=long_axis)
-    return Source(known.noun, known.certain, (x, y, z), long_axis)
+    return Source(
+        noun="" if known is None else known.noun,
+        sure=known is None or known.certain,
+        growth=(x, y, z),
+        long_axis=0 if before[0] >= before[2] else 2,
+        convex=is_convex(RestMesh.of(shown.source)),
+        round=deformation.carrier["mirror"] == _ROUND,
+    )
 
 
 def _mesh_figures(facts: AssetFacts, outcome: Outcome) -> dict[str, Any]:

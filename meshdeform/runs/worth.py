@@ -7,6 +7,8 @@ of that at the start. Where nobody can say it, as for free text, the shape alone
 
 It is whole if its parts neither swelled nor withered against each other (`_SWOLLEN`), no figure of its structure is
 much beyond its limit (`meshdeform.runs.verdict.LIMITS`, `_TOLERATED`), and the safeguard held back little in the end.
+Clay has no parts that could wither, and no walls that must stay flat: a convex source, such as a sphere or a cube, and
+what is alike from all sides and becomes something that is.
 
 Of what does not show its noun, the source is better where the noun gained no rank and a figure is beyond its limit, or
 where parts swelled or withered. `python -m bench.verdict` measures the rule on pairs of assets and prompts.
@@ -19,7 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 from meshdeform.runs.verdict import CROOKED, broken
 from meshdeform.verdicts import Verdict
 
@@ -75,8 +77,8 @@ class Shape:
         return cls(structure, swollen, movement["held_at_end"], movement["rms"])
 
     def faults(self, excused: Collection[str] = ()) -> list[str]:
-        """Return why it is not whole, in sentences; empty if it is."""
-        faults = [_SWELLED] if self.swollen else []
+        """Return why it is not whole, in sentences; empty if it is. `excused`: figures, and `swollen`."""
+        faults = [_SWELLED] if self.swollen and "swollen" not in excused else []
         faults += broken(self.structure, excused, _TOLERATED)
         if self.held > _HELD:
             faults.append(f"The safeguard held back {self.held:.0%} of the surface in the end, which lags behind.")
@@ -91,6 +93,8 @@ class Source:
     sure: bool = True  # whether that is what it is
     growth: tuple[float, float, float] = (1.0, 1.0, 1.0)  # the result's extents along x, y and z over the source's
     long_axis: int = 2  # 0 or 2: the longer horizontal one of the source
+    convex: bool = False
+    round: bool = False  # whether it is alike from all sides, so that both its mirror planes were kept
 
 
 def of_noun(prompt: str, likeness: Mapping[str, Any], shape: Shape, source: Source | None = None) -> dict[str, Any]:
@@ -99,17 +103,24 @@ def of_noun(prompt: str, likeness: Mapping[str, Any], shape: Shape, source: Sour
     `likeness`: that of the report, with its `before`.
     """
     reading = parse(prompt)
-    crooked = any(attribute.degree in CROOKED for attribute in reading.attributes)
-    excused = ("asymmetry", "flatness") if crooked else ()
+    known = source or Source()
+    excused = _excused(reading, known)
     faults = shape.faults(excused)
     shown, why = _shown(reading, likeness)
     if shown and not faults:
         return _said(Verdict.GOOD, [why], shape)
-    advice = _advice(reading, likeness, source or Source(), shown=shown, whole=not faults)
+    advice = _advice(reading, likeness, known, shown=shown, whole=not faults)
     damage = broken(shape.structure, excused)
     if likeness["rank"] > 1 and (shape.swollen or (damage and not _gained(reading, likeness))):
         return _said(Verdict.KEEP_SOURCE, dict.fromkeys([why, *faults, *damage]), shape, advice)
     return _said(Verdict.DOUBTFUL, [*([] if shown else [why]), *faults], shape, advice)
+
+
+def _excused(reading: ParsedPrompt, source: Source) -> set[str]:
+    """Return what of a shape does not count: what is asked to be crooked, and what clay may do."""
+    crooked = any(attribute.degree in CROOKED for attribute in reading.attributes)
+    clay = source.convex or (source.round and reading.noun in TURNED)
+    return {*(["asymmetry", "flatness"] if crooked else []), *(["flatness", "swollen"] if clay else [])}
 
 
 def _shown(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> tuple[bool, str]:

@@ -101,6 +101,20 @@ def test_a_prompt_is_met_if_it_is_shown_and_the_shape_is_whole(
 
 
 @each_case(
+    "prompt, source, value",
+    [
+        ("a rabbit", Source(convex=True), GOOD),
+        ("a vase", Source(round=True), GOOD),
+        ("a rabbit", Source(round=True), DOUBTFUL),
+        ("a vase", Source("bottle"), DOUBTFUL),
+    ],
+)
+def test_clay_may_swell_and_bend(prompt: str, source: Source, value: str) -> None:
+    assert of_noun(prompt, judged(0.9), shaped(swollen=True, flatness=0.1), source)["value"] == value
+    assert of_noun(prompt, judged(0.9), shaped(flipped_faces=1), source)["value"] == DOUBTFUL
+
+
+@each_case(
     "figures, fitted, swollen",
     [
         ({"area_ratio_spread": 0.7, "symmetric_dirichlet_mean": 9.0}, False, False),
