@@ -54,6 +54,9 @@ _COMPARED = {
 _SWELLED = "Parts of it swelled or withered against the rest."
 _ANOTHER = "Try another variation: another seed takes another way."
 _WEAKER = "Use less strength, such as 0.6: most of what went wrong comes last."
+_SAID_PLAINLY = (
+    "Say in plain words what differs, such as “longer”: that is made on the asset itself, which stays whole."
+)
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def _shown(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> tuple[bool, st
         unseen = f"; the judge does not see whether it is {asked}" if asked else ""
         return False, f"The source looked like {what} already{unseen}."
     sure = likeness["probability"] >= _SHOWN
-    return sure, f"It looks {'' if sure else 'only a little '}like {what}, by {likeness['probability']:.0%}."
+    return sure, f"It looks {'' if sure else 'only a little '}like {what} ({likeness['probability']:.0%})."
 
 
 def _gained(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> bool:
@@ -169,8 +172,10 @@ def _plain_changes(reading: ParsedPrompt, likeness: Mapping[str, Any], source: S
     group = next((name for name, nouns in NOUN_GROUPS.items() if source.noun in nouns), "")
     if group and reading.noun not in NOUN_GROUPS[group]:
         return [f"Ask for what is nearer to {ParsedPrompt(source.noun)}: others of the {group} do better."]
-    word = _proportion(source) if group else ""
-    return [_as_change(word)] if word else []
+    if not group:
+        return []
+    word = _proportion(source)
+    return [_as_change(word) if word else _SAID_PLAINLY]
 
 
 def _compared(attribute: Attribute) -> str:

@@ -14,8 +14,8 @@ const STRONG = 20;
 // Texels that are more than twice as long as before are seen.
 const MAGNIFIED = 2;
 
-// How the warning of `meshdeform/runs/text_report.py` begins; others are about the source.
-const STALLED = "The mesh hardly moved";
+// How warnings of `meshdeform/runs/text_report.py` begin, and their titles; others are about the source.
+const TITLES = [["The mesh hardly moved", "Hardly moved"], ["The safeguard held back", "Held back"]];
 
 // How the warnings of `meshdeform/geometry/quality.py` begin that the figures here say as well.
 const DAMAGED = "Damaged faces";
@@ -60,7 +60,7 @@ function measured(report, worthLess) {
   const found = [...likeness(report?.likeness), ...(worthLess ? [] : stillYours(quality)), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     const others = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
-    found.push(...others.map((/** @type {string} */ text) => warn(text.startsWith(STALLED) ? "Hardly moved" : "The source", text)));
+    found.push(...others.map((/** @type {string} */ text) => warn(TITLES.find(([start]) => text.startsWith(start))?.[1] ?? "The source", text)));
   }
   if (Array.isArray(report?.input?.warnings)) {
     found.push(...report.input.warnings.map((/** @type {unknown} */ text) => plain("About your file", String(text))));
@@ -154,7 +154,7 @@ function likeness(judged) {
   const nouns = number(judged.nouns);
   const judge = nouns === null ? "" : ` The judge knows ${count(nouns)} nouns.`;
   if (judged.matches === false && other !== null) {
-    const note = `It does not look like its prompt.${judge} Try another variation, or refine.`;
+    const note = `It does not look like its prompt.${judge}`;
     return [warn(`Looks more like ${named(other)} than ${named(judged)}`, note)];
   }
   return [good(`Looks like: ${named(judged)}${other === null ? "" : `; next: ${named(other)}`}`, `As the prompt says, judged from pictures.${judge}`)];
