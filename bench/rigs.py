@@ -42,6 +42,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import job_input
 from meshdeform.runs.surfaces import vertex_jacobians, welded_surface
+from meshdeform.verdicts import read_verdict
 
 SAMPLES, TURN_DEG, MOST_TURNED, MOSTLY, NEAREST = 8, 40.0, 12, 0.5, 24
 FOLDED = np.cos(np.deg2rad(120.0))
@@ -166,7 +167,7 @@ def measured(source: bytes, result: bytes, report: dict[str, Any]) -> dict[str, 
         "folds": round(max(folds), 5),
         "joints": round(100 * joint_distance(before, after), 2),
         "held": round(report["movement"]["held_at_end"], 3) if "movement" in report else 0.0,
-        "verdict": (report.get("verdict") or {}).get("advice"),
+        "verdict": (read_verdict(report) or {}).get("value"),
     }
 
 

@@ -445,7 +445,8 @@ TEXT_DEFORM = Kind(
             "report.json",
             "application/json",
             "Parameters, seed, versions, hashes, losses, times, what was skipped, the quality of the mesh before and "
-            "after, and of a prompt the [likeness and a verdict](quality.md#in-the-report-of-a-job).",
+            "after, what the result is worth, and of a prompt its likeness "
+            "([Quality](quality.md#in-the-report-of-a-job)).",
         ),
         ArtifactKind("preview.png", "image/png", "Before and after, from four sides."),
         ArtifactKind(

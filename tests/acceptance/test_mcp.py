@@ -11,6 +11,7 @@ import anyio
 import pytest
 
 from meshdeform.requests.choices import Preset
+from meshdeform.verdicts import Verdict
 from tests.acceptance.cli import command, environment
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Service
@@ -86,6 +87,11 @@ def test_an_agent_goes_from_a_file_to_a_file(service: Service, tmp_path: Path) -
             answer = await client.call_tool("wait", {"job_id": job}, progress_callback=told)
             assert answer.structured_content is not None
             assert answer.structured_content["state"] == "succeeded"
+            assert next(iter(answer.structured_content)) == "verdict"
+            verdict = answer.structured_content["verdict"]
+            assert verdict["value"] in list(Verdict)
+            assert verdict["reasons"]
+            assert bool(verdict["advice"]) is (verdict["value"] != Verdict.GOOD)
             assert progress == sorted(progress)
             assert progress[-1] == 1.0
 

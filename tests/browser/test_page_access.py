@@ -18,6 +18,7 @@ from tests.browser.conftest import Watch, watched
 from tests.browser.steps import (
     OF_COLOURS,
     RULES,
+    badge,
     barriers,
     choose,
     expect,
@@ -134,7 +135,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         expect(page.locator("#estimate")).to_contain_text("6 steps")
         job_id = start(page)
         # Events are followed with the key, which `EventSource` could not send.
-        until_judged(page)
+        expect(badge(page)).to_have_text("Succeeded")
         with page.expect_download() as download:
             page.get_by_role("button", name="Download result.glb").click()
         download.value.save_as(tmp_path / "result.glb")
@@ -158,7 +159,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         with watched(browser, home, request, tmp_path) as (visitor, visits):
             visits.allow(r"status of 401 |status of 404 .*preview.png")
             visitor.goto(link)
-            until_judged(visitor)
+            expect(badge(visitor)).to_have_text("Succeeded")
             expect(visitor.locator(".job-head")).to_contain_text("You see this job by a link.")
             for name, content in (("result.glb", stored.content), ("sphere.obj", small_sphere.read_bytes())):
                 with visitor.expect_download() as download:
@@ -178,7 +179,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         # The key is in no address, and stays for this tab.
         assert key not in page.url
         page.reload()
-        until_judged(page)
+        expect(badge(page)).to_have_text("Succeeded")
         page.goto("/#/jobs")
         expect(page.locator(".card")).to_have_count(1)
         page.get_by_role("button", name="Forget the API key").click()

@@ -264,3 +264,14 @@ test("every module of the page finds what it imports", () => {
     }
   }
 });
+
+test("what a result is worth is read from its report, whichever version wrote it", async () => {
+  const verdict = { value: "keep_source", reasons: ["It broke."], advice: ["Try “a van”."], structure: {} };
+  const { client, asked } = scripted([answer({ verdict }), answer({ verdict: { value: "keep_result", reasons: [] } }), answer({ levels: [] })]);
+  assert.deepEqual(await client.verdict("job_1"), { value: "keep_source", reasons: ["It broke."], advice: ["Try “a van”."] });
+  const earlier = await client.verdict("job_1");
+  assert.equal(earlier?.value, "doubtful");
+  assert.match(earlier?.reasons[0] ?? "", /^An earlier version/);
+  assert.equal(await client.verdict("job_1"), null);
+  assert.deepEqual(asked.map(({ url }) => url), Array(3).fill(`${BASE}v1/jobs/job_1/artifacts/report.json`));
+});

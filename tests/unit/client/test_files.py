@@ -261,6 +261,7 @@ def test_a_result_is_shown_as_it_is_and_got_once() -> None:
         assert "<b>" not in result._repr_html_()
         assert "data:image/png;base64," in result._repr_html_()
         assert result.report() == {"seed": 7}
+        assert result.verdict() is None
         assert "job_1" in repr(result)
         gone = Result(client, JobView.model_validate(job(id="job_2")))
         assert gone._repr_png_() is None

@@ -48,7 +48,7 @@ export class JobCard {
     fill(this.badge, stateBadge(job.state));
     if (job.state === "succeeded") {
       this._thumbnail();
-      if (isDeformation(job)) this._judge();
+      if (isDeformation(job) && job.artifacts?.some((/** @type {any} */ { name }) => name === "report.json")) this._judge();
     } else if (!running) fill(this.picture, h("span", { class: "card-glyph" }, icon(GLYPHS[job.state] ?? "info")));
   }
 
