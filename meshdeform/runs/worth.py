@@ -268,7 +268,7 @@ def verdict_of_change(structure: Mapping[str, Any], reasons: Sequence[str] = ())
 
     Asymmetry and bent pieces are what some changes ask for; only flipped faces, new cuts and cracks count.
     """
-    broke = broken(structure, frozenset(structure) - {"flipped_faces", "cut_share", "opened_junctions"})
+    broke = broken(structure, frozenset(structure) - {"flipped_faces", "cut_share", "opened_junctions"}, _TOLERATED)
     if not broke and not reasons:
         said = {"value": Verdict.GOOD.value, "reasons": ["Nothing broke."], "advice": []}
     else:

@@ -14,7 +14,7 @@ from meshdeform.plain.change import apply_changes
 from meshdeform.plain.effect import measure
 from meshdeform.plain.moved import Measured, Moved
 from meshdeform.plain.words import Change
-from meshdeform.runs.verdict import change_verdict
+from meshdeform.runs.worth import verdict_of_change
 from tests.cases import each_case
 from tests.unit.plain.shapes import _box, plain_glb
 
@@ -56,7 +56,7 @@ def test_what_is_less_or_more_than_was_asked_for_is_told_in_figures(
     moved, points = made(body, post, by, rest)
     doubts = measure(body, moved, points).doubts("post", asked, "tall")
     assert doubts == says
-    assert change_verdict(doubts)["value"] == ("doubtful" if says else "keep_result")
+    assert verdict_of_change({}, doubts)["value"] == ("doubtful" if says else "good")
 
 
 def test_a_shift_that_the_change_asks_for_is_none_of_the_rest() -> None:

@@ -15,10 +15,8 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.runs.strength import edit_of, with_edit, with_strength
-from meshdeform.runs.verdict import verdict
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
-from tests.unit.runs.test_verdict import GOOD, judged
 from training.shapes import grid
 
 Floats = NDArray[np.float64]
@@ -110,14 +108,3 @@ def test_strengths_and_shapes_from_other_files_leave_it_closed() -> None:
     opened = SOURCE.replace(twisted(SOURCE.surface.positions))
     assert gap(opened) > 0.01
     assert with_strength(SOURCE, opened, 1.0) == opened
-
-
-def test_a_result_with_an_open_crack_is_not_to_be_kept_whatever_was_gained() -> None:
-    assert verdict("an umbrella", judged(5, 1), GOOD)["value"] == "keep_result"
-    judgement = verdict("an umbrella", judged(5, 1), {**GOOD, "opened_junctions": 2, "asymmetry": 0.5})
-    assert judgement["value"] == "keep_source"
-    assert judgement["reasons"] == ["Cracks opened: 2 of the vertices on edges of other faces came off."]
-    assert judgement["structure"]["opened_junctions"] == 2
-    both = verdict("an umbrella", judged(5, 5), {**GOOD, "opened_junctions": 2, "asymmetry": 0.5})["reasons"]
-    assert len(both) == 3
-    assert verdict("an umbrella", judged(5, 5), {**GOOD, "opened_junctions": None})["value"] == "keep_result"

@@ -69,6 +69,9 @@ def shaped(**changes: Any) -> Shape:
         ("an umbrella", judged(0.9), {"contacts": 0.011}, DOUBTFUL),
         ("an umbrella", judged(0.9), {"cut_share": 0.15}, GOOD),
         ("an umbrella", judged(0.9), {"cut_share": 0.16}, DOUBTFUL),
+        ("an umbrella", judged(0.9), {"opened_junctions": 1}, DOUBTFUL),
+        ("an umbrella", judged(0.9), {"opened_junctions": None}, GOOD),
+        ("an umbrella", judged(0.1, 5), {"opened_junctions": 1}, KEEP_SOURCE),
         ("an umbrella", judged(0.9), {"flipped_faces": 1}, DOUBTFUL),
         # What is asked to be crooked need not be symmetric or flat.
         ("a twisted umbrella", judged(0.9), {"asymmetry": 0.1, "flatness": 0.1}, GOOD),
@@ -232,8 +235,8 @@ def test_where_nobody_can_say_what_it_looks_like_the_shape_decides() -> None:
     [
         ({}, [], GOOD),
         ({"asymmetry": 0.5, "flatness": 0.5, "contacts": 0.5}, [], GOOD),
-        ({"cut_share": 0.01}, [], GOOD),
-        ({"cut_share": 0.011}, [], DOUBTFUL),
+        ({"cut_share": 0.15}, [], GOOD),
+        ({"cut_share": 0.16}, [], DOUBTFUL),
         ({"flipped_faces": 1}, [], DOUBTFUL),
         ({}, ["It hardly shows."], DOUBTFUL),
     ],
