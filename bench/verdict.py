@@ -94,7 +94,7 @@ def verdict_of(report: Mapping[str, Any]) -> dict[str, Any]:
     shape = Shape.of(structure, quality, report["movement"], fitted="fit" in report)
     if "fit" in report:
         return of_target(report["fit"], shape)
-    round_one = report["carrier"]["mirror"] == "xz"
+    round_one = report["carrier"].get("mirror") == "xz"
     return of_noun(report["prompt"], report["likeness"], shape, Source(round=round_one))  # none is convex
 
 

@@ -141,8 +141,11 @@ def _along_axes(mesh: RestMesh) -> bool:
 
 
 def is_convex(mesh: RestMesh) -> bool:
-    """Return whether a surface is that of its convex hull."""
-    hull = ConvexHull(mesh.verts.numpy(), qhull_options="QJ")  # also of what is flat
+    """Return whether a surface is that of its convex hull; a single triangle encloses nothing, and has none."""
+    verts = mesh.verts.numpy()
+    if len(verts) <= verts.shape[1]:
+        return False
+    hull = ConvexHull(verts, qhull_options="QJ")  # also of what is flat
     return bool(abs(mesh.areas.sum().item() / hull.area - 1) < _CONVEX)
 
 

@@ -358,7 +358,7 @@ def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> So
         growth=(x, y, z),
         long_axis=0 if before[0] >= before[2] else 2,
         convex=is_convex(RestMesh.of(shown.source)),
-        round=deformation.carrier["mirror"] == _ROUND,
+        round=deformation.carrier.get("mirror") == _ROUND,
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.controls import Level, Structure, is_level, mirror_planes, plane_of
+from meshdeform.deformation.controls import Level, Structure, is_convex, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation, RegionalGradients
 from meshdeform.deformation.orientation import Front
@@ -221,6 +221,13 @@ def test_built_things_are_level() -> None:
     assert is_level(RestMesh.of(sled()))
     assert not is_level(RestMesh.of(box(6))), "a block is to be shaped"
     assert not is_level(RestMesh.of(icosphere(3)))
+
+
+def test_a_surface_is_convex_if_it_is_its_hull() -> None:
+    assert is_convex(RestMesh.of(box(6)))
+    assert is_convex(RestMesh.of(icosphere(3)))
+    assert not is_convex(RestMesh.of(sled()))
+    assert not is_convex(RestMesh.of(TriangleMesh(torch.eye(3, dtype=torch.float64), torch.tensor([[0, 1, 2]]))))
 
 
 @each_case(

@@ -89,12 +89,13 @@ def test_a_shape_of_the_family_matches_its_prompt_and_no_other() -> None:
     assert set(same["judge"]) == {"id", "revision", "sha256"}
 
 
-@each_case("guidance", ["sds", "target"])
-def test_a_prompt_has_it_and_every_report_a_verdict(guidance: str) -> None:
+@each_case("guidance, carrier", [("sds", "auto"), ("sds", "surface"), ("target", "auto")])
+def test_a_prompt_has_it_and_every_report_a_verdict(guidance: str, carrier: str) -> None:
     ball = icosphere(1)
     asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
     prior = load_prior("builtin", device="cpu")
-    _, report = finished(started(asset, "a mushroom", steps=1, guidance=guidance, target=asset, prior=prior))
+    params = {"guidance": guidance, "carrier": carrier}
+    _, report = finished(started(asset, "a mushroom", steps=1, target=asset, prior=prior, **params))
     assert ("likeness" in report) == (guidance == "sds")
     assert set(report["verdict"]) == {"value", "reasons", "advice", "structure"}
     assert set(report["verdict"]["structure"]) >= {"asymmetry", "cut_share"}
