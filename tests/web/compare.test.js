@@ -34,6 +34,12 @@ test("figures stand side by side, and those that nobody has are left out", () =>
   assert.deepEqual(figureRows([null, null]), []);
 });
 
+test("two results are compared by what they are worth first, and only a good one is still the asset", () => {
+  const [good, bad] = ["good", "keep_source"].map((value) => ({ verdict: { value, reasons: [], advice: [] }, quality: { kept_share: 0.9 } }));
+  const rows = figureRows([good, bad]);
+  assert.deepEqual(rows.map(({ label, values: found }) => [label, ...found]), [["Verdict", "Good", "Better keep your asset"], ["Still your asset", "90%", ""]]);
+});
+
 test("why a job has nothing to compare", () => {
   assert.equal(obstacle(job("a lamp", {})), "");
   assert.match(obstacle(job("a lamp", {}, { state: "running" })), /not finished yet/);

@@ -26,6 +26,12 @@ export function verdictFinding(report) {
   return [{ tone: verdict.value === "good" ? "good" : "warn", text: title, note }];
 }
 
+/** Its verdict in a word or two; null where it has none. @param {any} report */
+export function verdictTitle(report) {
+  const verdict = readVerdict(report);
+  return verdict && SHOWN[verdict.value].title;
+}
+
 /** Whether a report says that its result is not good. @param {any} report */
 export function isWorthLess(report) {
   return (readVerdict(report)?.value ?? "good") !== "good";

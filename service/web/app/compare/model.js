@@ -11,6 +11,7 @@ import { plainParams } from "../groups.js";
 import { isTerminal } from "../history.js";
 import { PRESETS } from "../params.js";
 import { shownQuality } from "../quality.js";
+import { isWorthLess, verdictTitle } from "../verdict.js";
 
 // Said in rows of their own, or without a bearing on the result.
 const SAID = ["preset", "seed", "model", "prompts", "regions", "handles", "symmetry", "checkpoint_every_steps"];
@@ -71,8 +72,9 @@ export function figureRows(reports) {
   };
   const seconds = (/** @type {any} */ report) => report.seconds && Object.values(report.seconds).reduce((sum, each) => sum + each, 0);
   return [
+    take("Verdict", verdictTitle, String),
     take("Looks like", ({ likeness }) => (likeness?.noun && typeof likeness.probability === "number" ? likeness : null), ({ noun, probability }) => `${noun} ${percent(probability)}`),
-    take("Still your asset", (report) => shownQuality(report).kept_share, percent),
+    take("Still your asset", (report) => (isWorthLess(report) ? null : shownQuality(report).kept_share), percent),
     take("Flipped faces", (report) => shownQuality(report).flipped_faces, count),
     take("Self-intersecting faces", (report) => shownQuality(report).self_intersecting_faces_after, count),
     take("Collapsed faces", (report) => shownQuality(report).collapsed_faces, count),
