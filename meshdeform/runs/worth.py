@@ -2,8 +2,8 @@
 
 A result is good if it shows what was asked for, and is whole. Whether it shows a noun, the judge says: it must have a
 probability of `_SHOWN` at least among all that the judge knows, and less for the source, since else nothing is seen of
-what was to change. Whether a target or pictures are met, the distance that is left says, as a share
-of that at the start. Where nobody can say it, as for free text, the shape alone decides.
+what was to change. Whether a target or pictures are met, the distance that is left says, as a share of that at the
+start. Where nobody can say it, as for free text, the shape alone decides.
 
 It is whole if its parts neither swelled nor withered against each other (`_SWOLLEN`), no figure of its structure is
 much beyond its limit (`meshdeform.runs.verdict.LIMITS`, `_TOLERATED`), and the safeguard held back little in the end.
@@ -28,8 +28,8 @@ from meshdeform.verdicts import Verdict
 _SHOWN = 0.8
 """Probability of the noun from which a shape shows it."""
 _SWOLLEN = 0.7
-"""Standard deviation of the logarithms of the faces' area ratios, 0 of a similarity and of any stretch of the whole,
-above which parts are seen to have swollen or withered: by a factor of two against the mean."""
+"""Standard deviation of the logarithms of the faces' area ratios, 0 of a similarity, above which parts are seen to have
+swollen or withered: by a factor of two against the mean."""
 _DISTORTED = 2.0
 """The same of a fit, whose target has other proportions: mean symmetric Dirichlet energy, 1 of a similarity."""
 _TOLERATED = {"asymmetry": 2.0, "flatness": 2.0, "contacts": 2.0, "cut_share": 15.0}
