@@ -23,12 +23,12 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.errors import MeshdeformError
 from meshdeform.geometry.weld import weld
+from meshdeform.nouns.families import FAMILIES, member
 from meshdeform.priors.builtin.teaching.deformed import Part, normalised
 from meshdeform.priors.builtin.teaching.pictures import Shape, four_views, shape_of
 from meshdeform.support.files import write_files
 from training.collections.nouns import noun_of
 from training.collections.sources import MARKET, PRIOR, collection_of, creator_of, pack_of, split_of
-from training.prior.families import FAMILIES, member
 
 _SUFFIXES = frozenset({".glb", ".gltf"})
 _BINS, _PAIRS = 64, 200_000

@@ -21,12 +21,12 @@ from torch import Tensor
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, encoded, read_judge
+from meshdeform.nouns.families import FAMILIES
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, ParsedPrompt
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.collections import sources as collections
 from training.collections.members import RealShapes
 from training.judge.members import HELD_OUT, ViewSet
-from training.prior.families import FAMILIES
 from training.shapes import box, cylinder, torus
 
 SHAPES: dict[str, TriangleMesh] = {

@@ -26,13 +26,14 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge.scoring import VIEW_SIZE, draw_views, encoded, judging_cameras, training_cameras
+from meshdeform.nouns.families import FAMILIES, Part, member
+from meshdeform.nouns.families.parts import box, ellipsoid, join, limb
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
-from meshdeform.priors.builtin.teaching.deformed import drawn_from, normalised
+from meshdeform.priors.builtin.teaching.deformed import normalised
+from meshdeform.priors.builtin.teaching.views import drawn_from
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
 from training.collections.members import RealShapes
 from training.judge import shapes
-from training.prior.families import FAMILIES, Part, member
-from training.prior.families.parts import box, ellipsoid, join, limb
 
 _log = logging.getLogger(__name__)
 

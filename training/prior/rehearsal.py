@@ -17,14 +17,14 @@ import numpy as np
 import torch
 from PIL import Image
 
+from meshdeform.nouns.families import member
 from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE
-from meshdeform.priors.builtin.teaching.deformed import PictureSet, joined, pictures, single_views
 from meshdeform.priors.builtin.teaching.pictures import LABELS, REHEARSAL
+from meshdeform.priors.builtin.teaching.views import PictureSet, joined, pictures, single_views
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.support.files import write_files
 from training.prior.dataset import draw_prompt
-from training.prior.families import member
 
 __all__ = ["main", "rehearsal"]
 

@@ -16,12 +16,12 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge import WEIGHTS, Judge
 from meshdeform.judge.scoring import draw_views, framed, judging_cameras, training_cameras
+from meshdeform.nouns.families import Part, member
 from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.priors.builtin.prior import CAMERAS
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.cases import each_case
 from training.judge.members import HELD_OUT, NOTHING, seeded
-from training.prior.families import Part, member
 
 SUITE = ["a vase", "a chair", "a giraffe", "a mushroom", "a car", "a star", "a rabbit", "a table", "a whale", "a lamp"]
 

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from meshdeform.errors import ModelError, ShapeError
+from meshdeform.nouns.families import member
 from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.grammar import parse, tokenise
 from meshdeform.priors.builtin.network import (
@@ -32,7 +33,6 @@ from tests.cases import each_case
 from tests.close import assert_close
 from tests.taught import THREE_NOUNS
 from tests.unit.priors.combined import guided, text_rows
-from training.prior.families import member
 
 
 @pytest.fixture

@@ -5,16 +5,16 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from meshdeform.nouns.families import member
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.teaching.deformed import PictureSet, pictures, single_views
 from meshdeform.priors.builtin.teaching.teacher import TrainConfig
+from meshdeform.priors.builtin.teaching.views import PictureSet, pictures, single_views
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.close import assert_close
 from training.prior import train, warm_start
 from training.prior.dataset import draw_prompt
-from training.prior.families import member
 from training.prior.held_out import held_out_pairs, is_held_out
 from training.prior.train import PriorTrainer
 

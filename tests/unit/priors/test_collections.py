@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from meshdeform.nouns.families import member
 from meshdeform.priors.builtin.teaching.deformed import Part, normalised
 from tests.cases import each_case
 from training.collections.nouns import noun_of
 from training.collections.scan import Drawn, counts, same, scan
 from training.collections.sources import HELD_OUT, JUDGE, split_of
-from training.prior.families import member
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 KAYKIT, KENNEY = "KayKit-Game-Assets+Furniture/addons/furniture/Assets/gltf", "Kenney-CCO+Kenney-CCO.glb"

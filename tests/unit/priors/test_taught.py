@@ -29,9 +29,9 @@ from meshdeform.priors.builtin import taught
 from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, ParsedPrompt, Words, parse, parse_negative, tokenise
 from meshdeform.priors.builtin.taught import Lesson, known_words, lessons_of, metadata_of, words_of
 from meshdeform.priors.builtin.teaching import teacher
-from meshdeform.priors.builtin.teaching.deformed import PictureSet
 from meshdeform.priors.builtin.teaching.lesson import attributes_of_folder, new_noun
 from meshdeform.priors.builtin.teaching.pictures import seen_turned, shape_of, shipped_pictures
+from meshdeform.priors.builtin.teaching.views import PictureSet
 from tests.cases import each_case
 from tests.taught import THREE_NOUNS, write_small_weights
 from training.prior.held_out import FOURTH_EDITION, THIRD_EDITION

@@ -11,6 +11,7 @@ from meshdeform.assets import build_glb
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.nouns.families import member
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.verdict import (
@@ -27,7 +28,6 @@ from meshdeform.runs.verdict import (
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
 from training.judge.members import HELD_OUT, seeded
-from training.prior.families import member
 from training.shapes import box
 
 WHOLE = {

@@ -19,10 +19,10 @@ from importlib import import_module
 import fast_simplification
 import numpy as np
 
+from meshdeform.nouns.families.parts import Part
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
 from training.judge.shapes.solids import Solid, surfaced
-from training.prior.families.parts import Part
 
 __all__ = ["SHAPES", "drawn"]
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from training.prior.families.parts import Part
+from meshdeform.nouns.families.parts import Part
 
 Floats = NDArray[np.float64]
 _Axes = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}

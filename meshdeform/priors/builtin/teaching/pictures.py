@@ -42,16 +42,8 @@ from meshdeform.priors.builtin.grammar import (
 from meshdeform.priors.builtin.network import IMAGE_SIZE, WEIGHTS, read_tensors
 from meshdeform.priors.builtin.prior import CAMERAS, STYLE
 from meshdeform.priors.builtin.taught import REPLAY, words_of
-from meshdeform.priors.builtin.teaching.deformed import (
-    Part,
-    PictureSet,
-    deformed,
-    drawn_from,
-    joined,
-    normalised,
-    pictures,
-    single_views,
-)
+from meshdeform.priors.builtin.teaching.deformed import Part, deformed, normalised
+from meshdeform.priors.builtin.teaching.views import PictureSet, drawn_from, joined, pictures, single_views
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer
 

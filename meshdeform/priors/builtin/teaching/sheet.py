@@ -17,7 +17,7 @@ from torch import Tensor
 from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, Attribute, ParsedPrompt, Words, parse, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE, PriorNetwork, null_tokens
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
-from meshdeform.priors.builtin.teaching.deformed import PictureSet
+from meshdeform.priors.builtin.teaching.views import PictureSet
 
 _AZIMUTHS = (0.0, 90.0, 180.0, 270.0)
 _STEPS = 24

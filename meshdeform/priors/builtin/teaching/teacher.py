@@ -37,9 +37,9 @@ from meshdeform.errors import CheckpointError
 from meshdeform.priors.builtin.grammar import ParsedPrompt, Words, tokenise
 from meshdeform.priors.builtin.network import PriorNetwork
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
-from meshdeform.priors.builtin.teaching.deformed import PictureSet
 from meshdeform.priors.builtin.teaching.lesson import STATE_MAGIC, NewNoun
 from meshdeform.priors.builtin.teaching.pictures import LessonPictures
+from meshdeform.priors.builtin.teaching.views import PictureSet
 from meshdeform.priors.precision import is_fast_in_bfloat16
 
 _WORDS = "text.word.weight"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.parts import Part, ellipsoid, join, lathe, limb, moved, turned
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.parts import Part, ellipsoid, join, lathe, limb, moved, turned
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["cactus", "carrot", "flower", "mushroom", "palm", "pear", "pine", "pineapple", "tree"]
 

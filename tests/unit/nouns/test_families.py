@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from meshdeform.nouns.families import FAMILIES, Part, member
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
 from tests.cases import each_case
-from training.prior.families import FAMILIES, Part, member
 
 pytestmark = pytest.mark.training
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from training.prior.families.parts import Part, curved, ellipsoid, join, lathe, limb, moved, pair, turned
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.parts import Part, curved, ellipsoid, join, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["dinosaur", "dog", "elephant", "giraffe", "horse", "pig"]
 

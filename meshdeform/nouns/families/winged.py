@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.animals import Body, at
-from training.prior.families.parts import Part, curved, ellipsoid, join, limb, moved, pair, plate, turned
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.animals import Body, at
+from meshdeform.nouns.families.parts import Part, curved, ellipsoid, join, limb, moved, pair, plate, turned
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["bird", "butterfly", "chicken", "dragon", "owl", "swan"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.parts import Part, box, curved, ellipsoid, join, lathe, limb, moved, pair, turned
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.parts import Part, box, curved, ellipsoid, join, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["bear", "ghost", "monkey", "person", "robot"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from training.prior.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["bone", "column", "crate", "crown", "crystal", "gravestone", "log", "scroll", "skull", "torch"]
 

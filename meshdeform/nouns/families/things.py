@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, pair
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, pair
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["guitar", "hat", "heart", "house", "snowman", "star"]
 

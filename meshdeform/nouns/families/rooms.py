@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from training.prior.families.dungeon import arched
-from training.prior.families.kitchen import vessel
-from training.prior.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, pair, turned
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.dungeon import arched
+from meshdeform.nouns.families.kitchen import vessel
+from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["bookcase", "cone", "door", "fridge", "pillow", "toilet"]
 

@@ -11,10 +11,10 @@ from importlib import import_module
 
 import numpy as np
 
+from meshdeform.nouns.families.parts import Part
+from meshdeform.nouns.families.traits import Traits
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
-from training.prior.families.parts import Part
-from training.prior.families.traits import Traits
 
 __all__ = ["FAMILIES", "Family", "Part", "Traits", "member"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from training.prior.families.parts import (
+from meshdeform.nouns.families.parts import (
     SEGMENTS,
     Part,
     ellipsoid,
@@ -17,7 +17,7 @@ from training.prior.families.parts import (
     moved,
     turned,
 )  # fmt: skip
-from training.prior.families.traits import Rng, Traits
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["bread", "can", "hotdog", "jar", "mug", "pan", "plate", "potion"]
 
