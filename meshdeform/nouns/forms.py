@@ -1,0 +1,146 @@
+"""Draw a noun in forms that its family does not have: a bear on four legs, a bird that stands, any animal on four legs.
+
+`FORMS` says of which families and forms the members of a noun may be; `drawn` draws one, with labels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from meshdeform.nouns.families.animals import Body, at
+from meshdeform.nouns.families.parts import Part, ellipsoid, join, limb, moved, normalised, pair, plate, turned
+from meshdeform.nouns.families.traits import Rng, Traits
+from meshdeform.nouns.labels import LabelledMember, labelled_member, labelled_solids, solids_of
+from meshdeform.nouns.solids import LAYOUTS, Piece
+from meshdeform.priors.builtin.grammar import Attribute
+
+__all__ = ["FORMS", "drawn"]
+
+
+def quadruped(rng: Rng, _: Traits) -> Part:
+    """Draw any animal on four legs, with wide ranges of everything."""
+    radius = rng.uniform(0.18, 0.42)
+    body = Body(rng.uniform(0.5, 1.1), radius, rng.uniform(0.12, 0.85), radius * rng.uniform(0.3, 0.48))
+    head, neck = rng.uniform(0.12, 0.3) * (0.6 + radius), rng.uniform(0.05, 0.6)
+    front = np.array([0.0, body.height + rng.uniform(0, 0.1), body.length / 2 + 0.3 * radius])
+    skull = front + at(rng.uniform(-10, 70), neck + 0.8 * head)
+    thick = max(0.45 * radius, 0.5 * head)
+    parts = body.parts(slope=rng.uniform(-0.04, 0.08))
+    parts.append(limb([front, skull], [thick * rng.uniform(1.0, 1.4), min(thick, 0.8 * head)]))
+    parts.append(ellipsoid(skull, [head * rng.uniform(0.85, 1.05), head * 0.95, head]))
+    muzzle = skull + at(rng.uniform(-50, 0), rng.uniform(1.0, 2.2) * head)
+    girth = head * np.array([rng.uniform(0.55, 0.75), rng.uniform(0.3, 0.5)])
+    parts.append(limb([skull + [0, -0.2 * head, 0], muzzle], girth))
+    ear, kind = rng.uniform(0.08, 0.3), int(rng.integers(3))
+    root = skull + [0.65 * head, (0.75, 0.5, 0.45)[kind] * head, -0.15 * head]
+    way = np.array([(0.25, 1.0, -0.1), (0.9, 0.2, -0.1), (0.35, -1.0, 0.0)][kind])  # upright, level or hanging
+    parts += pair(limb([root, root + ear * way], [[0.4 * head, 0.25 * head], [0.12 * head, 0.1 * head]], segments=10))
+    return join([*parts, _tail(rng, body)])
+
+
+def _tail(rng: Rng, body: Body) -> Part:
+    """Return a tail that hangs, stands out or is held up."""
+    length, rump = rng.uniform(0.15, 0.9), np.array([0.0, body.height + 0.25 * body.radius, 0.0])
+    rump[2] = -body.length / 2 - 0.75 * body.radius
+    angle_deg = rng.uniform(*((230, 265), (170, 200), (110, 150))[int(rng.integers(3))])
+    way = length * at(angle_deg, 1.0)
+    path = [rump, rump + 0.5 * way + [0, 0, -0.06], rump + way + [0, rng.uniform(-0.1, 0.1), -0.1]]
+    return limb(path, [rng.uniform(0.04, 0.09), rng.uniform(0.05, 0.12), rng.uniform(0.03, 0.08)], segments=8)
+
+
+def standing_bear(rng: Rng, traits: Traits) -> Part:
+    """Draw a bear on four legs: a deep body on thick legs, a broad head with a blunt muzzle and round ears."""
+    ears = traits.draw(rng, "ears", (0.05, 0.06), (0.09, 0.12), (0.2, 0.26))
+    head = traits.draw(rng, "head", (0.15, 0.17), (0.25, 0.29), (0.42, 0.48))
+    leg = traits.draw(rng, "legs", (0.05, 0.1), (0.22, 0.32), (0.7, 0.9))
+    body = Body(rng.uniform(0.66, 0.8), rng.uniform(0.34, 0.4), leg, rng.uniform(0.15, 0.17))
+    front = np.array([0.0, body.height + 0.02, body.length / 2 + 0.04])
+    skull = front + at(rng.uniform(-5, 32), 0.26 + head)
+    parts = [*body.parts(slope=0.03), limb([front, skull], [0.3, 0.24])]
+    parts.append(ellipsoid(skull, [head, head * 0.92, head * 0.95]))
+    parts.append(limb([skull + [0, -0.2 * head, 0], skull + [0, -0.25 * head, 1.3 * head]], [head * 0.55, head * 0.42]))
+    top = skull + [head * 0.66, head * 0.72, -0.1 * head]
+    return join([*parts, *pair(ellipsoid(top, [ears, ears, 0.6 * ears], rings=8))])
+
+
+def great_cat(rng: Rng, _: Traits) -> Part:
+    """Draw a great cat without a mane: a long slim body, a round head, a long tail that hangs."""
+    leg, tail = rng.uniform(0.3, 0.5), rng.uniform(0.5, 0.9)
+    body = Body(rng.uniform(0.75, 1.0), rng.uniform(0.2, 0.26), leg, rng.uniform(0.085, 0.11))
+    head, front = rng.uniform(0.2, 0.26), np.array([0.0, body.height + 0.04, body.length / 2])
+    skull = front + at(rng.uniform(5, 45), rng.uniform(0.4, 0.5))
+    parts = [*body.parts(), limb([front, skull], [0.2, 0.14]), ellipsoid(skull, head)]
+    parts.append(ellipsoid(skull + [0, -0.3 * head, 0.8 * head], [head * 0.6, head * 0.5, head * 0.6], rings=8))
+    parts += pair(ellipsoid(skull + [0.75 * head, 0.85 * head, -0.1], [0.08, 0.08, 0.05], rings=8))
+    rump = np.array([0.0, body.height + 0.1, -body.length / 2 - body.radius * 0.7])
+    path = [rump, rump + [0, -0.25 * tail, -0.3 * tail], rump + [0, -0.6 * tail, -0.6 * tail]]
+    return join([*parts, limb(path, [0.06, 0.055, 0.05], segments=8)])
+
+
+def standing_bird(rng: Rng, _: Traits) -> Part:
+    """Draw a bird that stands: an egg of a body, a neck of any length, folded wings, two thin legs with feet."""
+    girth, length, lean = rng.uniform(0.26, 0.42), rng.uniform(0.45, 0.65), rng.uniform(5, 50)
+    leg, neck, head = rng.uniform(0.1, 0.4), rng.uniform(0.05, 0.5), rng.uniform(0.16, 0.26)
+    y, axis, up = leg + girth, at(lean, 1.0), at(lean + 90, 1.0)
+    middle = np.array([0.0, y, 0.0])
+    parts = [
+        limb([middle - 0.45 * length * axis, middle, middle + 0.4 * length * axis], [0.6 * girth, girth, 0.75 * girth])
+    ]
+    base = middle + 0.55 * length * axis + 0.2 * girth * up
+    skull = base + at(rng.uniform(55, 88), neck + 0.7 * head)
+    parts += [limb([base, skull], [0.6 * girth, 0.7 * head]), ellipsoid(skull, [0.9 * head, 0.95 * head, head])]
+    bill = skull + [0, -0.1 * head, 0.7 * head]
+    broad = rng.uniform(0.1, 0.5) * head
+    parts.append(
+        limb([bill, bill + [0, -0.04, rng.uniform(0.15, 0.4)]], [[0.3 * head, broad], [0.1 * head, 0.7 * broad]])
+    )
+    rump = middle - 0.8 * length * axis
+    parts.append(
+        limb([rump, rump - rng.uniform(0.2, 0.5) * at(lean + rng.uniform(-40, 15), 1.0)], [[0.1, 0.2], [0.05, 0.12]])
+    )
+    reach, deep = rng.uniform(0.8, 1.2) * length, rng.uniform(0.45, 0.65) * girth
+    rim = np.array(
+        [(0.4, 0.1), (0.3, 0.7), (-0.2, 1.0), (-0.9, 0.4), (-1.1, 0.0), (-0.5, -0.7), (0.1, -0.8), (0.35, -0.4)]
+    )
+    wing = turned(plate(rim * [reach, deep], 0.1, across="x", puff=0.3), -0.8 * lean, "x")
+    parts += pair(moved(turned(wing, rng.uniform(-14, 4), "z"), middle + [0.9 * girth, 0.2 * girth, -0.05]))
+    hip = [0.4 * girth, y - 0.6 * girth, -0.05]
+    parts += pair(limb([hip, [0.4 * girth, 0.05, 0.02]], [0.07, 0.045], segments=8))
+    return join([*parts, *pair(ellipsoid([0.42 * girth, 0.035, 0.12], [0.1, 0.035, 0.16], rings=8))])
+
+
+_DRAWN: dict[str, tuple[Callable[[Rng, Traits], Part], str]] = {
+    "quadruped": (quadruped, "body leg leg leg leg neck head nose ear ear tail"),
+    "standing-bear": (standing_bear, "body leg leg leg leg neck head nose ear ear"),
+    "great-cat": (great_cat, "body leg leg leg leg neck head nose ear ear tail"),
+    "standing-bird": (standing_bird, "body neck head beak tail wing wing leg leg foot foot"),
+}
+
+FORMS: dict[str, tuple[str, ...]] = {
+    **{
+        noun: (noun, "quadruped") if line.startswith("body leg*4") and noun != "bathtub" else (noun,)
+        for noun, line in LAYOUTS.items()
+    },
+    "bear": ("standing-bear", "quadruped", "bear"),
+    "bird": ("bird", "standing-bird"),
+    "cat": ("cat", "great-cat", "quadruped"),
+    "chair": ("chair", "armchair", "stool"),
+    "chicken": ("chicken", "standing-bird"),
+    "dragon": ("dragon",),
+    "duck": ("duck", "standing-bird"),
+    "lion": ("lion", "great-cat", "quadruped"),
+    "sheep": ("sheep", "quadruped"),
+    "van": ("van", "truck"),
+}
+"""The families and forms of which the members of each noun may be."""
+
+
+def drawn(form: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> LabelledMember:
+    """Draw a labelled member of a family or a form; a form without parts of an attribute's name leaves it out."""
+    if form not in _DRAWN:
+        return labelled_member(form, attributes, rng)
+    draw, names = _DRAWN[form]
+    shape = normalised(draw(rng, Traits(attributes)))
+    return labelled_solids(form, shape, [(Piece(0, name),) for name in names.split()], solids_of(shape))

@@ -1,0 +1,270 @@
+"""Name the closed solids of which the members of each family consist.
+
+A family joins its solids always in the same order, and so one line a noun names them all::
+
+    name       one solid                 body/9/neck    one solid whose faces from its 9th ring on are a neck
+    name*4     the next four             name*          the next ones as long as they have as many faces as the first
+
+Layouts of a noun whose kinds differ stand one after the other, divided by `|`; the first that all solids fit counts.
+
+A solid is made of rings, from the first point of its profile, path or depth to the last (`families/parts.py`); its
+faces between rings k and k + 1 are in ring k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+__all__ = ["CARRIED_BY", "LAYOUTS", "PART_NAMES", "Piece", "carrier", "layout", "part_label"]
+
+_ON_LEGS = "body leg*4"
+
+LAYOUTS: dict[str, str] = {
+    "airplane": "body wing*2 tail*3",
+    "anvil": "base body*2 horn body",
+    "apple": "body stem leaf",
+    "armchair": "seat*2 back arm*4 back*2 leg*4",
+    "axe": "blade handle",
+    "backpack": "body*2 flap pocket*4 strap*2 handle",
+    "balloon": "body rope basket*2",
+    "banana": "body stem",
+    "barrel": "body hoop*4",
+    "bathtub": "body leg*4 tap",
+    "bear": "body head nose*2 ear*2 leg*2 foot*2 arm*2",
+    "bed": "frame mattress blanket back footboard pillow*2 leg*4",
+    "bell": "body clapper*2 handle*2",
+    "bench": "seat*3 back*3 leg*2 leg/9/back*2 leg*2",
+    "bird": "body neck head beak tail wing*2",
+    "boat": "body mast sail",
+    "bone": "body knob*4",
+    "bookcase": (
+        "back body*2 shelf book* shelf book* shelf book* shelf"
+        " | back body*2 shelf book* shelf book* shelf book* shelf book* shelf"
+    ),
+    "boot": "shaft foot sole heel",
+    "bottle": "body/11/neck",
+    "bowl": "body",
+    "bread": "body | body cut*4",
+    "bucket": "body handle*3",
+    "burger": "bun patty cheese lettuce bun seed*9",
+    "bus": "body window roof bumper window*8 wheel*4 lamp*2",
+    "butterfly": "body head feeler*2 wing*4",
+    "cabinet": "body top base door*2 knob*2 leg*4",
+    "cactus": "body arm*2",
+    "cake": "plate body*2 icing*2 candle*5",
+    "camel": f"{_ON_LEGS} hump*2 neck head ear*2 tail",
+    "camera": "body finder lens grip button*2",
+    "can": "body",
+    "candle": "dish body handle body*5 wick flame",
+    "car": "body cabin wheel*4",
+    "carrot": "body leaf*4",
+    "castle": "tower*28 body*13 door*3 keep",
+    "cat": "body*2 leg*2 foot*2 head nose ear*2 tail",
+    "chair": "seat back leg*4",
+    "chest": "body lid lid body lid body lock",
+    "chicken": "body neck head crest*3 beak wattle tail*3 wing*2 leg*2 foot*6",
+    "church": "body roof tower*3 cross*2 door window*6",
+    "column": "body base | body base top | body base top*3",
+    "cone": "base body",
+    "corn": "body stem leaf*4",
+    "cow": f"{_ON_LEGS} body neck head nose ear*2 horn*2 tail*2",
+    "crab": "body eye*4 leg*6 arm*2 claw*6",
+    "crate": "body frame*12 plank*",
+    "crocodile": "body tail head nose*2 eye*2 leg*4 spike*7",
+    "crown": "body/5/point/10/body jewel* | body/5/point/10/body jewel* cap*6",
+    "crystal": "body | base body*",
+    "cupcake": "base cream cherry",
+    "deer": f"{_ON_LEGS} neck head ear*2 horn*6 tail",
+    "desk": "top body*2 drawer knob drawer knob leg*4",
+    "dinosaur": "leg*4 tail/20/body/36/neck head",
+    "dog": f"{_ON_LEGS} neck head nose ear*2 tail",
+    "dolphin": "body nose fin tail*2 fin*2",
+    "door": "body knob body*4 band*2 | body knob frame*3 panel*",
+    "dragon": f"{_ON_LEGS} neck head horn*2 eye*2 tail*2 spike*4 wing*2",
+    "dress": "skirt/12/body body sleeve*2 bow*2",
+    "duck": "body tail neck head beak wing*2",
+    "dumbbell": "handle weight*4",
+    "elephant": f"{_ON_LEGS} head trunk ear*2 tusk*2 tail",
+    "fish": "body tail*2 fin*4 eye*2",
+    "flower": "stem head* leaf*2",
+    "fox": f"{_ON_LEGS} neck head nose head*2 ear*2 tail",
+    "fridge": "body base door handle door handle | body base door*2 handle*2 panel",
+    "frog": "body head eye*2 leg*6 foot*12",
+    "ghost": "body eye*2 mouth arm*2",
+    "giraffe": f"{_ON_LEGS} neck head horn*2 tail",
+    "glove": "body finger*4 thumb cuff",
+    "goblet": "base/4/stem/10/body",
+    "gravestone": "base body cross*2 line*2 | base cross*2 base | base cross*3 base",
+    "guitar": "body bridge hole neck head peg*6",
+    "hammer": "handle head*4",
+    "hat": "body/1/brim/5/body",
+    "heart": "body",
+    "hedgehog": "body spike*23 nose*2 eye*2 foot*4",
+    "helicopter": "body cabin body rotor tail*3 rotor*5 skid*4",
+    "helmet": "body base body*3 plume",
+    "horse": f"{_ON_LEGS} neck head ear*2 tail",
+    "hotdog": "bun*2 sausage sauce",
+    "house": "body roof chimney",
+    "igloo": "body door",
+    "jar": "body/13/neck/15/lid | body/13/neck/15/lid lid",
+    "lamp": "base/4/stem shade",
+    "lighthouse": "tower/14/lantern house roof door window*2 lantern",
+    "lion": f"{_ON_LEGS} neck mane head nose ear*2 tail*2",
+    "log": "body branch",
+    "monkey": "body head nose eye*2 ear*2 arm*2 hand*2 leg*2 foot*2 tail",
+    "motorcycle": "wheel*2 body*3 seat lamp fork*2 handle*2 exhaust*2",
+    "mouse": "body head nose ear*2 foot*4 tail",
+    "mug": "body handle*2",
+    "mushroom": "stem/4/cap",
+    "octopus": "body head*2 eye*2 arm*8",
+    "owl": "body head eye*4 beak ear*2 wing*2 foot*4 tail",
+    "palm": "trunk leaf* nut*3",
+    "pan": "body handle",
+    "pear": "body stem",
+    "penguin": "body head beak wing*2 foot*2 tail",
+    "person": "body neck head nose arm*2 hand*2 leg*2 foot*2",
+    "piano": "body lid shelf stand key*7 body*2 leg*2 pedal*2",
+    "pig": f"{_ON_LEGS} head nose ear*2 tail",
+    "pillow": "body | body button*2",
+    "pine": "trunk crown*",
+    "pineapple": "body leaf*11",
+    "plate": "body",
+    "potion": "body/13/neck/19/lid",
+    "pumpkin": "body stem",
+    "rabbit": "body head nose ear*2 foot*2 leg*2 tail",
+    "rhino": f"{_ON_LEGS} head horn*2 ear*2 tail",
+    "robot": "body*2 neck head eye*2 head*2 arm*4 hand*6 leg*2 foot*2",
+    "rocket": "body/10/nose fin*4",
+    "scroll": "roller band body seal | body text*3 roller*2",
+    "shark": "body tail*2 fin*4 eye*2",
+    "sheep": "body*24 leg*4 head*2 ear*2",
+    "shield": "body rim cross*2 boss",
+    "shirt": "body*2 sleeve*2 collar*3 body button*3",
+    "skull": "body*2 cheek*2 tooth*4 | body*2 cheek*2 tooth*4 jaw tooth*3",
+    "skyscraper": "body*27 top*9 mast",
+    "snail": "body shell*2 head*2 eye*4",
+    "snake": "body/70/neck body head*2 eye*2",
+    "snowman": "body*2 head nose arm*2",
+    "sofa": "seat back arm*2",
+    "spider": "body*2 head eye*2 fang*2 leg*8",
+    "star": "body",
+    "stool": "seat leg*4",
+    "strawberry": "body stem leaf*6",
+    "submarine": "body tower periscope fin*4 propeller*5 window*8",
+    "swan": "body tail neck head beak wing*2",
+    "sword": "blade guard handle*2",
+    "table": "top leg*4",
+    "tank": "track*2 wheel*8 body turret*2 gun*3",
+    "teapot": "body lid*2 spout handle*2",
+    "television": "screen body*5 base stem",
+    "tent": "body*3 door*2 pole*5",
+    "toilet": "body*2 tank*2 button lid",
+    "torch": (
+        "handle/3/head head*2 flame*5 | handle/3/head head*2 handle*2 flame*5"
+        " | handle/3/head head flame*5 | handle/3/head head handle*2 flame*5"
+    ),
+    "tractor": "body*3 cabin*2 chimney body*3 cabin*4 wheel*4 lamp*2",
+    "train": "body chimney body*2 cabin*7 plough wheel*6",
+    "tree": "trunk crown*6",
+    "trousers": "body belt leg*2 belt body pocket*2",
+    "truck": "body load cabin*3 bumper cabin*4 load*5 wheel*6 lamp*2",
+    "turtle": "shell*2 leg*4 neck head tail",
+    "umbrella": "canopy handle canopy",
+    "van": "body window body roof window* wheel*4 bumper*2 lamp*2",
+    "vase": "body/11/neck",
+    "whale": "body tail*2 fin*2",
+    "windmill": "body*2 roof axle sail*8 door",
+    "wolf": f"{_ON_LEGS} neck head nose mane*6 ear*2 tail",
+}
+"""The parts of the solids of each noun, in the order in which its family joins them."""
+
+_CARRIES = {
+    "arm": "claw hand",
+    "axle": "sail",
+    "body": "bridge hole tower wick",
+    "door": "knob",
+    "head": "beak cheek crest ear eye fang feeler flame horn jaw mane mouth nose peg plume tooth trunk tusk wattle",
+    "icing": "candle",
+    "leg": "foot heel sole",
+    "neck": "head lid",
+    "roof": "chimney",
+    "sleeve": "cuff",
+    "stem": "leaf shade",
+    "tower": "cross lantern periscope",
+    "trunk": "crown nut stem",
+    "turret": "gun",
+}
+CARRIED_BY: dict[str, str] = {part: above for above, parts in _CARRIES.items() for part in parts.split()}
+"""The part with which another moves, if the noun has it."""
+
+
+class Piece(NamedTuple):
+    """Faces of one solid from a ring on that are of one part."""
+
+    ring: int
+    part: str
+
+
+def part_label(part: str) -> str:
+    """Return the label of a part that a prompt names: `leg` of `legs`."""
+    irregular = {"leaves": "leaf", "lens": "lens"}
+    return irregular.get(part, part.removesuffix("s"))
+
+
+def carrier(part: str, present: Sequence[str]) -> str | None:
+    """Return the part, among those present, with which another moves: the body in the end; None of a body."""
+    above = CARRIED_BY.get(part)
+    while above is not None and above not in present:
+        above = CARRIED_BY.get(above)
+    if above is None and part != "body" and "body" in present:
+        return "body"
+    return above
+
+
+def layout(noun: str, face_counts: Sequence[int]) -> list[tuple[Piece, ...]]:
+    """Return the pieces of each solid of a member, by the numbers of faces of its solids.
+
+    Raises
+    ------
+    ValueError
+        No layout of the noun has so many solids.
+    """
+    for line in LAYOUTS[noun].split("|"):
+        pieces = _fitted(line.split(), face_counts)
+        if pieces is not None:
+            return pieces
+    raise ValueError(f"no layout of {noun} has {len(face_counts)} solids")
+
+
+def _fitted(words: Sequence[str], face_counts: Sequence[int]) -> list[tuple[Piece, ...]] | None:
+    """Return the pieces of each solid in one layout, or None if it has another number of solids."""
+    pieces: list[tuple[Piece, ...]] = []
+    for word in words:
+        name, star, times = word.partition("*")
+        if len(pieces) >= len(face_counts):
+            return None
+        count = int(times or 1)
+        if star and not times:
+            rest = face_counts[len(pieces) :]
+            count = next((k for k, faces in enumerate(rest) if faces != rest[0]), len(rest))
+        pieces += [_pieces(name)] * count
+    return pieces if len(pieces) == len(face_counts) else None
+
+
+def _pieces(word: str) -> tuple[Piece, ...]:
+    names, rings = word.split("/")[::2], word.split("/")[1::2]
+    return tuple(Piece(int(ring), name) for ring, name in zip(["0", *rings], names, strict=True))
+
+
+PART_NAMES: tuple[str, ...] = tuple(
+    sorted(
+        {
+            piece.part
+            for line in LAYOUTS.values()
+            for word in line.replace("|", " ").split()
+            for piece in _pieces(word.partition("*")[0])
+        }
+    )
+)
+"""Every part, by the alphabet; labels of faces are places in this list."""
