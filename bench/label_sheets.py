@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from meshdeform.nouns.families import FAMILIES
+from meshdeform.nouns.forms import drawn
 from meshdeform.nouns.labels import LabelledMember, labelled_member
+from meshdeform.nouns.poses import POSES, posed
+from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
 
@@ -79,21 +82,27 @@ def sheet(images: Sequence[Image.Image], columns: int = 4) -> Image.Image:
 
 def member_picture(member: LabelledMember, title: str = "") -> Image.Image:
     """Draw a labelled member."""
-    from meshdeform.nouns.solids import PART_NAMES
-
     return picture(member.verts, member.faces, np.array(PART_NAMES)[member.labels].tolist(), title or member.noun)
 
 
 def main(folder: Path, nouns: Sequence[str]) -> None:
-    """Write sheets of members into a folder, 12 nouns each."""
+    """Write sheets of members and of poses into a folder, 24 pictures each."""
     folder.mkdir(parents=True, exist_ok=True)
-    for first in range(0, len(nouns), 12):
-        images = [
-            member_picture(labelled_member(noun, (), np.random.default_rng(seed)), f"{noun} {seed}")
-            for noun in nouns[first : first + 12]
-            for seed in (1, 4)
-        ]
-        sheet(images).save(folder / f"members-{first // 12:02}.png")
+    images = [
+        member_picture(labelled_member(noun, (), np.random.default_rng(seed)), f"{noun} {seed}")
+        for noun in nouns
+        for seed in (1, 4)
+    ]
+    images += [
+        member_picture(
+            posed(drawn(form, (), np.random.default_rng(1)), pose, np.random.default_rng(1)), f"{form} {pose}"
+        )
+        for form, poses in POSES.items()
+        for pose in poses
+        if form in nouns or form not in FAMILIES
+    ]
+    for first in range(0, len(images), 24):
+        sheet(images[first : first + 24]).save(folder / f"members-{first // 24:02}.png")
 
 
 if __name__ == "__main__":

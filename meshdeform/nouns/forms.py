@@ -16,7 +16,7 @@ from meshdeform.nouns.labels import LabelledMember, labelled_member, labelled_so
 from meshdeform.nouns.solids import LAYOUTS, Piece
 from meshdeform.priors.builtin.grammar import Attribute
 
-__all__ = ["FORMS", "drawn"]
+__all__ = ["FORMS", "GENERAL", "drawn"]
 
 
 def quadruped(rng: Rng, _: Traits) -> Part:
@@ -135,6 +135,9 @@ FORMS: dict[str, tuple[str, ...]] = {
     "van": ("van", "truck"),
 }
 """The families and forms of which the members of each noun may be."""
+
+GENERAL = frozenset(("quadruped", "standing-bird", "great-cat"))
+"""Forms that several nouns share: how near they are says nothing of the noun."""
 
 
 def drawn(form: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> LabelledMember:

@@ -34,5 +34,5 @@ def test_every_noun_has_a_family_whose_members_are_what_they_were() -> None:
 
 
 def test_the_shapes_of_nouns_load_without_torch() -> None:
-    loaded = loaded_by("meshdeform.nouns", before=_BLOCKED)
+    loaded = loaded_by("meshdeform.nouns", "meshdeform.reading", before=_BLOCKED)
     assert among(loaded, ["fastapi", "PIL"]) == {}

@@ -1,0 +1,11 @@
+"""Read an asset: find its noun, its front and its parts by fitting members of its noun to it. numpy and scipy alone.
+
+`read.read_asset` does it. The members come from `meshdeform.nouns`; nothing was trained. `choice` draws and grades
+them, `articulated` fits the best, `votes` carries their parts over, `evidence` weighs in what the file says, and
+`smoothing` makes areas of it.
+"""
+
+from meshdeform.reading.evidence import Evidence
+from meshdeform.reading.read import Reading, read_asset
+
+__all__ = ["Evidence", "Reading", "read_asset"]

@@ -1,0 +1,234 @@
+"""Fit a member to an asset by one affine map for each group of its solids: articulated iterated closest points.
+
+A point x of group g goes to A_g h, h = ((x - c_g) / r_g, 1). With samples paired by their features both ways, y and n
+the asset's place and normal, each round solves the linear least squares
+
+    sum w [ (n . (A_g h - y))^2 + 0.15 |A_g h - y|^2 ]       pairs, w = 1 / (1 + (2 |A_g h - y| / limit)^2)
+    + l m_g |A_g - L_g|^2                                     near a similarity: L_g = half of A_g with stretches in
+                                                              0.5 to 2, half of its closest similarity; m_g its mass
+    + min(m_i, m_j) |A_i h_i(c) - A_j h_j(c)|^2               ties at places c where groups touch
+    + 0.3 (1 - 0.8 s) min(m_i, m_j) |A_i - M A_j M|^2         mirror images alike, M = diag(-1, 1, 1)
+
+while l falls from 0.6 to 0.05 and the limit from 0.25 to 0.06 of the diagonal. The residual of a fit is the mean of
+
+    sqrt( (n . (x - y))^2 + max(t - 0.02, 0)^2 + (0.12 |n_x - n|)^2 ),   t = |x - y| in the plane of y,
+
+over pairs both ways: not of |x - y|, which is mostly the distance between samples.
+
+Sources: Besl and McKay 1992, A method for registration of 3-D shapes; Chen and Medioni 1992, Object modelling by
+registration of multiple range images (planes); Amberg et al. 2007, Optimal step nonrigid ICP (falling stiffness).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshdeform.nouns.labels import Floats, Index, LabelledMember
+from meshdeform.reading.choice import Candidate, Frame, box_scale, candidate_member, placed
+from meshdeform.reading.groups import Groups, groups_of
+from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, hidden, spread
+
+__all__ = ["AssetSamples", "Fit", "fit_candidate"]
+
+_ROUNDS, _ROUGH_ROUNDS, _ROUGH = 24, 12, 500
+"""Rounds with a third of the samples come first."""
+_SAMPLES = 1500
+_LIMITS, _STIFFNESS = (0.25, 0.06), (0.6, 0.05)
+_POINTWISE = 0.15
+_STRETCH = (0.5, 2.0)
+_MIRROR = 0.3
+_LEAST_MASS = 0.035
+_SPACING = 0.02
+_M, _MH = np.diag([-1.0, 1, 1]), np.diag([-1.0, 1, 1, 1])
+_MIRRORED_MAP = np.kron(_M, _MH)
+"""Takes the twelve numbers of a map A, row by row, to those of M A M'."""
+_LINEAR, _SHIFT = np.array([0, 1, 2, 4, 5, 6, 8, 9, 10]), np.array([3, 7, 11])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A member fitted to an asset.
+
+    `member` lies on the asset; `residual` is the mean distance between the surfaces, `strain` the mean logarithm of
+    the maps' stretches; `score`, the residual made worse by strain, orders fits.
+    """
+
+    candidate: Candidate
+    member: LabelledMember
+    residual: float
+    strain: float
+
+    @property
+    def score(self) -> float:
+        """The residual, made worse by strain."""
+        return self.residual * (1 + 0.3 * self.strain)
+
+
+class AssetSamples:
+    """Samples of the asset, and few of them for the first rounds, with trees of their features."""
+
+    def __init__(self, frame: Frame) -> None:
+        mixed = np.random.default_rng(7).permutation(_SAMPLES)
+        self.all = spread(frame.verts, frame.faces, _SAMPLES, 3).rows(mixed)
+        self.features = features(self.all.places, self.all.normals)
+        self.tree, self.rough_tree = cKDTree(self.features), cKDTree(self.features[:_ROUGH])
+
+    def at(self, rough: bool) -> tuple[Floats, Floats, Floats, cKDTree]:
+        """Return places, normals, features and their tree."""
+        count = _ROUGH if rough else _SAMPLES
+        tree = self.rough_tree if rough else self.tree
+        return self.all.places[:count], self.all.normals[:count], self.features[:count], tree
+
+
+def fit_candidate(asset: AssetSamples, frame: Frame, candidate: Candidate) -> Fit:
+    """Draw a candidate's member, scale it to the asset's box and fit it."""
+    member = candidate_member(candidate.noun, candidate.number)
+    low, high = member.verts.min(0), member.verts.max(0)
+    scale, _ = box_scale(low, high, frame)
+    member = member.moved(placed(member.verts, low, high, scale, frame))
+    samples = spread(member.verts, member.faces, _SAMPLES, 0)
+    shown = samples.rows(np.random.default_rng(8).permutation(_SAMPLES))
+    shown = shown.rows(~hidden(shown, member.solid_of_face[shown.faces]))
+    system = _Articulated(groups_of(member), member, shown)
+    for number in range(_ROUNDS):
+        system.step(asset, number / (_ROUNDS - 1), rough=number < _ROUGH_ROUNDS)
+    return Fit(candidate, member.moved(system.carried(member.verts)), system.residual(asset), system.strain())
+
+
+def _surface_distance(x: Floats, normals: Floats, y: Floats, other_normals: Floats) -> Floats:
+    """Return the distance (N,) of places to the planes of the places y, which are samples some way apart."""
+    apart = x - y
+    across = (apart * other_normals).sum(1)
+    along = np.sqrt(np.maximum(np.square(apart).sum(1) - across**2, 0))
+    turned = NORMAL_WEIGHT * np.linalg.norm(normals - other_normals, axis=1)
+    return np.asarray(np.sqrt(across**2 + np.maximum(along - _SPACING, 0) ** 2 + turned**2))
+
+
+class _Articulated:
+    """The maps (G, 3, 4) of the groups of a member, and the system that moves them."""
+
+    def __init__(self, groups: Groups, member: LabelledMember, samples: Samples) -> None:
+        self.groups, count = groups, len(groups)
+        order = np.arange(len(samples.places))
+        self.own = groups.of_vert[member.faces[samples.faces, 0]][order]
+        self.h = groups.homogeneous(samples.places, self.own)
+        self.rest_normals = samples.normals
+        self.maps = np.zeros((count, 3, 4))
+        self.maps[:, :, :3] = np.eye(3) * groups.radii[:, None, None]
+        self.maps[:, :, 3] = groups.centres
+        self.mass = np.bincount(self.own, minlength=count) / max(len(self.own), 1)
+        self.first = True
+        self._move()
+
+    def _move(self) -> None:
+        self.places = np.einsum("nij,nj->ni", self.maps[self.own], self.h)
+        a, b, c = self.maps[:, :, :3].transpose(1, 0, 2)
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
+        normals = np.einsum("nij,nj->ni", cofactors[self.own], self.rest_normals)
+        self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+    def carried(self, verts: Floats) -> Floats:
+        """Return the vertices of the member where the maps take them."""
+        groups = self.groups.of_vert
+        return np.asarray(np.einsum("nij,nj->ni", self.maps[groups], self.groups.homogeneous(verts, groups)))
+
+    def residual(self, asset: AssetSamples) -> float:
+        """Return the mean distance of samples to the other surface, both ways, by the equation at the head."""
+        own = features(self.places, self.normals)
+        nearest, back = asset.tree.query(own)[1], cKDTree(own).query(asset.features)[1]
+        there = _surface_distance(self.places, self.normals, asset.all.places[nearest], asset.all.normals[nearest])
+        here = _surface_distance(asset.all.places, asset.all.normals, self.places[back], self.normals[back])
+        return float(there.mean() + here.mean()) / 2
+
+    def strain(self) -> float:
+        """Return the mean absolute logarithm of the maps' stretches."""
+        stretches = np.linalg.svd(self.maps[:, :, :3] / self.groups.radii[:, None, None], compute_uv=False)
+        return float(np.abs(np.log(np.clip(stretches, 0.1, 10))).mean())
+
+    def step(self, asset: AssetSamples, share: float, *, rough: bool) -> None:
+        """Move the maps by one round; `share` goes from 0 to 1 over all rounds."""
+        count = 12 * len(self.groups)
+        matrix, right = np.zeros((count, count)), np.zeros(count)
+        limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share
+        self._add_pairs(matrix, right, asset, limit, rough)
+        self._add_stiffness(matrix, right, _STIFFNESS[0] * (_STIFFNESS[1] / _STIFFNESS[0]) ** share)
+        self._add_ties(matrix)
+        self._add_mirror(matrix, _MIRROR * (1 - 0.8 * share))
+        matrix[np.diag_indices(count)] += 1e-7
+        self.maps = np.asarray(np.linalg.solve(matrix, right), np.float64).reshape(-1, 3, 4)
+        self.first = False
+        self._move()
+
+    def _add_pairs(self, matrix: Floats, right: Floats, asset: AssetSamples, limit: float, rough: bool) -> None:
+        y, n, asset_features, tree = asset.at(rough)
+        few = slice(None, _ROUGH) if rough else slice(None)
+        places, normals, own, h = self.places[few], self.normals[few], self.own[few], self.h[few]
+        mine = features(places, normals)
+        to_asset, to_member = tree.query(mine)[1], cKDTree(mine).query(asset_features)[1]
+        source = np.concatenate([np.arange(len(mine)), to_member])
+        target, normal = np.concatenate([y[to_asset], y]), np.concatenate([n[to_asset], n])
+        distance = np.linalg.norm(target - places[source], axis=1)
+        paired = ((normal * normals[source]).sum(1) > 0.1) & (distance < 1.5 * limit)
+        weight = paired / (1 + (2 * distance / limit) ** 2)
+        weight[: len(mine)] /= len(mine)
+        weight[len(mine) :] /= len(y)
+        used = np.flatnonzero(weight)
+        used = used[np.argsort(own[source[used]], kind="stable")]
+        self._add_rows(matrix, right, own[source[used]], h[source[used]], target[used], normal[used], weight[used])
+
+    @staticmethod
+    def _add_rows(
+        matrix: Floats, right: Floats, own: Index, h: Floats, target: Floats, normal: Floats, weight: Floats
+    ) -> None:
+        """Add pairs that are sorted by their groups."""
+        rows = (normal[:, :, None] * h[:, None, :]).reshape(-1, 12)
+        along = weight * (normal * target).sum(1)
+        for part in np.split(np.arange(len(own)), np.flatnonzero(np.diff(own)) + 1):
+            if not len(part):
+                continue
+            block = slice(12 * own[part[0]], 12 * own[part[0]] + 12)
+            weighed = weight[part, None] * rows[part]
+            matrix[block, block] += rows[part].T @ weighed
+            right[block] += rows[part].T @ along[part]
+            near = _POINTWISE * weight[part, None] * h[part]
+            matrix[block, block] += np.kron(np.eye(3), h[part].T @ near)
+            right[block] += (near.T @ target[part]).T.ravel()
+
+    def _add_stiffness(self, matrix: Floats, right: Floats, stiffness: float) -> None:
+        radii = self.groups.radii[:, None, None]
+        u, stretches, v = np.linalg.svd(self.maps[:, :, :3] / radii)
+        stretches[np.linalg.det(u @ v) < 0, 2] *= -1
+        kept = (u * np.clip(stretches, *_STRETCH)[:, None]) @ v
+        wanted = 0.5 * kept + 0.5 * (u @ v) * np.abs(stretches).mean(1)[:, None, None]
+        wanted = np.broadcast_to(np.eye(3), wanted.shape) if self.first else wanted
+        for group, (goal, mass) in enumerate(zip(wanted * radii, self.mass, strict=True)):
+            weight = stiffness * max(mass, _LEAST_MASS)
+            matrix[12 * group + _LINEAR, 12 * group + _LINEAR] += weight
+            right[12 * group + _LINEAR] += weight * goal.ravel()
+            matrix[12 * group + _SHIFT, 12 * group + _SHIFT] += 1e-4
+            right[12 * group + _SHIFT] += 1e-4 * self.maps[group, :, 3]
+
+    def _add_ties(self, matrix: Floats) -> None:
+        for i, j, place in self.groups.ties:
+            weight = min(self.mass[i], self.mass[j]) + 0.02
+            both = self.groups.homogeneous(np.stack([place, place]), np.array([i, j])) * [[1.0], [-1.0]]
+            block = weight * np.outer(both.ravel(), both.ravel())
+            for axis in range(3):
+                at = np.r_[12 * i + 4 * axis + np.arange(4), 12 * j + 4 * axis + np.arange(4)]
+                matrix[np.ix_(at, at)] += block
+
+    def _add_mirror(self, matrix: Floats, weight: float) -> None:
+        for i, j in self.groups.mirrored:
+            strength = weight * min(self.mass[i], self.mass[j])
+            one, two = slice(12 * i, 12 * i + 12), slice(12 * j, 12 * j + 12)
+            if i == j:
+                lack = np.eye(12) - _MIRRORED_MAP
+                matrix[one, one] += strength * lack.T @ lack
+            else:
+                matrix[one, one] += strength * np.eye(12)
+                matrix[two, two] += strength * np.eye(12)
+                matrix[one, two] -= strength * _MIRRORED_MAP
+                matrix[two, one] -= strength * _MIRRORED_MAP.T

@@ -1,0 +1,105 @@
+"""Weigh in what a file says of its parts: joints and names of nodes and materials.
+
+A class of joints that moves the share s of a cell multiplies the probability of the parts of that class by 0.05 + s,
+that of the others by 1.05 - s. A name that means a part multiplies all others by 0.02 where it stands, and its own by
+0.1 elsewhere if it names all there is of it, as of wheels.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.nouns.solids import PART_NAMES, carrier
+from meshdeform.reading.cells import Cells
+
+__all__ = ["Evidence", "weighed"]
+
+_JOINTS = {
+    "head": "head ear nose horn trunk tusk mane beak eye crest wattle mouth",
+    "neck": "neck mane",
+    "leg": "leg foot",
+    "arm": "arm hand wing leg claw",
+    "tail": "tail",
+    "ear": "ear",
+}
+JOINT_PARTS: dict[str, frozenset[str]] = {name: frozenset(parts.split()) for name, parts in _JOINTS.items()}
+"""The parts that joints of a class move."""
+
+_MEANS: dict[str, str] = {
+    "feet": "foot", "hair": "head", "helmet": "head", "rooftile": "roof", "shoe": "foot", "tire": "wheel",
+    "tyre": "wheel", "snout": "nose", "muzzle": "nose", "paw": "foot", "hoof": "foot", "leaves": "leaf",
+    "antler": "horn", "tyres": "wheel", "rotors": "rotor", "propellor": "propeller", "lampshade": "shade",
+}  # fmt: skip
+_NOT_PARTS = frozenset(("body", "base", "top", "point", "line", "text", "band", "door", "frame", "panel", "axle"))
+_ALL_NAMED = ("wheel", "shade")
+_OTHERS, _ELSEWHERE = 0.02, 0.1
+_MOST_NAMES = 40
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a file says of the V vertices of an asset.
+
+    `joints`: how much (V,) float64 each vertex follows the joints of a class (`head`, `neck`, `leg`, `arm`, `tail`,
+    `ear`); `names`: the vertices (V,) bool of each named node or material.
+    """
+
+    joints: Mapping[str, Floats] = field(default_factory=dict)
+    names: Mapping[str, Flags] = field(default_factory=dict)
+
+    def segments(self, faces: Index) -> Index:
+        """Return a number (F,) for each face that differs where a node or a material ends."""
+        number = np.zeros(len(faces), np.int64)
+        for flags in list(self.names.values())[:_MOST_NAMES]:
+            number = number * 2 % (2**60 - 1) + flags[faces].all(1)
+        return number
+
+    def told(self, faces: Index) -> dict[str, Flags]:
+        """Return the faces (F,) of each part that names tell."""
+        told: dict[str, Flags] = {}
+        for name, flags in self.names.items():
+            part = part_meant(name)
+            if part is not None and flags.any() and not flags.all():
+                told[part] = told.get(part, np.zeros(len(faces), bool)) | flags[faces].all(1)
+        return {part: flags for part, flags in told.items() if flags.any() and flags.mean() < 0.9}
+
+
+def part_meant(name: str) -> str | None:
+    """Return the part that the name of a node or a material means, or None."""
+    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
+    if {"door", "axle", "axis"} & set(words):
+        return None
+    for word in words:
+        for form in (word, word.removesuffix("s"), _MEANS.get(word, ""), _MEANS.get(word.removesuffix("s"), "")):
+            if form in PART_NAMES and form not in _NOT_PARTS:
+                return form
+    return None
+
+
+def weighed(
+    probabilities: Floats, parts: Index, evidence: Evidence, faces: Index, cells: Cells, areas: Floats
+) -> Floats:
+    """Return probabilities (C, P) of parts with what the file says multiplied in; `areas` (F,) of the faces."""
+    names = [PART_NAMES[number] for number in parts]
+    weighed_in = probabilities.copy()
+    for joint_class, moved in JOINT_PARTS.items():
+        shares = evidence.joints.get(joint_class)
+        own = np.array([name in moved for name in names])
+        if shares is None or shares.max() <= 0.5 or not own.any():
+            continue
+        share = cells.mean(shares[faces].mean(1), areas)[:, None]
+        weighed_in *= np.where(own[None], 0.05 + share, 1.05 - share)
+    for part, flags in evidence.told(faces).items():
+        if part not in names:
+            continue
+        own = np.array([name == part or carrier(name, names) == part for name in names])
+        there = (cells.mean(flags.astype(float), areas) > 0.5)[:, None]
+        weighed_in *= np.where(there & ~own[None], _OTHERS, 1.0)
+        if part in _ALL_NAMED:
+            weighed_in *= np.where(~there & (np.array(names) == part)[None], _ELSEWHERE, 1.0)
+    return np.asarray(weighed_in / np.maximum(weighed_in.sum(1, keepdims=True), 1e-12))

@@ -1,0 +1,46 @@
+"""Names and joints of a file weigh in; what they do not name stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshdeform.nouns.labels import code
+from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.reading.cells import cells_of
+from meshdeform.reading.evidence import JOINT_PARTS, Evidence, part_meant, weighed
+from training.shapes import box
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [("Wheel_FL", "wheel"), ("frontLegs", "leg"), ("RoofTiles", "roof"), ("tyre.003", "wheel"), ("shoes", "foot"),
+     ("car_door_handle", None), ("Cube.001", None), ("wheelAxle", None), ("body", None)],
+)  # fmt: skip
+def test_a_name_means_a_part_or_nothing(name: str, part: str | None) -> None:
+    assert part_meant(name) == part
+
+
+def test_joints_and_names_move_probabilities_where_they_stand() -> None:
+    mesh = box()
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    cells = cells_of(verts, faces)
+    parts = np.array(sorted(code(name) for name in ("body", "head", "wheel")))
+    even = np.full((len(cells), 3), 1 / 3)
+    areas = np.ones(len(faces))
+    top = verts[:, 1] > 0
+    by_joints = weighed(even, parts, Evidence(joints={"head": top.astype(float)}), faces, cells, areas)
+    by_names = weighed(even, parts, Evidence(names={"Wheel": top}), faces, cells, areas)
+    up = top[faces].all(1)[cells.face]
+    assert (PART_NAMES[parts[by_joints[up].argmax(1)[0]]], PART_NAMES[parts[by_names[up].argmax(1)[0]]]) == (
+        "head",
+        "wheel",
+    )
+    wheel = parts.tolist().index(code("wheel"))
+    assert (by_names[~up][:, wheel] < 0.1).all()
+    np.testing.assert_allclose(by_joints.sum(1), 1)
+    np.testing.assert_allclose(weighed(even, parts, Evidence(), faces, cells, areas), even)
+
+
+def test_the_parts_of_joints_are_parts() -> None:
+    assert set().union(*JOINT_PARTS.values()) <= set(PART_NAMES)

@@ -1,0 +1,115 @@
+"""A member of a family that is read as itself has the parts that it was drawn with, however its file has it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from meshdeform.nouns.labels import LabelledMember, labelled_member
+from meshdeform.nouns.poses import posed
+from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.priors.builtin.teaching.deformed import Part
+from meshdeform.reading import Evidence, Reading, read_asset
+from meshdeform.reading.choice import facing
+from meshdeform.reading.read import GROUND
+from tests.cases import each_case
+
+pytestmark = pytest.mark.slow
+
+
+def _member(noun: str, seed: int = 4321) -> LabelledMember:
+    return labelled_member(noun, (), np.random.default_rng(seed))
+
+
+def _areas(member: LabelledMember) -> NDArray[np.float64]:
+    a, b, c = member.verts[member.faces].transpose(1, 0, 2)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def _share(member: LabelledMember, alike: NDArray[np.bool_]) -> float:
+    areas = _areas(member)
+    return float(areas[alike].sum() / areas.sum())
+
+
+@each_case("noun", ["airplane", "bottle", "chair", "dog", "elephant", "lamp", "person", "teapot", "truck", "tree"])
+def test_a_member_read_as_itself_is_right_in_98_per_cent_of_its_area(noun: str) -> None:
+    member = _member(noun)
+    reading = read_asset(Part(member.verts, member.faces), {noun: 1.0}, front_azimuth_deg=0.0)
+    assert _share(member, reading.labels == member.labels) >= 0.98
+    assert set(reading.parts) == {PART_NAMES[number] for number in np.unique(reading.labels)}
+    assert all(0 < share <= 1 for share in reading.confidence.values())
+    assert reading.noun == noun
+    assert reading.probability == 1.0
+
+
+@pytest.fixture(scope="module")
+def horse() -> LabelledMember:
+    return _member("horse")
+
+
+@pytest.fixture(scope="module")
+def horse_reading(horse: LabelledMember) -> Reading:
+    return read_asset(Part(horse.verts, horse.faces), {"horse": 1.0}, front_azimuth_deg=0.0)
+
+
+def test_units_place_turn_mirror_image_and_nodes_change_nothing(horse: LabelledMember, horse_reading: Reading) -> None:
+    far = Part(250.0 * horse.verts @ facing(-90.0).T + [3e3, -70.0, 1e3], horse.faces)
+    mirrored = Part(horse.verts * [-1, 1, 1], horse.faces[:, ::-1].copy())
+    halves = Evidence(names={"left": horse.verts[:, 0] > 0.02, "Cube.001": horse.verts[:, 1] > 0})
+    for body, front, evidence in (
+        (far, 90.0, None),
+        (mirrored, 0.0, None),
+        (Part(horse.verts, horse.faces), 0.0, halves),
+    ):
+        reading = read_asset(body, {"horse": 1.0}, evidence=evidence, front_azimuth_deg=front)
+        assert _share(horse, reading.labels == horse_reading.labels) >= 0.98
+
+
+def test_the_same_asset_is_read_alike(horse: LabelledMember, horse_reading: Reading) -> None:
+    again = read_asset(Part(horse.verts, horse.faces), {"horse": 1.0}, front_azimuth_deg=0.0)
+    assert np.array_equal(again.labels, horse_reading.labels)
+    assert again.confidence == horse_reading.confidence
+
+
+def test_noun_and_front_are_found(horse: LabelledMember) -> None:
+    turned = Part(horse.verts @ facing(-90.0).T, horse.faces)
+    reading = read_asset(turned, {"table": 0.5, "horse": 0.3, "car": 0.2})
+    assert reading.noun == "horse"
+    assert reading.probability > 0.8
+    assert sum(reading.probabilities.values()) == pytest.approx(1)
+    assert reading.front_azimuth_deg == pytest.approx(90)
+    assert reading.front_margin is not None
+    assert reading.front_margin > 0.09
+
+
+def test_a_hammer_that_lies_is_stood_up() -> None:
+    hammer = _member("hammer")
+    lying = Part(hammer.verts[:, [1, 2, 0]], hammer.faces)
+    reading = read_asset(lying, {"hammer": 1.0})
+    assert np.ptp(lying.verts @ reading.turn.T, axis=0).argmax() == 1
+    assert _share(hammer, reading.labels == hammer.labels) >= 0.95
+
+
+def test_a_posed_animal_is_read(horse: LabelledMember) -> None:
+    lying = posed(_member("dog"), "lying", np.random.default_rng(3))
+    reading = read_asset(Part(lying.verts, lying.faces), {"dog": 1.0}, front_azimuth_deg=0.0)
+    assert _share(lying, reading.labels == lying.labels) >= 0.9
+
+
+def test_a_plate_under_it_is_ground(horse: LabelledMember, horse_reading: Reading) -> None:
+    low = float(horse.verts[:, 1].min())
+    corners = np.array([[x, low - y, z] for y in (0.0, 0.02) for x in (-2.0, 2.0) for z in (-2.0, 2.0)])
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    plate = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]) + len(horse.verts)
+    body = Part(np.concatenate([horse.verts, corners]), np.concatenate([horse.faces, plate]))
+    reading = read_asset(body, {"horse": 1.0}, front_azimuth_deg=0.0)
+    assert (reading.labels[len(horse.faces) :] == GROUND).all()
+    assert _share(horse, reading.labels[: len(horse.faces)] == horse_reading.labels) >= 0.99
+
+
+def test_what_cannot_be_read_is_refused() -> None:
+    point = Part(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+    for body, nouns in ((point, {"dog": 1.0}), (_member("dog"), {})):
+        with pytest.raises(ValueError, match="nothing to read"):
+            read_asset(Part(body.verts, body.faces), nouns)
