@@ -30,7 +30,7 @@ FOLDER = ROOT / "service" / "web" / "examples"
 LIST = FOLDER / "gallery.json"
 OUTPUT = {"compact": True, "provenance": True}
 AZIMUTH_DEG, SIDE = 30.0, 320
-REPORTED = ("verdict", "likeness", "quality", "posed_quality", "texture_stretch", "mesh")
+REPORTED = ("verdict", "likeness", "quality", "texture_stretch", "mesh")
 """Parts of a report that the page shows."""
 ANIMAL_CELLS = 15
 

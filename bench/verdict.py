@@ -90,7 +90,7 @@ def verdict_of(report: Mapping[str, Any]) -> dict[str, Any]:
     counted = {"cut_share": cuts, "flipped_faces": quality["flipped_faces"]}
     structure = {**counted, **((report.get("verdict") or {}).get("structure") or {})}
     if report["way"] == "change":
-        return verdict_of_change(structure)
+        return verdict_of_change(structure, of_parts=all(each["part"] != "whole" for each in report["changes"]))
     shape = Shape.of(structure, quality, report["movement"], fitted="fit" in report)
     if "fit" in report:
         return of_target(report["fit"], shape)

@@ -173,7 +173,7 @@ class TextDeformRun(JobRun):
     def __init__(self, facts: RunFacts, deformation: Deformation, log: RunLog) -> None:
         super().__init__(facts.params.steps, deformation.step, log)
         self._facts, self._deformation = facts, deformation
-        self._held: list[float] = []
+        self._held: dict[int, float] = {}
 
     @property
     def orientation(self) -> Orientation:
@@ -184,7 +184,7 @@ class TextDeformRun(JobRun):
         for step in self._deformation:
             checked = step.step % EVERY_STEPS == 0 or self._deformation.done
             if checked and "held_share" in step.losses:
-                self._held.append(step.losses["held_share"])
+                self._held[step.step] = step.losses["held_share"]
             yield step.losses
 
     def checkpoint(self) -> bytes:
@@ -215,7 +215,7 @@ class TextDeformRun(JobRun):
             # With the normals that the file has now, so that the picture shows what a viewer of the file does.
             shown = Shown.of(facts.asset, written, facts.welded, verts)
             look = facts.asset.appearance().of_triangles(facts.drawn)
-        outcome = Outcome(verts, result, written, shown, surface.rebuilt_normals, Held.of(self._held))
+        outcome = Outcome(verts, result, written, shown, surface.rebuilt_normals, Held.of(self._held, self.total_steps))
         report, picture = side_by_side(
             lambda: build_report(facts, self._deformation, outcome, self.first_step, self.log),
             lambda: preview_png(look, *shown.poses),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
@@ -24,6 +24,7 @@ from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
+from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import parse
@@ -37,6 +38,8 @@ from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.surfaces import Shown
 from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.worth import (
+    HELD_BACK,
+    UNMOVED,
     Shape,
     Source,
     of_noun,
@@ -51,8 +54,6 @@ from meshdeform.runs.worth import (
 if TYPE_CHECKING:
     from meshdeform.plain.change import Done
 
-_STALLED = 0.01
-"""Root mean square displacement, as a share of the diagonal, below which a result looks like its source."""
 _MOSTLY = 0.5
 _REMEDIES = {
     "safeguard": "Set params.safeguard to flips: the surface may then intersect itself. A mesh without doubled or "
@@ -63,8 +64,6 @@ _CAUSES = {
     "safeguard": "the safeguard held back {held:.0%} of it",
     "guidance": "the guidance hardly pulled at it",
 }
-_MUCH = 0.2
-"""Share of the surface that the safeguard holds back in the end above which it is told."""
 _HELD = (
     "The safeguard held back {held:.0%} of the surface in the end, because it would have folded or cut itself: these "
     "parts lag behind. Ask for less (a nearer noun, a lower strength), or for a change of one part in plain words."
@@ -133,9 +132,13 @@ class Held:
     at_end: float = 0.0  # over its last quarter
 
     @classmethod
-    def of(cls, shares: Sequence[float]) -> Self:
-        """Return the means of the shares at each check."""
-        return cls(float(np.mean(shares)), float(np.mean(shares[-max(len(shares) // 4, 1) :]))) if shares else cls()
+    def of(cls, shares: Mapping[int, float], steps: int) -> Self:
+        """Return the means of the shares at each check, by its step, of a run of so many steps.
+
+        An attempt that resumed before the last quarter says the same of the end as one that did not.
+        """
+        late = [share for step, share in shares.items() if step > 0.75 * steps] or list(shares.values())[-1:]
+        return cls(float(np.mean(list(shares.values()))), float(np.mean(late))) if shares else cls()
 
 
 def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:
@@ -222,7 +225,11 @@ def change_report(
         **nothing,
         "way": "change",
         "changes": [each.to_dict() for each in done],
-        "verdict": verdict_of_change(structure, [doubt for each in done for doubt in each.doubts]),
+        "verdict": verdict_of_change(
+            structure,
+            [doubt for each in done for doubt in each.doubts],
+            of_parts=all(each.change.part != WHOLE for each in done),
+        ),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
         "source_noun": None if recognised is None else recognised.to_dict(),
         "warnings": [
@@ -397,7 +404,7 @@ class Movement:
     def warnings(self) -> list[str]:
         """Sentences for the user: what held the mesh back, and what to do; empty if nothing did."""
         if self.stalled_by is None:
-            return [_HELD.format(held=self.held_at_end)] if self.held_at_end > _MUCH else []
+            return [_HELD.format(held=self.held_at_end)] if self.held_at_end > HELD_BACK else []
         cause = _CAUSES[self.stalled_by].format(held=self.held_share)
         return [f"The mesh hardly moved ({self.rms:.1%} of its size): {cause}. {_REMEDIES[self.stalled_by]}"]
 
@@ -414,7 +421,7 @@ def measure_movement(rest: RestMesh, verts: Tensor, held: Held) -> Movement:
     total = float(weights.sum())
     rms = float(np.sqrt((weights * squared).sum() / total)) / diagonal if total > 0 and diagonal > 0 else 0.0
     stalled_by = None
-    if rms < _STALLED:
+    if rms < UNMOVED:
         stalled_by = "safeguard" if held.mean > _MOSTLY else "guidance"
     return Movement(rms, held.mean, held.at_end, stalled_by)
 

@@ -35,9 +35,9 @@ _DISTORTED = 2.0
 _TOLERATED = {"asymmetry": 2.0, "flatness": 2.0, "contacts": 2.0, "cut_share": 15.0}
 """How far beyond its limit a figure may be in a good result: what exceeds it little is mostly not seen, and most cuts
 of an asset of many parts are where parts meet."""
-_HELD = 0.2
+HELD_BACK = 0.2
 """Share of the surface that the safeguard held back in the end above which parts lag behind."""
-_UNMOVED = 0.01
+UNMOVED = 0.01
 """Displacement, as a share of the diagonal, below which a result looks like its source."""
 _MET, _WITHIN = 0.35, 2 / 3
 """Share of the distance at the start that may be left of what a target or pictures are met by, and share of the target
@@ -83,7 +83,7 @@ class Shape:
         """Return why it is not whole, in sentences; empty if it is. `excused`: figures, and `swollen`."""
         faults = [_SWELLED] if self.swollen and "swollen" not in excused else []
         faults += broken(self.structure, excused, _TOLERATED)
-        if self.held > _HELD:
+        if self.held > HELD_BACK:
             faults.append(f"The safeguard held back {self.held:.0%} of the surface in the end, which lags behind.")
         return faults
 
@@ -256,19 +256,23 @@ def of_shape(shape: Shape) -> dict[str, Any]:
 
 def _by_faults(faults: Sequence[str], shape: Shape) -> dict[str, Any]:
     """Return the verdict of a result that is good unless something speaks against it."""
-    if shape.moved < _UNMOVED:
+    if shape.moved < UNMOVED:
         faults = [*faults, f"It hardly moved: {shape.moved:.1%} of its size."]
     if not faults:
         return _said(Verdict.GOOD, ["Nothing broke. Whether it looks as you meant, you see best."], shape)
     return _said(Verdict.DOUBTFUL, faults, shape, [_ANOTHER, *([_WEAKER] if shape.faults() else [])])
 
 
-def verdict_of_change(structure: Mapping[str, Any], reasons: Sequence[str] = ()) -> dict[str, Any]:
+def verdict_of_change(
+    structure: Mapping[str, Any], reasons: Sequence[str] = (), *, of_parts: bool = False
+) -> dict[str, Any]:
     """Return the verdict of a change in plain words: good unless something broke, or other `reasons` speak against it.
 
-    Asymmetry and bent pieces are what some changes ask for; only flipped faces, new cuts and cracks count.
+    Asymmetry and bent pieces are what some changes ask for; only flipped faces, new cuts and cracks count. `of_parts`:
+    whether only parts were changed, which enter those beside them where they grow.
     """
-    broke = broken(structure, frozenset(structure) - {"flipped_faces", "cut_share", "opened_junctions"}, _TOLERATED)
+    tolerated = {"cut_share": _TOLERATED["cut_share"]} if of_parts else {}
+    broke = broken(structure, frozenset(structure) - {"flipped_faces", "cut_share", "opened_junctions"}, tolerated)
     if not broke and not reasons:
         said = {"value": Verdict.GOOD.value, "reasons": ["Nothing broke."], "advice": []}
     else:

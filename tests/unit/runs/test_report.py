@@ -57,7 +57,7 @@ def test_what_held_it_back_is_named_with_its_remedy(held: float, cause: str, rem
 
 def test_what_is_held_back_in_the_end_is_told_though_the_rest_moved() -> None:
     shift = torch.tensor([0.3, 0.0, 0.4])
-    early, late = Held.of([0.9, 0.9, 0.5, 0.1]), Held.of([0.0, 0.0, 0.0, 0.4])
+    early, late = Held.of({5: 0.9, 10: 0.9, 15: 0.5, 20: 0.1}, 20), Held.of({20: 0.4}, 20)
     assert (early.at_end, late.at_end) == (0.1, 0.4)
     assert measure_movement(REST, REST.verts + shift, early).warnings == []
     (warning,) = measure_movement(REST, REST.verts + shift, late).warnings

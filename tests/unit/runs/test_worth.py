@@ -235,8 +235,8 @@ def test_where_nobody_can_say_what_it_looks_like_the_shape_decides() -> None:
     [
         ({}, [], GOOD),
         ({"asymmetry": 0.5, "flatness": 0.5, "contacts": 0.5}, [], GOOD),
-        ({"cut_share": 0.15}, [], GOOD),
-        ({"cut_share": 0.16}, [], DOUBTFUL),
+        ({"cut_share": 0.01}, [], GOOD),
+        ({"cut_share": 0.011}, [], DOUBTFUL),
         ({"flipped_faces": 1}, [], DOUBTFUL),
         ({}, ["It hardly shows."], DOUBTFUL),
     ],
@@ -247,6 +247,11 @@ def test_a_change_in_plain_words_is_good_unless_something_speaks_against_it(
     said = verdict_of_change({**STRUCTURE, **changes}, reasons)
     assert (said["value"], said["reasons"][: len(reasons)]) == (value, reasons)
     assert said["structure"] == {**STRUCTURE, **changes}
+
+
+@each_case("share, value", [(0.15, GOOD), (0.16, DOUBTFUL)])
+def test_parts_that_grow_may_enter_those_beside_them(share: float, value: str) -> None:
+    assert verdict_of_change({**STRUCTURE, "cut_share": share}, of_parts=True)["value"] == value
 
 
 def test_of_several_guidances_the_worst_counts() -> None:
