@@ -172,7 +172,10 @@ async def _on_unknown(request: Request, error: Exception) -> JSONResponse:
     # Starlette logs the traceback. The message may contain paths or secrets, so it is not sent.
     del error
     problem = MeshdeformError("An unexpected error occurred in the server.", advice="Its log has the details.")
-    return _answer(request, problem)
+    answer = _answer(request, problem)
+    # The server ends the connection when the error reaches it, which would cut off a request that follows on it.
+    answer.headers["Connection"] = "close"
+    return answer
 
 
 async def _known_query(request: Request) -> None:

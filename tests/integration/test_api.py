@@ -40,6 +40,7 @@ def test_a_mistake_of_ours_is_a_problem_without_its_details(api: Api, monkeypatc
     answer = api.http.get("/v1/jobs")
     check_problem(answer, 500, "internal")
     assert "1234" not in answer.text
+    assert answer.headers["connection"] == "close"
 
 
 def messages(problem: dict[str, Any]) -> dict[str, str]:
