@@ -22,30 +22,21 @@ from meshdeform.nouns.families import FAMILIES
 from meshdeform.nouns.labels import LabelledMember, labelled_member
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.plain.body import Body, loose_body
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.evidence import read_body
 from meshdeform.priors.builtin.teaching.deformed import Part
-from meshdeform.reading import Evidence, Reading, read_asset
+from meshdeform.reading import Reading, read_asset
 from meshdeform.reading.choice import candidate_member, prepare
-from meshdeform.reading.evidence import JOINT_PARTS
 
 _SEED = 4321
 """Of a member that is none of those that are fitted."""
 
 
-def evidence_of(body: Body) -> Evidence:
-    """Return what the file of a body says of its parts."""
-    parts = Parts(body)
-    shares = {name: parts.of_class(name) for name in JOINT_PARTS} if parts.rigged else {}
-    return Evidence({name: share for name, share in shares.items() if share is not None}, body.names)
-
-
 def read_file(path: Path, noun: str, front_deg: float | None) -> tuple[Body, Reading, float]:
     """Return the body of a file, its reading, and the CPU seconds that the reading took."""
     body = loose_body(load_asset(path.read_bytes(), path.name))
-    evidence = evidence_of(body)
     prepare(noun)
     start = time.process_time()
-    reading = read_asset(Part(body.points, body.faces), {noun: 1.0}, evidence=evidence, front_azimuth_deg=front_deg)
+    reading = read_body(body, {noun: 1.0}, front_deg)
     return body, reading, time.process_time() - start
 
 
@@ -63,9 +54,9 @@ def main(assets: Path, folder: Path) -> None:
         noun, front_deg = asked if isinstance(asked, list) else (asked, None)
         body, reading, seconds = read_file(assets / name, noun, front_deg)
         margin = "" if reading.front_margin is None else f" {reading.front_margin:.0%}"
-        title = f"{Path(name).stem} {noun} {reading.front_azimuth_deg:.0f}{margin} r{100 * reading.fit.residual:.1f}"
+        title = f"{Path(name).stem} {noun} {reading.front_azimuth_deg:.0f}{margin} r{100 * reading.residual:.1f}"
         found = ", ".join(f"{part} {share:.2f}" for part, share in reading.confidence.items())
-        print(f"{seconds:5.2f} s  {len(body.faces):6} faces  {title}  {reading.fit.member.noun}: {found}", flush=True)
+        print(f"{seconds:5.2f} s  {len(body.faces):6} faces  {title}  {found}", flush=True)
         images.append(drawn_reading(body, reading, title))
     for first in range(0, len(images), 24):
         sheet(images[first : first + 24]).save(folder / f"parts-{first // 24:02}.png")

@@ -7,7 +7,7 @@ plane, found on points spread over the surface with their normals, and the front
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from meshdeform.assets import Asset
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.plain.names import sides_of, tokens
+from meshdeform.plain.reader import Reader
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -72,6 +73,11 @@ class Body:
     vertex_map: Index  # (N,) int64: the vertex of each row of the asset's surface, or -1
     rows: Index  # (V,) int64: a row of each vertex
     unit: float | None = None  # metres of its unit of length; None if its format has none
+    reader: Reader = field(default_factory=Reader)  # finds its noun, its front and its parts
+    painted: Mapping[str, Flags] = field(default_factory=dict)
+    """Mapping of str to (F,) bool: the faces that somebody said belong to a part."""
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    """The name that somebody gave to a part which was found under another one; two may get the same."""
 
     def moved(self, points: Floats) -> Body:
         """Return the body with its vertices at other places."""

@@ -60,7 +60,8 @@ class Reading:
     front_margin: float | None
     labels: Index
     confidence: Mapping[str, float]
-    fit: Fit
+    member: int
+    residual: float
 
     @property
     def front_azimuth_deg(self) -> float:
@@ -120,7 +121,8 @@ def read_asset(
     labels, confidence = _labelled(frame, fits, evidence or Evidence())
     all_labels = np.full(len(faces), GROUND, np.int64)
     all_labels[~ground] = labels
-    return Reading(noun, probabilities, turn, margin, all_labels, confidence, fits[0])
+    best = fits[0]
+    return Reading(noun, probabilities, turn, margin, all_labels, confidence, best.candidate.number, best.residual)
 
 
 def _area(asset: _Asset) -> float:

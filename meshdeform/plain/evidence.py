@@ -1,0 +1,27 @@
+"""Collect what the file of a body says of its parts, and read a body of which the noun may be known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from meshdeform.plain.body import Body
+from meshdeform.plain.parts import Parts
+from meshdeform.priors.builtin.teaching.deformed import Part
+from meshdeform.reading import Evidence, Reading, read_asset
+from meshdeform.reading.evidence import JOINT_PARTS
+
+
+def evidence_of(body: Body) -> Evidence:
+    """Return what joints and names say of the vertices of a body."""
+    parts = Parts(body)
+    shares = {name: parts.of_class(name) for name in JOINT_PARTS} if parts.rigged else {}
+    return Evidence({name: share for name, share in shares.items() if share is not None}, body.names)
+
+
+def read_body(body: Body, nouns: Mapping[str, float], front_azimuth_deg: float | None = None) -> Reading:
+    """Read a body that may be one of several nouns, with their probabilities (`reading.read_asset`).
+
+    `front_azimuth_deg`: where it faces, from +Z toward +X, if that is known. Raises ValueError: it has no area.
+    """
+    asked = Part(body.points, body.faces)
+    return read_asset(asked, nouns, evidence=evidence_of(body), front_azimuth_deg=front_azimuth_deg)
