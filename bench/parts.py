@@ -42,7 +42,7 @@ def read_file(path: Path, noun: str, front_deg: float | None) -> tuple[Body, Rea
 
 def drawn_reading(body: Body, reading: Reading, title: str) -> Image.Image:
     """Draw an asset with the parts that were found, its front turned to the viewer."""
-    names = np.array([*PART_NAMES, "ground"])[reading.labels]
+    names = np.array([*PART_NAMES, "none", "ground"])[reading.labels]
     return picture(body.points @ reading.turn.T, body.faces, names.tolist(), title)
 
 

@@ -2,10 +2,12 @@
 
 `read.read_asset` does it. The members come from `meshdeform.nouns`; nothing was trained. `choice` draws and grades
 them, `articulated` fits the best, `votes` carries their parts over, `evidence` weighs in what the file says, and
-`smoothing` makes areas of it.
+`smoothing` makes areas of it. A `Reading` can be kept in bytes (`result`), as long as `VERSION` stays.
 """
 
 from meshdeform.reading.evidence import Evidence
-from meshdeform.reading.read import Reading, read_asset
+from meshdeform.reading.read import read_asset
+from meshdeform.reading.result import GROUND, NO_PART, Reading
+from meshdeform.reading.version import VERSION
 
-__all__ = ["Evidence", "Reading", "read_asset"]
+__all__ = ["GROUND", "NO_PART", "VERSION", "Evidence", "Reading", "read_asset"]

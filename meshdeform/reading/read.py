@@ -22,14 +22,13 @@ from meshdeform.reading.articulated import AssetSamples, Fit, fit_candidate
 from meshdeform.reading.cells import Cells, cells_of, ground_plate
 from meshdeform.reading.choice import Frame, candidates, facing, nearness
 from meshdeform.reading.evidence import Evidence, weighed
+from meshdeform.reading.result import GROUND, Reading
 from meshdeform.reading.smoothing import settled, smoothed
 from meshdeform.reading.votes import TRUST, part_votes
 
-__all__ = ["FRONTS", "GROUND", "Reading", "read_asset"]
+__all__ = ["FRONTS", "read_asset"]
 
 FRONTS = (0.0, 90.0, 180.0, -90.0)
-GROUND = -1
-"""The label of a plate on which an asset stands."""
 _FITTED = 5
 _VOTING = 4
 _VOTING_WITHIN = 3 * TRUST
@@ -41,42 +40,6 @@ _HELD = frozenset(_HELD_NAMES.split())
 """Nouns of things that may lie."""
 _SINGLE = frozenset(("beak", "head", "neck", "nose", "spout", "tail", "trunk"))
 """Parts that a noun has once; several solids of one touch."""
-
-
-@dataclass(frozen=True)
-class Reading:
-    """What an asset was found to be.
-
-    `labels` (F,) int64: the part of each face, a place in `PART_NAMES` or `GROUND`. `confidence`: the mean smoothed
-    probability of each part over its faces. `turn` (3, 3) float64: the rotation from the asset's axes to those of its
-    noun, +Y up and +Z the front; `front_margin`: by which share the second front's grade is larger, None where the
-    front was given or the noun has none. `probabilities` are those of all proposed nouns; `fit` is the best fit, whose
-    member lies on the turned asset.
-    """
-
-    noun: str
-    probabilities: Mapping[str, float]
-    turn: Floats
-    front_margin: float | None
-    labels: Index
-    confidence: Mapping[str, float]
-    member: int
-    residual: float
-
-    @property
-    def front_azimuth_deg(self) -> float:
-        """Where it faces, from +Z toward +X, -180 to 180."""
-        return float(np.degrees(np.arctan2(self.turn[2, 0], self.turn[2, 2]))) + 0.0
-
-    @property
-    def probability(self) -> float:
-        """The probability of its noun."""
-        return self.probabilities[self.noun]
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """The names of the parts that were found."""
-        return tuple(self.confidence)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from meshdeform.nouns.labels import LabelledMember, labelled_member
 from meshdeform.nouns.poses import posed
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.priors.builtin.teaching.deformed import Part
-from meshdeform.reading import Evidence, Reading, read_asset
+from meshdeform.reading import GROUND, Evidence, Reading, read_asset
 from meshdeform.reading.choice import facing
-from meshdeform.reading.read import GROUND
 from tests.cases import each_case
 
 pytestmark = pytest.mark.slow
