@@ -25,7 +25,7 @@ from meshdeform.plain.body import Body, loose_body
 from meshdeform.plain.evidence import read_body
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading import Reading, read_asset
-from meshdeform.reading.choice import candidate_member, prepare
+from meshdeform.reading.banks import candidate_member, prepare
 
 _SEED = 4321
 """Of a member that is none of those that are fitted."""

@@ -27,7 +27,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
-from meshdeform.reading.choice import Candidate, Frame, box_scale, candidate_member, placed
+from meshdeform.reading.banks import candidate_member
+from meshdeform.reading.choice import Candidate, Frame, box_scale, placed
 from meshdeform.reading.groups import Groups, groups_of
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, hidden, spread
 

@@ -1,4 +1,4 @@
-"""Draw members of a noun, and grade how near each is to an asset.
+"""Grade how near the members of a noun are to an asset.
 
 The asset is turned so that its front is +Z and scaled so that the diagonal of its box is 1. A member is scaled to the
 asset's box along each axis, by at most `EASE` against the mean of the three. With features f of samples (`samples`),
@@ -6,36 +6,30 @@ the grade is
 
     mean_i min_j |f_i - g_j| + 1/2 mean_j min(min_i |f_i - g_j|, 0.15) + 0.01 s,
 
-i over the asset, j over the member, s the largest logarithm of a scale against the mean. Half of the members have
-random attributes of parts, two thirds of those that can stand otherwise are posed.
+i over the asset, j over the member, s the largest logarithm of a scale against the mean. All members are graded by
+few samples, those that come out best by all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from meshdeform.nouns.forms import FORMS, GENERAL, drawn
-from meshdeform.nouns.labels import Floats, Index, LabelledMember
-from meshdeform.nouns.poses import POSES, posed
-from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
+from meshdeform.nouns.labels import Floats, Index
+from meshdeform.reading.banks import MEMBERS, SAMPLES, Bank, Singles, bank_of, is_general
 from meshdeform.reading.samples import NORMAL_WEIGHT, features, spread
 
-__all__ = ["MEMBERS", "Candidate", "Frame", "candidate_member", "candidates"]
+__all__ = ["Candidate", "Frame", "candidates", "facing", "nearness"]
 
-MEMBERS = 110
 EASE = 1.5
-_SAMPLES, _FEW = 700, 220
+_FEW = 220
 _FINALISTS, _OWN_FINALISTS = 28, 8
 _FAR = 0.15
 _ENLARGED = 0.01
-
-Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -61,6 +55,13 @@ class Frame:
         placed = (turned - (low + high) / 2) / diagonal
         return cls(placed, faces, turn, (low - high) / 2 / diagonal, (high - low) / 2 / diagonal)
 
+    @cached_property
+    def features(self) -> Singles:
+        """Features (N, 6) float32 of samples of the surface; the first few are spread as all are."""
+        own = spread(self.verts, self.faces, SAMPLES, 1)
+        mixed = np.random.default_rng(6).permutation(SAMPLES)
+        return features(own.places[mixed], own.normals[mixed]).astype(np.float32)
+
 
 def facing(azimuth_deg: float) -> Floats:
     """Return the rotation (3, 3) that turns a front at an azimuth, counted from +Z toward +X, to +Z."""
@@ -79,52 +80,7 @@ class Candidate:
     @property
     def general(self) -> bool:
         """Whether it is of a form that other nouns have as well."""
-        return FORMS[self.noun][self.number % len(FORMS[self.noun])] in GENERAL
-
-
-@dataclass(frozen=True)
-class _Bank:
-    """Samples of all members of a noun: places and normals (M, N, 3) float32, boxes (M, 3) float64."""
-
-    places: Singles
-    normals: Singles
-    low: Floats
-    high: Floats
-
-
-def candidate_member(noun: str, number: int) -> LabelledMember:
-    """Draw the member of a number, with attributes and a pose of its own."""
-    forms = FORMS[noun]
-    form, seed = forms[number % len(forms)], number // len(forms) + 1
-    rng = np.random.default_rng([seed, 71])
-    attributes = []
-    if seed % 2:
-        attributes = [
-            Attribute(part, PARTS[part][int(rng.integers(2))]) for part in NOUNS.get(form, ()) if rng.random() < 0.5
-        ]
-    member = drawn(form, attributes, rng)
-    poses = POSES.get(form, ())
-    if seed % 3 == 0:
-        for pose in ("walking", "turned"):
-            member = posed(member, pose, rng) if pose in poses else member
-    others = [pose for pose in poses if pose not in ("walking", "turned")]
-    if seed % 3 == 1 and others:
-        member = posed(member, others[int(rng.integers(len(others)))], rng)
-    return member
-
-
-@lru_cache(maxsize=24)
-def _bank(noun: str) -> _Bank:
-    """Draw all members of a noun, once."""
-    members = [candidate_member(noun, number) for number in range(MEMBERS)]
-    samples = [spread(member.verts, member.faces, _SAMPLES, 2) for member in members]
-    mixed = np.random.default_rng(5).permutation(_SAMPLES)  # so that the first few are spread as all are
-    return _Bank(
-        np.stack([one.places[mixed] for one in samples]).astype(np.float32),
-        np.stack([one.normals[mixed] for one in samples]).astype(np.float32),
-        np.stack([member.verts.min(0) for member in members]),
-        np.stack([member.verts.max(0) for member in members]),
-    )
+        return is_general(self.noun, self.number)
 
 
 def box_scale(low: Floats, high: Floats, frame: Frame) -> tuple[Floats, float]:
@@ -142,44 +98,39 @@ def placed(points: Floats, low: Floats, high: Floats, scale: Floats, frame: Fram
     return at
 
 
-def candidates(frame: Frame, noun: str, count: int) -> list[Candidate]:
-    """Return the nearest members of a noun, the best first."""
-    bank = _bank(noun)
-    own = spread(frame.verts, frame.faces, _SAMPLES, 1)
-    mixed = np.random.default_rng(6).permutation(_SAMPLES)
-    asset = features(own.places[mixed], own.normals[mixed])
-    few = asset[:_FEW]
-    rough = [Candidate(noun, number, _grade(frame, bank, number, few, None)) for number in range(MEMBERS)]
-    rough.sort(key=lambda one: one.grade)
+def candidates(frame: Frame, noun: str, count: int, folder: Path | None = None) -> list[Candidate]:
+    """Return the nearest members of a noun, the best first; `folder` keeps samples of them (`banks`)."""
+    bank = bank_of(noun, folder)
+    rough = _graded(frame, bank, noun, range(MEMBERS), _FEW)
     not_shared = [one for one in rough if not one.general]
     finalists = {one.number for one in [*rough[:_FINALISTS], *not_shared[:_OWN_FINALISTS]]}
-    tree = cKDTree(asset)
-    fine = [Candidate(noun, number, _grade(frame, bank, number, asset, tree)) for number in sorted(finalists)]
-    return sorted(fine, key=lambda one: (one.grade, one.number))[:count]
+    return _graded(frame, bank, noun, sorted(finalists), SAMPLES)[:count]
 
 
-def nearness(frame: Frame, noun: str) -> tuple[float, float]:
+def nearness(frame: Frame, noun: str, folder: Path | None = None) -> tuple[float, float]:
     """Return the grades of the nearest member of a noun, and of those whose form no other noun has."""
-    nearest = candidates(frame, noun, MEMBERS)
+    nearest = candidates(frame, noun, MEMBERS, folder)
     return nearest[0].grade, next((one.grade for one in nearest if not one.general), nearest[0].grade)
 
 
-def _grade(frame: Frame, bank: _Bank, number: int, asset: Floats, tree: cKDTree | None) -> float:
+def _graded(frame: Frame, bank: Bank, noun: str, numbers: Iterable[int], samples: int) -> list[Candidate]:
+    """Return some members with their grades by so many samples, the best first."""
+    asset = frame.features[:samples]
+    own = [Candidate(noun, number, _grade(frame, bank, number, asset)) for number in numbers]
+    return sorted(own, key=lambda one: (one.grade, one.number))
+
+
+def _grade(frame: Frame, bank: Bank, number: int, asset: Singles) -> float:
     """Return how far a member is from the asset's features (N, 6)."""
-    low, high = bank.low[number], bank.high[number]
+    low, high = bank.low[number].astype(float), bank.high[number].astype(float)
     scale, enlarged = box_scale(low, high, frame)
     few = len(asset)
-    normals = bank.normals[number, :few] / scale
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    own = np.hstack([placed(bank.places[number, :few].astype(float), low, high, scale, frame), NORMAL_WEIGHT * normals])
-    if tree is None:
-        squares = (own**2).sum(1)[:, None] + (asset**2).sum(1)[None] - 2 * own @ asset.T
-        to_asset, to_member = (np.sqrt(np.maximum(squares.min(axis), 0)) for axis in (1, 0))
-    else:
-        to_asset, to_member = tree.query(own)[0], cKDTree(own).query(asset)[0]
+    normals = bank.normals[number, :few] / scale.astype(np.float32)
+    normals *= NORMAL_WEIGHT / np.maximum(np.sqrt(np.einsum("nk,nk->n", normals, normals)), 1e-12)[:, None]
+    own = np.empty((few, 6), np.float32)
+    own[:, :3], own[:, 3:] = placed(bank.places[number, :few], low, high, scale, frame), normals
+    squares = own @ (-2 * asset.T)  # all pairs: quicker than a tree for so few
+    squares += np.einsum("nk,nk->n", asset, asset)
+    squares += np.einsum("nk,nk->n", own, own)[:, None]
+    to_asset, to_member = (np.sqrt(np.maximum(squares.min(axis), 0)) for axis in (1, 0))
     return float(0.5 * np.minimum(to_asset, _FAR).mean() + to_member.mean() + _ENLARGED * enlarged)
-
-
-def prepare(noun: str) -> None:
-    """Draw the members of a noun, so that a later reading does not wait for it."""
-    _bank(noun)

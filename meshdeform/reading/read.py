@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -54,6 +55,7 @@ def read_asset(
     *,
     evidence: Evidence | None = None,
     front_azimuth_deg: float | None = None,
+    cache: Path | None = None,
 ) -> Reading:
     """Read a mesh.
 
@@ -67,6 +69,9 @@ def read_asset(
         Joints and names of its file.
     front_azimuth_deg : float, optional
         Where it faces, if that is known: degrees from +Z toward +X.
+    cache : Path, optional
+        A folder in which samples of the nouns' members are kept (`banks`), a megabyte a noun. Without it they are
+        drawn by each process.
 
     Raises
     ------
@@ -78,9 +83,9 @@ def read_asset(
     standing = _Asset(verts, faces[~ground])
     if not nouns or not len(faces) or not _area(standing) > 0:
         raise ValueError("there is nothing to read: no noun is proposed, or the mesh has no area")
-    noun, probabilities, turn, margin = _chosen(standing, nouns, front_azimuth_deg)
+    noun, probabilities, turn, margin = _chosen(standing, nouns, front_azimuth_deg, cache)
     frame = Frame.turned(standing.verts, standing.faces, turn)
-    fits = _best_fits(frame, noun)
+    fits = _best_fits(frame, noun, cache)
     labels, confidence = _labelled(frame, fits, evidence or Evidence())
     all_labels = np.full(len(faces), GROUND, np.int64)
     all_labels[~ground] = labels
@@ -94,10 +99,10 @@ def _area(asset: _Asset) -> float:
 
 
 def _chosen(
-    asset: _Asset, nouns: Mapping[str, float], front_deg: float | None
+    asset: _Asset, nouns: Mapping[str, float], front_deg: float | None, cache: Path | None
 ) -> tuple[str, dict[str, float], Floats, float | None]:
     """Return the noun, the probabilities of all, the turn, and by how much the second front is worse."""
-    grades = {noun: _grades(asset, noun, front_deg) for noun in nouns}
+    grades = {noun: _grades(asset, noun, front_deg, cache) for noun in nouns}
     if len(grades) == 1 and len(grades[next(iter(nouns))]) == 1:
         noun = next(iter(nouns))
         return noun, {noun: 1.0}, grades[noun][0][2], None
@@ -111,7 +116,7 @@ def _chosen(
     return noun, probabilities, best[0][2], best[1][0] / best[0][0] - 1 if len(best) > 1 else None
 
 
-def _grades(asset: _Asset, noun: str, front_deg: float | None) -> list[tuple[float, float, Floats]]:
+def _grades(asset: _Asset, noun: str, front_deg: float | None, cache: Path | None) -> list[tuple[float, float, Floats]]:
     """Return both grades (`nearness`) for each turn in which an asset of a noun may stand, the best first."""
     fronts = (front_deg,) if front_deg is not None else FRONTS[:1] if noun in TURNED else FRONTS
     turns = [facing(front) for front in fronts]
@@ -119,7 +124,7 @@ def _grades(asset: _Asset, noun: str, front_deg: float | None) -> list[tuple[flo
         turns += _lying(asset)
     graded = []
     for turn in turns:
-        grade, own = nearness(Frame.turned(asset.verts, asset.faces, turn), noun)
+        grade, own = nearness(Frame.turned(asset.verts, asset.faces, turn), noun, cache)
         against = 1.0 if np.allclose(turn, np.eye(3)) or len(turns) == 1 else 1 + _CONVENTION
         graded.append((grade * against, own * against, turn))
     return sorted(graded, key=lambda one: one[0])
@@ -139,10 +144,10 @@ def _lying(asset: _Asset) -> list[Floats]:
     return turns
 
 
-def _best_fits(frame: Frame, noun: str) -> list[Fit]:
+def _best_fits(frame: Frame, noun: str, cache: Path | None) -> list[Fit]:
     """Return the fitted members that may vote, the best first."""
     samples = AssetSamples(frame)
-    fits = [fit_candidate(samples, frame, one) for one in candidates(frame, noun, _FITTED)]
+    fits = [fit_candidate(samples, frame, one) for one in candidates(frame, noun, _FITTED, cache)]
     fits.sort(key=lambda fit: (fit.score, fit.candidate.number))
     return [fit for fit in fits[:_VOTING] if fit.score <= fits[0].score + _VOTING_WITHIN]
 

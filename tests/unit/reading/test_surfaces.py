@@ -8,8 +8,9 @@ from meshdeform.nouns.families.parts import box, ellipsoid, join
 from meshdeform.nouns.labels import labelled_member
 from meshdeform.reading import cells as cells_module
 from meshdeform.reading.articulated import AssetSamples, fit_candidate
+from meshdeform.reading.banks import candidate_member
 from meshdeform.reading.cells import cells_of
-from meshdeform.reading.choice import Candidate, Frame, candidate_member, candidates
+from meshdeform.reading.choice import Candidate, Frame, candidates
 from meshdeform.reading.groups import groups_of
 from meshdeform.reading.samples import hidden, spread
 from meshdeform.reading.smoothing import settled, smoothed
