@@ -23,7 +23,7 @@ from meshdeform.nouns.poses import POSES, posed
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
 from meshdeform.reading.samples import spread
-from meshdeform.reading.version import VERSION
+from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.support.files import write_files
 
 __all__ = ["MEMBERS", "SAMPLES", "Bank", "bank_of", "candidate_member", "is_general", "prepare"]
@@ -85,7 +85,7 @@ def candidate_member(noun: str, number: int) -> LabelledMember:
 @lru_cache(maxsize=_IN_MEMORY)
 def bank_of(noun: str, folder: Path | None = None) -> Bank:
     """Return the samples of a noun's members: of a file in the folder, or drawn and then written there."""
-    path = None if folder is None else folder / f"{noun}-{VERSION}.npz"
+    path = None if folder is None else folder / f"{noun}-{MEMBERS_VERSION}.npz"
     kept = None if path is None else _kept(path)
     if kept is not None:
         return kept

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshdeform.reading import VERSION, banks
+from meshdeform.reading import banks
 from meshdeform.reading.banks import Bank, bank_of
+from meshdeform.reading.version import MEMBERS_VERSION
 
 _NOUN = "mug"
 
@@ -38,7 +39,7 @@ def test_a_file_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert drawn.places.shape == (3, banks.SAMPLES, 3)
     folder = tmp_path / "new" / "banks"
     assert _same(_again(folder), drawn)
-    assert [path.name for path in folder.iterdir()] == [f"{_NOUN}-{VERSION}.npz"]
+    assert [path.name for path in folder.iterdir()] == [f"{_NOUN}-{MEMBERS_VERSION}.npz"]
     monkeypatch.setattr(banks, "_drawn", lambda _: pytest.fail("it was drawn again"))
     assert _same(_again(folder), drawn)
 
@@ -63,7 +64,7 @@ def test_files_of_other_versions_go(tmp_path: Path) -> None:
     for name in (f"{_NOUN}-0123456789abcdef.npz", "dog-0123456789abcdef.npz"):
         (tmp_path / name).write_bytes(b"old")
     _again(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {f"{_NOUN}-{VERSION}.npz", "dog-0123456789abcdef.npz"}
+    assert {path.name for path in tmp_path.iterdir()} == {f"{_NOUN}-{MEMBERS_VERSION}.npz", "dog-0123456789abcdef.npz"}
 
 
 def test_where_nothing_can_be_written_it_is_drawn(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
