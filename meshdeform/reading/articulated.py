@@ -46,7 +46,6 @@ _SPACING = 0.02
 _M, _MH = np.diag([-1.0, 1, 1]), np.diag([-1.0, 1, 1, 1])
 _MIRRORED_MAP = np.kron(_M, _MH)
 """Takes the twelve numbers of a map A, row by row, to those of M A M'."""
-_LINEAR, _SHIFT = np.array([0, 1, 2, 4, 5, 6, 8, 9, 10]), np.array([3, 7, 11])
 
 
 @dataclass(frozen=True)
@@ -121,6 +120,7 @@ class _Articulated:
         self.maps[:, :, :3] = np.eye(3) * groups.radii[:, None, None]
         self.maps[:, :, 3] = groups.centres
         self.mass = np.bincount(self.own, minlength=count) / max(len(self.own), 1)
+        self.ties, self.mirror = self._ties(), self._mirror()
         self.first = True
         self._move()
 
@@ -156,8 +156,7 @@ class _Articulated:
         limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share
         self._add_pairs(matrix, right, asset, limit, rough)
         self._add_stiffness(matrix, right, _STIFFNESS[0] * (_STIFFNESS[1] / _STIFFNESS[0]) ** share)
-        self._add_ties(matrix)
-        self._add_mirror(matrix, _MIRROR * (1 - 0.8 * share))
+        matrix += self.ties + _MIRROR * (1 - 0.8 * share) * self.mirror
         matrix[np.diag_indices(count)] += 1e-7
         self.maps = np.asarray(np.linalg.solve(matrix, right), np.float64).reshape(-1, 3, 4)
         self.first = False
@@ -195,7 +194,9 @@ class _Articulated:
             matrix[block, block] += rows[part].T @ weighed
             right[block] += rows[part].T @ along[part]
             near = _POINTWISE * weight[part, None] * h[part]
-            matrix[block, block] += np.kron(np.eye(3), h[part].T @ near)
+            pointwise = h[part].T @ near
+            for axis in range(12 * own[part[0]], 12 * own[part[0]] + 12, 4):
+                matrix[axis : axis + 4, axis : axis + 4] += pointwise
             right[block] += (near.T @ target[part]).T.ravel()
 
     def _add_stiffness(self, matrix: Floats, right: Floats, stiffness: float) -> None:
@@ -205,25 +206,31 @@ class _Articulated:
         kept = (u * np.clip(stretches, *_STRETCH)[:, None]) @ v
         wanted = 0.5 * kept + 0.5 * (u @ v) * np.abs(stretches).mean(1)[:, None, None]
         wanted = np.broadcast_to(np.eye(3), wanted.shape) if self.first else wanted
-        for group, (goal, mass) in enumerate(zip(wanted * radii, self.mass, strict=True)):
-            weight = stiffness * max(mass, _LEAST_MASS)
-            matrix[12 * group + _LINEAR, 12 * group + _LINEAR] += weight
-            right[12 * group + _LINEAR] += weight * goal.ravel()
-            matrix[12 * group + _SHIFT, 12 * group + _SHIFT] += 1e-4
-            right[12 * group + _SHIFT] += 1e-4 * self.maps[group, :, 3]
+        weights = np.full((len(self.groups), 3, 4), 1e-4)
+        weights[:, :, :3] = stiffness * np.maximum(self.mass, _LEAST_MASS)[:, None, None]
+        goals = np.concatenate([wanted * radii, self.maps[:, :, 3:]], 2)
+        matrix[np.diag_indices(len(matrix))] += weights.ravel()
+        right += (weights * goals).ravel()
 
-    def _add_ties(self, matrix: Floats) -> None:
-        for i, j, place in self.groups.ties:
+    def _ties(self) -> Floats:
+        """Return the matrix of the ties, which is the same in every round."""
+        groups, count = self.groups, 12 * len(self.groups)
+        matrix = np.zeros((count, count))
+        for i, j, place in groups.ties:
             weight = min(self.mass[i], self.mass[j]) + 0.02
-            both = self.groups.homogeneous(np.stack([place, place]), np.array([i, j])) * [[1.0], [-1.0]]
+            both = groups.homogeneous(np.stack([place, place]), np.array([i, j])) * [[1.0], [-1.0]]
             block = weight * np.outer(both.ravel(), both.ravel())
             for axis in range(3):
                 at = np.r_[12 * i + 4 * axis + np.arange(4), 12 * j + 4 * axis + np.arange(4)]
                 matrix[np.ix_(at, at)] += block
+        return matrix
 
-    def _add_mirror(self, matrix: Floats, weight: float) -> None:
+    def _mirror(self) -> Floats:
+        """Return the matrix that makes mirror images alike."""
+        count = 12 * len(self.groups)
+        matrix = np.zeros((count, count))
         for i, j in self.groups.mirrored:
-            strength = weight * min(self.mass[i], self.mass[j])
+            strength = min(self.mass[i], self.mass[j])
             one, two = slice(12 * i, 12 * i + 12), slice(12 * j, 12 * j + 12)
             if i == j:
                 lack = np.eye(12) - _MIRRORED_MAP
@@ -233,3 +240,4 @@ class _Articulated:
                 matrix[two, two] += strength * np.eye(12)
                 matrix[one, two] -= strength * _MIRRORED_MAP
                 matrix[two, one] -= strength * _MIRRORED_MAP.T
+        return matrix
