@@ -190,6 +190,22 @@ class Document:
         accessors.append({**kept, **accessor})
         return len(accessors) - 1
 
+    def append_stored(self, values: NDArray[Any], like: Json) -> int:
+        """Append an accessor of vertex attributes as they are stored, and return its index.
+
+        `values`, (N, C) of any type: the elements, each of which gets a multiple of four bytes; `like`: an accessor of
+        the same type, of which everything but its place and its count is copied.
+        """
+        packed = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+        rows = np.zeros((len(values), packed.shape[1] + -packed.shape[1] % 4), np.uint8)
+        rows[:, : packed.shape[1]] = packed
+        view = self.append_view(rows.tobytes(), ARRAY_BUFFER)
+        self.root["bufferViews"][view]["byteStride"] = rows.shape[1]
+        kept = {name: clone(value) for name, value in like.items() if name not in ("byteOffset", "sparse")}
+        accessors = self.items("accessors")
+        accessors.append({**kept, "bufferView": view, "count": len(values)})
+        return len(accessors) - 1
+
     def append_zeros(self, count: int) -> int:
         """Append an accessor of `count` zero vectors; glTF defines an accessor without data as zeros."""
         accessors = self.items("accessors")

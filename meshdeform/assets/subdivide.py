@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import (
-    ARRAY_BUFFER,
     ELEMENT_ARRAY_BUFFER,
     Document,
     read_accessor,
@@ -112,9 +111,6 @@ def subdivide(document: Document, max_triangles: int, excluded: frozenset[int] =
                 changed.add(at)
         count = sum(len(group.placements) * len(group.triangles) for group in groups)
     dropped = {name for at in sorted(changed) for name in _write(document, groups[at])}
-    for name in dropped:
-        if not any(name in p.get("extensions", {}) for m in document.root["meshes"] for p in m["primitives"]):
-            drop_extension(document.root, name)
     return Subdivision(before, count, longest / size if size else 0.0, limited, tuple(sorted(dropped)))
 
 
@@ -248,18 +244,26 @@ def _write(document: Document, group: _Group) -> set[str]:
         primitive = document.root["meshes"][group.mesh]["primitives"][p]
         old = accessors[primitive["indices"]] if "indices" in primitive else {}
         own = group.triangles[group.owner == place]
-        primitive["indices"] = _append_indices(document, own, written["POSITION"], old)
+        primitive["indices"] = append_indices(document, own, written["POSITION"], old)
         primitive.pop("mode", None)
         if isinstance(primitive.get("extras"), dict):
             primitive["extras"].pop("polygons", None)
         primitive["attributes"] = {name: written[name] for name in primitive["attributes"]}
         for t, target in enumerate(primitive.get("targets", [])):
             primitive["targets"][t] = {name: written[f"{t}/{name}"] for name in target}
-        for name in set(_BY_EDGE) & set(primitive.get("extensions", {})):
-            del primitive["extensions"][name]
-            dropped.add(name)
-        if primitive.get("extensions") == {}:
-            del primitive["extensions"]
+        dropped |= drop_lists_of_edges(document.root, primitive)
+    return dropped
+
+
+def drop_lists_of_edges(root: Json, primitive: Json) -> set[str]:
+    """Remove the extensions of a primitive that list edges, since its corners are others now; return their names."""
+    dropped = set(_BY_EDGE) & set(primitive.get("extensions", {}))
+    for name in dropped:
+        del primitive["extensions"][name]
+        if not any(name in p.get("extensions", {}) for m in root["meshes"] for p in m["primitives"]):
+            drop_extension(root, name)
+    if primitive.get("extensions") == {}:
+        del primitive["extensions"]
     return dropped
 
 
@@ -270,18 +274,14 @@ def _append(document: Document, values: NDArray[Any], like: Json, key: str) -> i
         return document.append_zeros(len(values))
     if values.dtype.kind == "f" and values.shape[1] <= 4:
         return document.append_accessor(values, like=like, bounds=name == "POSITION")
-    packed = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
-    rows = np.zeros((len(values), packed.shape[1] + -packed.shape[1] % 4), np.uint8)
-    rows[:, : packed.shape[1]] = packed
-    view = document.append_view(rows.tobytes(), ARRAY_BUFFER)
-    document.root["bufferViews"][view]["byteStride"] = rows.shape[1]
-    left_out = ("byteOffset", "sparse", "min", "max")
-    kept = {name: clone(value) for name, value in like.items() if name not in left_out}
-    document.items("accessors").append({**kept, "bufferView": view, "count": len(values)})
-    return len(document.items("accessors")) - 1
+    return document.append_stored(values, {key: value for key, value in like.items() if key not in ("min", "max")})
 
 
-def _append_indices(document: Document, triangles: _Index, position: int, like: Json) -> int:
+def append_indices(document: Document, triangles: _Index, position: int, like: Json) -> int:
+    """Append an accessor of the corners of triangles (T, 3) and return its index.
+
+    `position`: the accessor of the vertices' positions; `like`: the accessor to replace, whose name is kept.
+    """
     small = document.root["accessors"][position]["count"] < 2**16  # 65535 itself is not a valid 16-bit index
     view = document.append_view(triangles.astype("<u2" if small else "<u4").tobytes(), ELEMENT_ARRAY_BUFFER)
     kept = {name: clone(value) for name, value in like.items() if name in ("name", "extras")}

@@ -24,6 +24,7 @@ __all__ = [
     "GuidanceKind",
     "JobKind",
     "OrientationMode",
+    "PartsAs",
     "Preset",
     "RegionAction",
     "RigMode",
@@ -131,6 +132,14 @@ class RigMode(StrEnum):
 
     KEEP = "keep"
     FOLLOW = "follow"
+
+
+class PartsAs(StrEnum):
+    """Forms in which a GLB says which part its triangles belong to."""
+
+    ATTRIBUTE = "attribute"
+    MATERIALS = "materials"
+    NODES = "nodes"
 
 
 class Easing(StrEnum):

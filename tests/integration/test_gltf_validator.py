@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from meshdeform.assets import load_asset
+from meshdeform.assets.parted import PartsAs, with_parts
 from tests.cases import each_case
 from tests.unit.assets.archives import packed
 from tests.unit.assets.builders import QUAD_NORMALS, Builder
@@ -20,6 +21,8 @@ from tests.unit.assets.test_compressed import draco_asset, draco_skin, draco_str
 from tests.unit.assets.test_convert import OBJ, PLY, stl
 from tests.unit.assets.test_fuzz import kitchen_sink
 from tests.unit.assets.test_morph import with_targets
+from tests.unit.assets.test_parted import ASSETS as PARTED
+from tests.unit.assets.test_parted import halves
 from tests.unit.assets.test_replace import rich, text_gltf
 from tests.unit.assets.test_rig import arm
 
@@ -109,3 +112,13 @@ def test_a_subdivided_asset_has_no_new_error_or_warning(validate_glb: Validate, 
     known = serious(validate_glb(asset.to_bytes()))
     for written in (made.to_bytes(), made.replace(moved, made.surface.normals, made.surface.tangents, morph=True)):
         assert not serious(validate_glb(written)).keys() - known.keys()
+
+
+@each_case("form", list(PartsAs))
+@each_case("name", list(PARTED))
+def test_an_asset_with_its_parts_has_no_new_error_or_warning(validate_glb: Validate, name: str, form: PartsAs) -> None:
+    asset = load_asset(*PARTED[name])
+    known = serious(validate_glb(asset.to_bytes()))
+    if form is PartsAs.NODES:  # viewers ignore the place of a skin's node; a child's is that of its node
+        known["NODE_SKINNED_MESH_NON_ROOT"] += 1
+    assert not serious(validate_glb(with_parts(asset, halves(asset), form))).keys() - known.keys()
