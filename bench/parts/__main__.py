@@ -2,7 +2,7 @@
 
 The files are found in FOLDER by their hash (`assets.json` says where they are from). Sheets and `found.json` go to
 SHEETS; a person grades them (`grades.json`). ``--table`` prints what the grades come to, ``--members [NOUN ...]``
-reads members of the families instead, whose parts are known, and ``--cost FOLDER`` what a reading costs.
+reads members of the families instead, whose parts are known. ``python -m bench.parts.cost`` measures what it costs.
 """
 
 from __future__ import annotations

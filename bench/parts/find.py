@@ -45,7 +45,7 @@ def found(each: Listed, path: Path, *, given: bool, labels: bool = False) -> Fou
     """Read an asset; `given`: noun and front are; `labels`: return those of the reading, not what users are shown."""
     body = loose_body(load_asset(path.read_bytes(), path.name))
     start = time.process_time()
-    nouns = {each.noun: 1.0} if given else _proposed(body)
+    nouns = {each.noun: 1.0} if given else proposed(body)
     reading = read_body(body, nouns, each.front if given else None)
     parts = _labelled(reading) if labels else _listed(body)
     seconds = time.process_time() - start
@@ -54,7 +54,8 @@ def found(each: Listed, path: Path, *, given: bool, labels: bool = False) -> Fou
     return Found(body, reading, ranked, parts, seconds, most)
 
 
-def _proposed(body: Body) -> Mapping[str, float]:
+def proposed(body: Body) -> Mapping[str, float]:
+    """Return the nouns that a body may be, as the judge says, with their probabilities."""
     mesh = TriangleMesh(torch.from_numpy(body.points), torch.from_numpy(body.faces))
     recognition = recognise(mesh, None, [joint.name for joint in body.joints])
     if recognition.probability == 1.0:
