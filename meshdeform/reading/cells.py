@@ -17,7 +17,7 @@ from meshdeform.priors.builtin.teaching.deformed import Part
 
 __all__ = ["MOST_CELLS", "Cells", "cells_of", "ground_plate"]
 
-MOST_CELLS = 50_000
+MOST_CELLS = 30_000
 _COARSEST = 0.2
 _FLAT, _BROAD, _ABOVE_GROUND = 0.04, 0.7, 0.05
 _WIDER, _LEAST_HEIGHT = 0.75, 0.6

@@ -12,7 +12,7 @@ few samples, those that come out best by all.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,9 +21,9 @@ import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.banks import MEMBERS, SAMPLES, Bank, Singles, bank_of, is_general
-from meshdeform.reading.samples import NORMAL_WEIGHT, features, spread
+from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
 
-__all__ = ["Candidate", "Frame", "candidates", "facing", "nearness"]
+__all__ = ["Candidate", "Frame", "Surface", "candidates", "facing", "nearness"]
 
 EASE = 1.5
 _FEW = 220
@@ -32,35 +32,52 @@ _FAR = 0.15
 _ENLARGED = 0.01
 
 
-@dataclass(frozen=True)
-class Frame:
-    """The asset with its front toward +Z, its box about the origin with a diagonal of 1.
+class Surface:
+    """An asset of any place, size and turn: `verts` (V, 3) float64 and `faces` (F, 3) int64, at least one."""
 
-    `verts` (V, 3) float64, `faces` (F, 3) int64, `turn` (3, 3) float64 from the asset's axes, `low` and `high` (3,).
+    def __init__(self, verts: Floats, faces: Index) -> None:
+        self.verts, self.faces = verts, faces
+
+    @cached_property
+    def used(self) -> Floats:
+        """The places (U, 3) of the vertices that faces use."""
+        used = np.zeros(len(self.verts), bool)
+        used[self.faces] = True
+        return self.verts[used]
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Places on the surface; the first few are spread as all are."""
+        mixed = np.random.default_rng(6).permutation(SAMPLES)
+        return spread(self.verts, self.faces, SAMPLES, 1).rows(mixed)
+
+
+class Frame:
+    """An asset with its front toward +Z, its box about the origin with a diagonal of 1.
+
+    `turn` (3, 3) float64 is the rotation from the asset's axes; `low` and `high` (3,) bound the box.
     """
 
-    verts: Floats
-    faces: Index
-    turn: Floats
-    low: Floats
-    high: Floats
-
-    @classmethod
-    def turned(cls, verts: Floats, faces: Index, turn: Floats) -> Frame:
-        """Turn a mesh by a rotation (3, 3), scale it and move it to the origin."""
-        turned = verts @ turn.T
-        used = turned[np.unique(faces)]
+    def __init__(self, surface: Surface, turn: Floats) -> None:
+        self.surface, self.turn, self.faces = surface, turn, surface.faces
+        used = surface.used @ turn.T
         low, high = used.min(0), used.max(0)
-        diagonal = max(float(np.linalg.norm(high - low)), 1e-300)
-        placed = (turned - (low + high) / 2) / diagonal
-        return cls(placed, faces, turn, (low - high) / 2 / diagonal, (high - low) / 2 / diagonal)
+        self._middle, self._diagonal = (low + high) / 2, max(float(np.linalg.norm(high - low)), 1e-300)
+        self.low, self.high = (low - high) / 2 / self._diagonal, (high - low) / 2 / self._diagonal
+
+    def _entered(self, points: Floats) -> Floats:
+        return np.asarray((points @ self.turn.T - self._middle) / self._diagonal)
+
+    @cached_property
+    def verts(self) -> Floats:
+        """The vertices (V, 3) float64."""
+        return self._entered(self.surface.verts)
 
     @cached_property
     def features(self) -> Singles:
-        """Features (N, 6) float32 of samples of the surface; the first few are spread as all are."""
-        own = spread(self.verts, self.faces, SAMPLES, 1)
-        mixed = np.random.default_rng(6).permutation(SAMPLES)
-        return features(own.places[mixed], own.normals[mixed]).astype(np.float32)
+        """Features (N, 6) float32 of samples of the surface."""
+        samples = self.surface.samples
+        return features(self._entered(samples.places), samples.normals @ self.turn.T).astype(np.float32)
 
 
 def facing(azimuth_deg: float) -> Floats:
@@ -102,15 +119,29 @@ def candidates(frame: Frame, noun: str, count: int, folder: Path | None = None) 
     """Return the nearest members of a noun, the best first; `folder` keeps samples of them (`banks`)."""
     bank = bank_of(noun, folder)
     rough = _graded(frame, bank, noun, range(MEMBERS), _FEW)
+    return _refined(frame, bank, noun, rough, _FINALISTS)[:count]
+
+
+def nearness(
+    frames: Sequence[Frame], noun: str, dearer: Sequence[float], folder: Path | None = None
+) -> list[tuple[int, float, float]]:
+    """Return, for the two frames in which members of a noun are nearest, their place in `frames` and two grades.
+
+    They are the grades of the nearest member, and of the nearest whose form no other noun has; `dearer`: what the
+    grades of each frame are multiplied by when the two are chosen.
+    """
+    bank = bank_of(noun, folder)
+    rough = [_graded(frame, bank, noun, range(MEMBERS), _FEW) for frame in frames]
+    best = sorted(range(len(frames)), key=lambda k: rough[k][0].grade * dearer[k])[:2]
+    fine = [(k, _refined(frames[k], bank, noun, rough[k], _FINALISTS // 2)) for k in best]
+    return [(k, own[0].grade, next((one.grade for one in own if not one.general), own[0].grade)) for k, own in fine]
+
+
+def _refined(frame: Frame, bank: Bank, noun: str, rough: Sequence[Candidate], finalists: int) -> list[Candidate]:
+    """Return the best of some graded members, graded by all samples."""
     not_shared = [one for one in rough if not one.general]
-    finalists = {one.number for one in [*rough[:_FINALISTS], *not_shared[:_OWN_FINALISTS]]}
-    return _graded(frame, bank, noun, sorted(finalists), SAMPLES)[:count]
-
-
-def nearness(frame: Frame, noun: str, folder: Path | None = None) -> tuple[float, float]:
-    """Return the grades of the nearest member of a noun, and of those whose form no other noun has."""
-    nearest = candidates(frame, noun, MEMBERS, folder)
-    return nearest[0].grade, next((one.grade for one in nearest if not one.general), nearest[0].grade)
+    numbers = {one.number for one in [*rough[:finalists], *not_shared[:_OWN_FINALISTS]]}
+    return _graded(frame, bank, noun, sorted(numbers), SAMPLES)
 
 
 def _graded(frame: Frame, bank: Bank, noun: str, numbers: Iterable[int], samples: int) -> list[Candidate]:
