@@ -159,7 +159,7 @@ def _grade(frame: Frame, bank: Bank, number: int, asset: Singles) -> float:
     normals = bank.normals[number, :few] / scale.astype(np.float32)
     normals *= NORMAL_WEIGHT / np.maximum(np.sqrt(np.einsum("nk,nk->n", normals, normals)), 1e-12)[:, None]
     own = np.empty((few, 6), np.float32)
-    own[:, :3], own[:, 3:] = placed(bank.places[number, :few], low, high, scale, frame), normals
+    own[:, :3], own[:, 3:] = placed(bank.places[number, :few].astype(float), low, high, scale, frame), normals
     squares = own @ (-2 * asset.T)  # all pairs: quicker than a tree for so few
     squares += np.einsum("nk,nk->n", asset, asset)
     squares += np.einsum("nk,nk->n", own, own)[:, None]

@@ -1,18 +1,19 @@
 """Decide what an asset is and where it faces.
 
-For each of the most probable nouns, the grade g of the nearest member (`choice`) over all fronts tells them apart
-better than residuals of fits do, since a fit bends whatever is there to the asset. With the probability p that was
-proposed, the probability of a noun is proportional to
+Of the proposed nouns the `PROPOSED` most probable ones count, with probabilities p, and those that names in the file
+tell. With the grade g of the nearest member (`choice`), of those whose form no other noun shares, over all fronts, the
+probability of a noun is w over the sum of all w and that of none of them,
 
-    p^SHARE exp(-(g / least g - 1) / DECISIVE),
+    w = (p + 0.0001)^0.6 exp(-1.9 (g - least g) / max(least g, 0.05)),    w of none = 1.4 (1 - largest p),
 
-g of members whose form no other noun shares. What is held in a hand may also lie: its length is then the asset's
-longest axis.
+and what is named has 300 (p + 0.01)^0.6 in place of its first factor. The three constants were fitted to 150 public
+assets, leaving out one author at a time to see what they are worth; of names that tell a noun, 95 % are right.
+What is held in a hand may also lie: its length is then the asset's longest axis.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,11 +23,12 @@ from meshdeform.nouns.labels import Floats
 from meshdeform.priors.builtin.vocabulary import TURNED
 from meshdeform.reading.choice import Frame, Surface, facing, nearness
 
-__all__ = ["FRONTS", "Decision", "decide"]
+__all__ = ["FRONTS", "PROPOSED", "Decision", "decide"]
 
 FRONTS = (0.0, 90.0, 180.0, -90.0)
-_SHARE = 1.0
-_DECISIVE = 0.06
+PROPOSED = 5
+_SHARE, _FAR_GRADE, _NEAR_GRADE, _NONE = 0.6, 1.9, 0.05, 1.4
+_LEAST, _LEAST_NAMED, _NAMED = 1e-4, 0.01, 300.0
 _CONVENTION = 0.03
 """By which share other fronts must be better than +Z, which is where assets face by glTF's convention."""
 _HELD_NAMES = "axe banana bone bottle candle carrot corn dumbbell guitar hammer pan rocket shield sword torch umbrella"
@@ -45,21 +47,43 @@ class Decision:
 
 
 def decide(
-    surface: Surface, nouns: Mapping[str, float], front_deg: float | None = None, folder: Path | None = None
+    surface: Surface,
+    nouns: Mapping[str, float],
+    named: Iterable[str] = (),
+    front_deg: float | None = None,
+    folder: Path | None = None,
 ) -> Decision:
-    """Return what an asset is and where it faces; `front_deg` if that is known, `folder` as in `banks`."""
+    """Return what an asset is and where it faces.
+
+    `nouns`: what it may be, with probabilities; a single one is what it is. `named`: nouns that its file tells;
+    `front_deg`: the azimuth of its front if that is known; `folder` as in `banks`.
+    """
     frames = _Frames(surface, front_deg)
-    if len(nouns) == 1 and len(frames.of(noun := next(iter(nouns)))) == 1:
-        return Decision(noun, {noun: 1.0}, frames.of(noun)[0], None)
-    graded = {noun: frames.graded(noun, folder) for noun in nouns}
-    nearest = {noun: min(own for _, own, _ in fronts) for noun, fronts in graded.items()}
-    least = min(nearest.values())
-    likely = {noun: nouns[noun] ** _SHARE * np.exp(-(grade / least - 1) / _DECISIVE) for noun, grade in nearest.items()}
-    total = sum(likely.values()) or 1.0
-    probabilities = {noun: float(value / total) for noun, value in likely.items()}
-    noun = max(probabilities, key=probabilities.__getitem__)
+    if len(nouns) == 1:
+        (noun,), probabilities = nouns, {next(iter(nouns)): 1.0}
+        if len(frames.of(noun)) == 1:
+            return Decision(noun, probabilities, frames.of(noun)[0], None)
+        graded = {noun: frames.graded(noun, folder)}
+    else:
+        first = sorted(nouns, key=lambda noun: -nouns[noun])[:PROPOSED]
+        graded = {noun: frames.graded(noun, folder) for noun in dict.fromkeys([*first, *named])}
+        grades = {noun: min(own for _, own, _ in fronts) for noun, fronts in graded.items()}
+        probabilities = _probabilities(grades, nouns, frozenset(named))
+        noun = max(probabilities, key=probabilities.__getitem__)
     best = graded[noun]
     return Decision(noun, probabilities, best[0][2], best[1][0] / best[0][0] - 1 if len(best) > 1 else None)
+
+
+def _probabilities(grades: Mapping[str, float], nouns: Mapping[str, float], named: Collection[str]) -> dict[str, float]:
+    """Return the probability of each graded noun, by the equation at the head."""
+    least = min(grades.values())
+    weights = {}
+    for noun, grade in grades.items():
+        proposed = nouns.get(noun, 0.0)
+        factor = _NAMED * (proposed + _LEAST_NAMED) ** _SHARE if noun in named else (proposed + _LEAST) ** _SHARE
+        weights[noun] = factor * float(np.exp(-_FAR_GRADE * (grade - least) / max(least, _NEAR_GRADE)))
+    total = sum(weights.values()) + _NONE * (1 - min(max(nouns.values()), 1.0))
+    return {noun: weight / total for noun, weight in sorted(weights.items(), key=lambda item: -item[1])}
 
 
 class _Frames:

@@ -2,7 +2,7 @@
 
 A class of joints that moves the share s of a cell multiplies the probability of the parts of that class by 0.05 + s,
 that of the others by 1.05 - s. A name that means a part multiplies all others by 0.02 where it stands, and its own by
-0.1 elsewhere if it names all there is of it, as of wheels.
+0.1 elsewhere if it names all there is of it, as of wheels. What most of an asset is named after is likely its noun.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ import numpy as np
 
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.nouns.solids import PART_NAMES, carrier
+from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.reading.cells import Cells
 
-__all__ = ["Evidence", "weighed"]
+__all__ = ["Evidence", "nouns_named", "weighed"]
 
 _JOINTS = {
     "head": "head ear nose horn trunk tusk mane beak eye crest wattle mouth",
@@ -38,6 +39,10 @@ _MEANS: dict[str, str] = {
 _NOT_PARTS = frozenset(("body", "base", "top", "point", "line", "text", "band", "door", "frame", "panel", "axle"))
 _ALL_NAMED = ("wheel", "shade")
 _OTHERS, _ELSEWHERE = 0.02, 0.1
+_SHAPES = frozenset(("bone", "bones", "box", "cone", "plane"))
+"""Words in names that are nouns, but mostly mean a joint or a plain solid that somebody began with."""
+_MOST_OF_IT = 0.45
+"""Share of the area that what is named as a noun has at least: a helmet is no person."""
 _MOST_NAMES = 40
 
 
@@ -69,9 +74,24 @@ class Evidence:
         return {part: flags for part, flags in told.items() if flags.any() and flags.mean() < 0.9}
 
 
+def nouns_named(evidence: Evidence, faces: Index, areas: Floats) -> tuple[str, ...]:
+    """Return the nouns that names of nodes or materials tell, by the alphabet; `areas` (F,) of the faces."""
+    least = _MOST_OF_IT * float(areas.sum())
+    named: set[str] = set()
+    for name, flags in list(evidence.names.items())[:_MOST_NAMES]:
+        nouns = {noun_of(word) for word in _words(name) if word not in _SHAPES} - {None}
+        if nouns and float(areas[flags[faces].all(1)].sum()) >= least:
+            named |= {noun for noun in nouns if noun is not None}
+    return tuple(sorted(named))
+
+
+def _words(name: str) -> list[str]:
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
+
+
 def part_meant(name: str) -> str | None:
     """Return the part that the name of a node or a material means, or None."""
-    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
+    words = _words(name)
     if {"door", "axle", "axis"} & set(words):
         return None
     for word in words:

@@ -20,7 +20,7 @@ from meshdeform.reading.cells import Cells, cells_of, ground_plate
 from meshdeform.reading.choice import Frame, Surface, candidates
 from meshdeform.reading.coarse import MOST_FACES, coarse
 from meshdeform.reading.deciding import decide
-from meshdeform.reading.evidence import Evidence, weighed
+from meshdeform.reading.evidence import Evidence, nouns_named, weighed
 from meshdeform.reading.result import GROUND, Reading
 from meshdeform.reading.smoothing import settled, smoothed
 from meshdeform.reading.votes import TRUST, part_votes
@@ -49,7 +49,8 @@ def read_asset(
     body : Part
         Welded vertices (V, 3) float64, +Y up, and faces (F, 3) int64, in any unit.
     nouns : mapping
-        What it may be, with probabilities; these need not sum to 1.
+        What it may be, with probabilities that need not sum to 1; of several, the most probable five count, and those
+        that names in the file tell. A single one is taken for what it is.
     evidence : Evidence, optional
         Joints and names of its file.
     front_azimuth_deg : float, optional
@@ -68,12 +69,15 @@ def read_asset(
     verts, faces = np.asarray(body.verts, float), np.asarray(body.faces, np.int64)
     ground = ground_plate(verts, faces) if len(faces) else np.zeros(0, bool)
     standing = Surface(verts, faces[~ground])
-    if not nouns or not len(faces) or not _areas(standing).sum() > 0:
+    areas = _areas(standing)
+    if not nouns or not areas.sum() > 0:
         raise ValueError("there is nothing to read: no noun is proposed, or the mesh has no area")
-    decided = decide(standing, nouns, front_azimuth_deg, cache)
+    evidence = evidence or Evidence()
+    named = nouns_named(evidence, standing.faces, areas)
+    decided = decide(standing, nouns, named, front_azimuth_deg, cache)
     frame = decided.frame
     fits = _best_fits(frame, decided.noun, cache)
-    labels, confidence = _labelled(frame, fits, evidence or Evidence())
+    labels, confidence = _labelled(frame, fits, evidence)
     all_labels = np.full(len(faces), GROUND, np.int64)
     all_labels[~ground] = labels
     best = fits[0]

@@ -35,9 +35,9 @@ class Reading:
     `labels` (F,) int64: the part of each face, a place in `PART_NAMES`, or `GROUND`, or `NO_PART`. `confidence`: the
     mean smoothed probability of each part over its faces. `turn` (3, 3) float64: the rotation from the asset's axes to
     those of its noun, +Y up and +Z the front; `front_margin`: by which share the second front's grade is larger, None
-    where the front was given or the noun has none. `probabilities` are those of all proposed nouns; `member` is the
-    number of the member that fits best, `residual` the mean distance between its surface and the asset's, a share of
-    the diagonal.
+    where the front was given or the noun has none. `probabilities` are those of the nouns that came into question, the
+    greatest first; what is missing to 1 is that of something else. `member` is the number of the member that fits
+    best, `residual` the mean distance between its surface and the asset's, a share of the diagonal.
     """
 
     noun: str

@@ -8,7 +8,7 @@ import pytest
 from meshdeform.nouns.labels import code
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.cells import cells_of
-from meshdeform.reading.evidence import JOINT_PARTS, Evidence, part_meant, weighed
+from meshdeform.reading.evidence import JOINT_PARTS, Evidence, nouns_named, part_meant, weighed
 from training.shapes import box
 
 
@@ -44,3 +44,17 @@ def test_joints_and_names_move_probabilities_where_they_stand() -> None:
 
 def test_the_parts_of_joints_are_parts() -> None:
     assert set().union(*JOINT_PARTS.values()) <= set(PART_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("name", "nouns"),
+    [("Couch_Medium1", ("sofa",)), ("White_wolf.001", ("wolf",)), ("car-hippie-van", ("car", "van")), ("Bone.003", ()),
+     ("Plane_Material", ()), ("Object_4", ())],
+)  # fmt: skip
+def test_what_most_of_an_asset_is_named_after_is_its_noun(name: str, nouns: tuple[str, ...]) -> None:
+    mesh = box()
+    faces, everything = mesh.faces.numpy(), np.ones(len(mesh.verts), bool)
+    areas = np.ones(len(faces))
+    assert nouns_named(Evidence(names={name: everything}), faces, areas) == nouns
+    corner = Evidence(names={name: np.arange(len(mesh.verts)) < 3})
+    assert nouns_named(corner, faces, areas) == ()
