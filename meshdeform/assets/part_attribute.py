@@ -165,4 +165,4 @@ def _numbers(document: Document, accessor: Any, count: int) -> _Index | None:
 def _of_triangles(corners: _Index) -> _Index:
     """Return the part (T,) of triangles by those of their corners (T, 3): of two, or the first if all differ."""
     first, second, third = corners.T
-    return np.where(second == third, second, first)
+    return np.asarray(np.where(second == third, second, first))

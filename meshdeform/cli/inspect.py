@@ -11,11 +11,13 @@ from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, overlaid, with_options, written
 from meshdeform.cli.local import LocalJob, read_asset
-from meshdeform.cli.options import JsonOption, SetOption, file_argument, option
+from meshdeform.cli.options import ForceOption, JsonOption, SetOption, file_argument, option
 from meshdeform.cli.output import emit, plain, table
+from meshdeform.cli.parted import PartsAsOption, PartsGlbOption, check_parts_glb, write_parts_glb
 from meshdeform.cli.report_lines import orientation_line
 from meshdeform.cli.request import ALSO, make_request, merge_params
 from meshdeform.errors import ParameterError
+from meshdeform.requests.choices import PartsAs
 
 if TYPE_CHECKING:
     from meshdeform.requests.document import JobRequest
@@ -30,7 +32,10 @@ def inspect(
     ctx: typer.Context,
     asset: Annotated[Path, file_argument("A GLB, OBJ, PLY or STL.")],
     prompt: Annotated[str, option("Also find the side that a job with this prompt would make the front.")] = "",
+    parts_glb: PartsGlbOption = None,
+    parts_as: PartsAsOption = PartsAs.ATTRIBUTE,
     param: SetOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Show what can be selected in ASSET, and propose components that should keep their shape.
@@ -40,12 +45,18 @@ def inspect(
     meshdeform inspect truck.glb
 
     meshdeform inspect truck.glb --prompt "a car"
+
+    meshdeform inspect truck.glb --parts-glb truck-parts.glb
     """
     require("torch", "deform")
+    check_parts_glb(parts_glb, asset, force=force)
     from meshdeform.assets import Limits
     from meshdeform.runs.control import inspect_parts
 
-    parts = inspect_parts(read_asset(asset, Limits.from_settings(load_settings())))
+    source = read_asset(asset, Limits.from_settings(load_settings()))
+    parts = inspect_parts(source)
+    if parts_glb is not None:
+        typer.echo(write_parts_glb(parts_glb, source, parts_as), err=True)
     prompted = bool(prompt or written(ctx).get("guidance", {}).get("prompts"))
     if prompted:
         params = overlaid({"guidance": {"orientation": "auto"}}, merge_params(ctx, param))

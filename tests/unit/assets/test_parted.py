@@ -156,7 +156,7 @@ def drawn(glb: bytes, filename: str = "") -> Counter[bytes]:
     shown: Counter[bytes] = Counter()
     for at, node in enumerate(root["nodes"]):
         mesh = root["meshes"][node["mesh"]] if "mesh" in node else {"primitives": []}
-        placed = node["skin"] if "skin" in node else worlds[at].tolist()
+        placed = node["skin"] if "skin" in node else (worlds[at] + 0.0).tolist()
         instances = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
         about = [placed, instances, node.get("weights", mesh.get("weights")), acting(root, at, node)]
         for primitive in mesh["primitives"]:
