@@ -2,7 +2,8 @@
 
 A part is a set of triangles of an asset with new positions. Its look is copied: materials with their textures,
 images and samplers, texture coordinates, colours and the attributes of applications. Skins, morph targets and
-animations are not: they belong to the whole asset.
+animations are not: they belong to the whole asset. The attribute `_PART` (`assets/part_attribute.py`) has the name of
+each piece.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from meshdeform import __version__
 from meshdeform.assets.asset import Asset
 from meshdeform.assets.container import Json, clone, dump_json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document, read_floats
-from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.assets.inspect import UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.assets.part_attribute import PART, write_names
 from meshdeform.errors import AssetError
 
 _KEPT = ("TEXCOORD_", "COLOR_", "_")
@@ -51,6 +53,8 @@ def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = Non
     root: Json = {"asset": about, "scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": []}
     document = Document(root, None, b"")
     looks: dict[int, _Looks] = {}
+    names = list(dict.fromkeys(piece.name for piece in pieces))
+    write_names(about, names)
     for piece in pieces:
         primitives = []
         copied = looks.setdefault(id(piece.asset), _Looks(piece.asset._document, document))
@@ -66,6 +70,11 @@ def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = Non
         root["scenes"][0]["nodes"].append(len(root["nodes"]))
         root["nodes"].append({"name": piece.name, "mesh": len(root["meshes"]), "extras": dict(piece.extras)})
         root["meshes"].append({"name": piece.name, "primitives": primitives})
+        write_names(root["meshes"][-1], names)
+        for primitive in primitives:
+            numbers = np.full((_count(root, primitive), 1), names.index(piece.name) + 1, np.uint8)
+            like = {"componentType": UNSIGNED_BYTE, "type": "SCALAR"}
+            primitive["attributes"][PART] = document.append_stored(numbers, like)
     used = sorted({name for each in looks.values() for name in each.extensions})
     required = sorted({name for each in looks.values() for name in each.required})
     if used:
@@ -73,6 +82,10 @@ def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = Non
     if required:
         root["extensionsRequired"] = required
     return document.to_bytes()
+
+
+def _count(root: Json, primitive: Json) -> int:
+    return int(root["accessors"][primitive["attributes"]["POSITION"]]["count"])
 
 
 def _triangles_of_primitives(piece: Piece) -> list[tuple[tuple[int, int], NDArray[np.int64]]]:
@@ -101,7 +114,7 @@ def _primitive(
             attributes[name] = document.append_accessor(values[rows].astype(np.float32))
     local = rows - block.rows.start
     for name, accessor in original["attributes"].items():
-        if name.startswith(_KEPT):
+        if name.startswith(_KEPT) and name != PART:
             attributes[name] = document.append_accessor(read_floats(source, accessor)[local])
     small = len(rows) < 2**16  # 65535 itself is not a valid 16-bit index
     flat = faces.reshape(-1)

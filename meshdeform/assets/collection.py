@@ -11,13 +11,14 @@ import io
 import posixpath
 import zipfile
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import Field, StringConstraints, ValidationError
 
 from meshdeform.assets.archive import _BROKEN, ZIP_MAGIC, _content, _entries
-from meshdeform.assets.container import Data
+from meshdeform.assets.container import GLB_MAGIC, Data, Json, glb_layout, parse_json
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
@@ -27,7 +28,11 @@ MIN_COLLECTION, MAX_COLLECTION = 10, 3000
 LABELS_FILE = "labels.json"
 _ENDINGS = ("glb", "obj", "ply", "stl")
 _MAX_LABELS_BYTES = 64 * 2**20
-_Name = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+_ATTRIBUTE = b'"_PART"'
+_MOST_PARTS = 15
+"""Parts that assets name themselves: one of the 16 that a family may have is what has no part."""
+_MOST_LETTERS = 64
+_Name = Annotated[str, StringConstraints(min_length=1, max_length=_MOST_LETTERS)]
 
 
 class AssetLabels(StrictModel):
@@ -38,6 +43,11 @@ class AssetLabels(StrictModel):
     triangles: list[str] | None = Field(None, description="Part of each triangle of the surface, in the file's order.")
     held_out: bool = Field(False, description="Use the labels only to measure the accuracy.")
     class_: _Name | None = Field(None, alias="class", description="Its sub-class, to measure the descriptors.")
+
+    @property
+    def names_parts(self) -> bool:
+        """Whether it gives any part."""
+        return bool(self.nodes or self.materials or self.triangles is not None)
 
 
 class FamilyLabels(StrictModel):
@@ -69,6 +79,35 @@ def open_collection(data: Data, limits: Limits) -> CollectionFiles:
             return CollectionFiles({name: _asset(archive, entries[name], name) for name in names}, labels)
     except _BROKEN as error:
         raise _broken(error) from error
+
+
+def own_labels(assets: Mapping[str, bytes], limits: Limits) -> FamilyLabels | None:
+    """Return labels with the parts that assets name by their attribute `_PART` (`assets/parted.py`); None without two.
+
+    Of more than 15 names, those of the most assets count.
+    """
+    named: Counter[str] = Counter()
+    for data in assets.values():
+        root = _with_attribute(data, limits)
+        meshes = [] if root is None else root.get("meshes")
+        holders = [] if root is None else [root.get("asset"), *(meshes if isinstance(meshes, list) else [])]
+        extras = [holder.get("extras") for holder in holders if isinstance(holder, dict)]
+        lists = [each.get("parts") for each in extras if isinstance(each, dict)]
+        names = [name for each in lists if isinstance(each, list) for name in each if isinstance(name, str)]
+        named.update(dict.fromkeys(name for name in names if 0 < len(name) <= _MOST_LETTERS).keys())
+    parts = [name for name, _ in named.most_common(_MOST_PARTS)]
+    return FamilyLabels(parts=parts) if len(parts) > 1 else None
+
+
+def _with_attribute(data: bytes, limits: Limits) -> Json | None:
+    """Return the JSON of a GLB that has the attribute; None for other files."""
+    if not data.startswith(GLB_MAGIC):
+        return None
+    try:
+        text = data[glb_layout(data, limits).json]
+        return parse_json(text, limits) if _ATTRIBUTE in text else None
+    except AssetError:  # found when it is read
+        return None
 
 
 def _asset(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> bytes:

@@ -60,10 +60,18 @@ class FamilyFile:
 
 
 def surface_digest(surface: Surface) -> str:
-    """Return the SHA-256 of positions and triangles: the same for a copy of an asset with other attributes."""
-    digest = hashlib.sha256(np.ascontiguousarray(surface.positions, "<f8").tobytes())
-    digest.update(np.ascontiguousarray(surface.triangles, "<i8").tobytes())
-    return digest.hexdigest()
+    """Return the SHA-256 of the corners of the triangles.
+
+    It is the same for a copy of an asset with other attributes, or with vertices that were split.
+    """
+    return hashlib.sha256(np.ascontiguousarray(surface.positions[surface.triangles], "<f8").tobytes()).hexdigest()
+
+
+def has_digest(surface: Surface, digest: str) -> bool:
+    """Return whether a surface has a digest, also one as earlier versions wrote it: of positions and triangles."""
+    earlier = hashlib.sha256(np.ascontiguousarray(surface.positions, "<f8").tobytes())
+    earlier.update(np.ascontiguousarray(surface.triangles, "<i8").tobytes())
+    return digest in (surface_digest(surface), earlier.hexdigest())
 
 
 def dump_family(family: FamilyFile, more: Arrays) -> bytes:

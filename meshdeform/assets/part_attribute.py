@@ -35,10 +35,10 @@ _Index = NDArray[np.int64]
 
 def write_part_attribute(document: Document, showings: Sequence[Showing], names: Sequence[str]) -> None:
     """Give the triangles of showings the attribute, in place; what needs no split keeps its accessors."""
-    named = _write_names(document.root["asset"], names)
+    named = write_names(document.root["asset"], names)
     for showing in showings:
         mesh = document.root["meshes"][showing.mesh]
-        named = _write_names(mesh, names) or named
+        named = write_names(mesh, names) or named
         groups: dict[str, list[int]] = {}
         for p in showing.labels:
             primitive = mesh["primitives"][p]
@@ -55,7 +55,7 @@ def write_part_attribute(document: Document, showings: Sequence[Showing], names:
         )
 
 
-def _write_names(holder: Json, names: Sequence[str]) -> bool:
+def write_names(holder: Json, names: Sequence[str]) -> bool:
     """Write the names into the extras of an object; return whether these have a place for them."""
     extras = holder.setdefault("extras", {})
     if isinstance(extras, dict):

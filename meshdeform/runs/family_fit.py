@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import posixpath
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets import Limits, build_glb, load_asset
-from meshdeform.assets.collection import MIN_COLLECTION, AssetLabels, CollectionFiles, open_collection
+from meshdeform.assets.collection import MIN_COLLECTION, AssetLabels, CollectionFiles, open_collection, own_labels
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError
 from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
@@ -25,6 +26,8 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
 from meshdeform.runs.family_fit_kind import READ_STEPS, total_steps
 from meshdeform.runs.family_results import FamilyResults, labels_of
 
+_REST = "rest"
+
 
 def start(job_input: RunInput) -> FamilyFitRun:
     """Unpack the collection and prepare the run.
@@ -35,6 +38,8 @@ def start(job_input: RunInput) -> FamilyFitRun:
     file = job_input.files["collection"]
     limits = job_input.limits or Limits()
     files = open_collection(file.data, limits)
+    if files.labels is None:
+        files = dataclasses.replace(files, labels=own_labels(files.assets, limits))
     run = fingerprint(kind="family_fit", params=params.model_dump(mode="json"), collection=file.digest)
     state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
     return FamilyFitRun(files, params, limits, run, file.digest, state)
@@ -175,12 +180,21 @@ class FamilyFitRun(JobRun):
         for t, labels in enumerate(self._labels):
             if labels.held_out:
                 truth[t] = -1
-        if (truth >= 0).any() and not (truth >= 0).all(1).any():
+        if self._has_rest:
+            truth[(truth >= 0).any(1)[:, None] & (truth < 0)] = self._part_count() - 1
+        elif (truth >= 0).any() and not (truth >= 0).all(1).any():
             raise AssetError(
                 "labels.json labels no asset completely.",
                 advice="Give at least one asset, better ten, a part for every node, material or triangle.",
             )
         return truth
+
+    @property
+    def _has_rest(self) -> bool:
+        """Whether what has no part is a part itself: labels are the assets' own, and those of none are complete."""
+        known = np.stack(self._truth) >= 0
+        own = self._files.labels is not None and not self._files.labels.assets
+        return bool(own and known.any() and not known.all(1).any())
 
     def _learns_names(self) -> bool:
         used = zip(self._truth, self._labels, strict=True)
@@ -188,7 +202,8 @@ class FamilyFitRun(JobRun):
 
     def _part_names(self) -> list[str]:
         if self._files.labels is not None and self._learns_names():
-            return list(self._files.labels.parts)
+            parts = self._files.labels.parts
+            return [*parts, _REST if _REST not in parts else f"{_REST} of it"] if self._has_rest else list(parts)
         return [f"part {number}" for number in range(1, self._params.parts + 1)]
 
     def _part_count(self) -> int:

@@ -26,6 +26,7 @@ from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.family_file import FamilyFile, dump_family, surface_digest
 from meshdeform.assets.inspect import UNSIGNED_INT
+from meshdeform.assets.parted import PartLabels, parts_of, with_parts
 from meshdeform.assets.surface import Surface
 from meshdeform.errors import AssetError
 from meshdeform.geometry.mesh import TriangleMesh
@@ -120,7 +121,7 @@ class FamilyResults:
                     path = _as_glb(name)
                     if path != name and paths[path] > 1:
                         path = f"{name}.glb"
-                    archive.writestr(zipfile.ZipInfo(path), _embedded(asset, found))
+                    archive.writestr(zipfile.ZipInfo(path), _embedded(asset, found, self.parts))
         names = np.array(self.names)
         result = {
             "report.json": ArtifactData(self._report(accuracy, segments, digests), "application/json"),
@@ -170,7 +171,7 @@ class FamilyResults:
             self.inference.parts[t].numpy(),
         )
         labels_found = without_strays(surface.positions, surface.triangles, labels_found)
-        if self.files.labels is None or self.parts != self.files.labels.parts:
+        if self.files.labels is None or self.parts[: len(self.files.labels.parts)] != self.files.labels.parts:
             return labels_found, None
         labels_given = labels_of(asset, self.names[t], labels, self.parts)
         known = labels_given >= 0
@@ -338,11 +339,12 @@ def _as_glb(name: str) -> str:
     return str(PurePosixPath(name).with_suffix(".glb"))
 
 
-def _embedded(asset: Asset, parts: NDArray[np.uint8]) -> bytes:
-    """Return the asset with the vertex attribute `_PART`: the part of a triangle at each vertex."""
-    values = np.zeros(len(asset.surface.positions), np.float32)
-    values[asset.surface.triangles.reshape(-1)] = np.repeat(parts, 3)
-    return asset.with_vertex_values("_PART", values)
+def _embedded(asset: Asset, parts: NDArray[np.uint8], names: Sequence[str]) -> bytes:
+    """Return the asset with the vertex attribute `_PART`; one that has no place for it as it is."""
+    try:
+        return with_parts(asset, PartLabels(tuple(names), parts.astype(np.int64) + 1))
+    except AssetError:
+        return asset.to_bytes()
 
 
 def packed_arrays(arrays: dict[str, NDArray[Any]]) -> ArtifactData:
@@ -358,12 +360,17 @@ def packed_arrays(arrays: dict[str, NDArray[Any]]) -> ArtifactData:
 def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) -> NDArray[np.int64]:
     """Return the part of each triangle (F,); -1 where none is given.
 
-    Nodes come first, then materials, then single triangles, each over those before. Raises AssetError: a node or a
-    material does not exist, or there is not one label for each triangle.
+    Nodes come first, then materials, then single triangles, each over those before. An asset for which `labels` has
+    none has those of its own attribute `_PART`. Raises AssetError: a node or a material does not exist, or there is not
+    one label for each triangle.
     """
     numbers = {part: number for number, part in enumerate(parts)}
     count = len(asset.surface.triangles)
     result = np.full(count, -1, np.int64)
+    if not labels.names_parts:
+        for part, own in parts_of(asset).items():
+            result[own] = numbers.get(part, -1)
+        return result
     known = asset.parts()
     for what, names_wanted, listed, flags in (
         ("node", labels.nodes, known.nodes, known.in_node),

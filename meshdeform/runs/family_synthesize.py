@@ -15,7 +15,7 @@ from torch import Tensor
 from meshdeform.assets import Asset, Limits, build_glb, load_asset
 from meshdeform.assets.assemble import assemble
 from meshdeform.assets.collection import open_collection
-from meshdeform.assets.family_file import FamilyFile, read_family, surface_digest
+from meshdeform.assets.family_file import FamilyFile, has_digest, read_family
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError, ParameterError
 from meshdeform.kinds.families.assembly import Assembler, Assembly
@@ -150,7 +150,7 @@ class FamilySynthesisRun(JobRun):
             asset = load_asset(self._data[member], name, self._limits)
         except AssetError as error:
             raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
-        if surface_digest(asset.surface) != self._family.digests[member]:
+        if not has_digest(asset.surface, self._family.digests[member]):
             raise AssetError(f"{name} has another shape than when the family was fitted.", advice=_ITS_COLLECTION)
         used = asset.surface.positions[np.unique(asset.surface.triangles)]
         low, high = used.min(0), used.max(0)

@@ -15,7 +15,8 @@ from PIL import Image
 
 from bench.parametric_families import family, labels_document
 from meshdeform.assets import Limits, build_glb, load_asset
-from meshdeform.assets.collection import inspect_collection, open_collection
+from meshdeform.assets.collection import inspect_collection, open_collection, own_labels
+from meshdeform.assets.parted import parts_of, with_parts
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -108,29 +109,12 @@ def _check_arrays(artifacts, glbs, chairs):
             )
             if number < 6:  # given labels are kept
                 assert [names[part] for part in found] == chairs[number].parts()
-            written = archive.read(name)
-            again = load_asset(written)
-            np.testing.assert_array_equal(again.surface.positions, surface.positions)
-            np.testing.assert_array_equal(again.surface.triangles, surface.triangles)
-            assert _vertex_parts(written, again, found, given=number < 6)
-
-
-def _vertex_parts(glb, asset, found, *, given):
-    """Whether each primitive has `_PART`, and it says what the sidecar says."""
-    start, attributes = 0, []
-    length = int.from_bytes(glb[12:16], "little")
-    root = json.loads(glb[20 : 20 + length])
-    binary = glb[28 + length :]
-    for mesh in root["meshes"]:
-        for primitive in mesh["primitives"]:
-            accessor = root["accessors"][primitive["attributes"]["_PART"]]
-            at = root["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
-            attributes.append(np.frombuffer(binary, "<f4", accessor["count"], at))
-            start += accessor["count"]
-    values = np.concatenate(attributes)
-    corners = values[asset.surface.triangles]
-    # No vertex is shared by two given parts; found ones may share some.
-    return start == len(asset.surface.positions) and (not given or bool((corners == found[:, None]).all()))
+            again = load_asset(archive.read(name))
+            shown = again.surface.positions[again.surface.triangles]
+            np.testing.assert_array_equal(shown, surface.positions[surface.triangles])
+            for part, flags in parts_of(again).items():
+                np.testing.assert_array_equal(flags, found == names.index(part))
+            assert sorted(parts_of(again)) == sorted(names[part] for part in np.unique(found))
 
 
 def _check_wall(artifacts, glbs):
@@ -185,6 +169,63 @@ def test_a_collection_that_is_none_is_refused(glbs):
     found = inspect_collection(packed(glbs), Limits())
     assert (found.format, found.meshes) == ("zip", 10)
     assert found.triangles > 0
+
+
+def with_own_parts(chairs, count, *, left_out=()):
+    """The first `count` chairs with the attribute `_PART`, which some parts are missing from; the others without."""
+    files = {}
+    for number, member in enumerate(chairs):
+        asset, named = load_asset(member.glb()), np.array(member.parts())
+        flags = {part: named == part for part in sorted(set(named) - set(left_out))}
+        files[member.name] = with_parts(asset, flags) if number < count else member.glb()
+    return files
+
+
+def results_of(run):
+    for _ in run:
+        pass
+    artifacts = run.finish()
+    return json.loads(artifacts["report.json"].data), np.load(io.BytesIO(artifacts["segmentation.npz"].data))
+
+
+def test_parts_that_assets_have_themselves_are_labels(chairs):
+    report, found = results_of(begin(packed(with_own_parts(chairs, 6))))
+    assert sorted(report["parts"]) == ["arm", "back", "leg", "seat"]
+    assert [asset["labels"] for asset in report["assets"]] == ["given"] * 6 + ["none"] * 4
+    for number in range(6):
+        named = [report["parts"][part] for part in found[f"{number:04d}"]]
+        assert named == chairs[number].parts()
+
+
+def test_what_has_no_part_in_any_asset_is_the_rest(chairs):
+    report, found = results_of(begin(packed(with_own_parts(chairs, 10, left_out=["leg"]))))
+    assert sorted(report["parts"]) == ["arm", "back", "rest", "seat"]
+    for number, chair in enumerate(chairs):
+        named = [report["parts"][part].replace("rest", "leg") for part in found[f"{number:04d}"]]
+        assert np.mean(np.array(named) == chair.parts()) > 0.9
+
+
+def test_labels_beside_the_assets_come_before_their_own(chairs):
+    labels = labels_document("chairs", chairs, 3)
+    for name in list(labels["assets"])[3:]:
+        labels["assets"][name] = {"class": "side"}
+    report, _ = results_of(begin(packed(with_own_parts(chairs, 6, left_out=["seat"]), labels)))
+    assert report["parts"] == labels["parts"]
+    assert [asset["labels"] for asset in report["assets"]] == ["given"] * 6 + ["none"] * 4
+
+
+def test_of_many_names_those_of_most_assets_count(chairs):
+    files = with_own_parts(chairs, 10)
+    for number, name in enumerate(list(files)[:3]):
+        asset = load_asset(files[name])
+        count = len(asset.surface.triangles)
+        flags = {f"{number} {each}": np.arange(count) % 20 == each for each in range(20)}
+        files[name] = with_parts(asset, flags)
+    labels = own_labels(files, Limits())
+    assert len(labels.parts) == 15
+    assert {"back", "leg", "seat"} <= set(labels.parts)
+    assert own_labels({name: chair.glb() for name, chair in zip(files, chairs, strict=True)}, Limits()) is None
+    assert own_labels({"broken.glb": next(iter(files.values()))[:400], "a.obj": b"v 0 0 0"}, Limits()) is None
 
 
 def test_what_cannot_be_read_is_left_out_and_named_and_so_are_copies(glbs):

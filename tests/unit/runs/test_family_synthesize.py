@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import io
 import json
 import zipfile
@@ -14,6 +15,7 @@ import safetensors.numpy
 from bench.parametric_families import family, labels_document
 from meshdeform.assets import load_asset
 from meshdeform.assets.family_file import dump_family, read_family
+from meshdeform.assets.parted import parts_of
 from meshdeform.errors import (
     AssetError,
     AssetFormatError,
@@ -104,6 +106,10 @@ def test_samples_are_assets_of_members_parts_and_a_resumed_run_equals_it_bit_for
             assert len(corners(asset, part["part"])) == count
             assert part["gap"] < 0.05
         assert {m["name"] for m in asset.parts().materials} == {part["part"] for part in about["parts"]}
+        named = parts_of(asset)
+        assert list(named) == [part["part"] for part in about["parts"]]
+        for node in asset.parts().nodes:
+            np.testing.assert_array_equal(named[node["name"]], asset.parts().in_node(node["index"]))
         assert 0 <= about["plausibility"] <= 1
         assert len(about["nearest_members"]) == 3
     points = np.load(io.BytesIO(artifacts["points.npz"].data))
@@ -160,6 +166,17 @@ def test_the_labelled_assets_serve_as_the_collection(chairs):
     fitted, labelled = (results[name].data for name in ("family.safetensors", "labelled.zip"))
     asked = {"mode": "search", "members": ["chair_0000.stl"]}
     assert finished(begin(chairs, fitted=fitted, collection=labelled, **asked))
+
+
+def test_a_family_of_an_earlier_version_knows_its_members(chairs):
+    found = read_family(chairs[2]["family.safetensors"])
+    digests = []
+    for name in found.names:
+        surface = load_asset(chairs[0][name]).surface
+        digests.append(hashlib.sha256(surface.positions.tobytes() + surface.triangles.tobytes()).hexdigest())
+    assert not set(digests) & set(found.digests)
+    earlier = dump_family(dataclasses.replace(found, digests=digests), {})
+    assert shapes_of(finished(begin(chairs, count=1, fitted=earlier)))
 
 
 def test_a_family_that_cannot_be_used_is_refused(chairs):
