@@ -1,7 +1,8 @@
-"""The asset as it stands: its welded vertices, what moves with which joint, its names, and its solid in a grid.
+"""The asset as it stands: its welded vertices, what moves with which joint, its names, and where its sides are.
 
 Up is +Y. Names that say left, right, front or rear tell the front; else the lateral axis is the normal of the mirror
-plane, found on points spread over the surface with their normals, and the front axis is the third.
+plane, found on points spread over the surface with their normals, and the front axis is the third. Where both planes
+are alike, the body's reading decides.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
@@ -26,16 +27,16 @@ Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 UP = 1
-_RESOLUTION = 72
 _SAMPLES = 2500
 _MOST_NAMES = 400
-_MOST_PLACES = 2_000_000
 _MIRRORED = 0.004
 """Distance, as a share of the diagonal, up to which a vertex has a mirror image."""
 _CLEARLY = 0.8
 """Share of the asymmetry about the middle of the box, below which another plane is better."""
 _APART = 0.05
 """Distance, likewise, from which the middles of what names call front and rear, or left and right, tell them apart."""
+_ALIKE = 1.15
+"""Ratio of the asymmetries about two planes up to which neither is clearly the mirror plane."""
 _METRES = ("glb", "gltf")
 """Formats whose unit is the metre; others have none."""
 
@@ -168,13 +169,19 @@ class Body:
 
     def samples(self, count: int) -> tuple[Floats, Floats]:
         """Return places (count, 3) spread over the surface by area, and their unit normals; always the same."""
+        places, normals, _ = self.sampled(count)
+        return places, normals
+
+    def sampled(self, count: int) -> tuple[Floats, Floats, Index]:
+        """Return places (count, 3) spread over the surface by area, their unit normals, and their faces (count,)."""
         areas = np.linalg.norm(self.crosses, axis=1)
         ends = np.cumsum(areas)
         at = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1]).clip(0, len(areas) - 1)
         u = np.random.default_rng(0).random((count, 2))
         u = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)
         shares = np.column_stack([1 - u.sum(1), u])
-        return (self.corners[at] * shares[:, :, None]).sum(1), self.crosses[at] / np.maximum(areas[at, None], 1e-300)
+        normals = self.crosses[at] / np.maximum(areas[at, None], 1e-300)
+        return (self.corners[at] * shares[:, :, None]).sum(1), normals, at
 
     @cached_property
     def _mirrors(self) -> dict[int, tuple[float, float]]:
@@ -204,7 +211,20 @@ class Body:
         """The axis from side to side."""
         if self.named_front is not None:
             return 2 - self.named_front[0]
-        return 0 if self._mirrors[0][0] <= 1.15 * self._mirrors[2][0] else 2
+        sideways, along = self._mirrors[0][0], self._mirrors[2][0]
+        if max(sideways, along) <= _ALIKE * min(sideways, along) and self.read_front is not None:
+            return 2 - self.read_front[0]
+        return 0 if sideways <= _ALIKE * along else 2
+
+    @cached_property
+    def read_front(self) -> tuple[int, int] | None:
+        """The axis and the sign of the front that the body's reading found."""
+        reading = self.reader.reading
+        if reading is None:
+            return None
+        level = reading.turn[2] * [1, 0, 1]
+        axis = int(np.argmax(np.abs(level)))
+        return axis, int(np.sign(level[axis]))
 
     @cached_property
     def named_front(self) -> tuple[int, int] | None:
@@ -232,12 +252,6 @@ class Body:
     def front(self) -> int:
         """The axis from front to back."""
         return 2 - self.lateral
-
-    @property
-    def either(self) -> bool:
-        """Whether it is as symmetric from front to back, so that its front says nothing."""
-        low, high = sorted(asymmetry for asymmetry, _ in self._mirrors.values())
-        return high <= 1.15 * low
 
     @cached_property
     def middle(self) -> float:
@@ -269,96 +283,6 @@ class Body:
         for _ in range(rounds):
             values = np.where(degree > 0, 0.5 * values + 0.5 * (self.edges @ values) / np.maximum(degree, 1), values)
         return values
-
-    @cached_property
-    def solid(self) -> Solid:
-        """Return the space that it fills."""
-        return Solid(self)
-
-
-class Solid:
-    """The cells of a grid that a body fills, `cells` (C, 3) with `centres` (C, 3).
-
-    `filled` and `surface` are (X, Y, Z) bool; `side`: of a cell; `origin` is (3,) float64.
-    """
-
-    def __init__(self, body: Body) -> None:
-        self.side = float(body.size.max()) / _RESOLUTION
-        self.origin = body.low - 2 * self.side
-        shape = np.ceil(body.size / self.side).astype(int) + 5
-        places = self._places(body)
-        self.surface = np.zeros(shape, bool)
-        self.surface[tuple(self.indices(places).T)] = True
-        self.filled = ndimage.binary_fill_holes(self.surface)
-        # A space closed in two of three directions counts as well: a shell need not be watertight.
-        votes = np.zeros(shape, int)
-        for axis in range(3):
-            layers = [ndimage.binary_fill_holes(np.take(self.surface, i, axis)) for i in range(shape[axis])]
-            votes += np.stack(layers, axis)
-        self.filled = self.filled | (votes >= 2)
-        self.cells = np.argwhere(self.filled)
-        self.centres = self.origin + (self.cells + 0.5) * self.side
-        self._tree = cKDTree(self.centres)
-
-    def _places(self, body: Body) -> Floats:
-        """Return places on the surface that leave no cell out."""
-        areas = np.linalg.norm(body.crosses, axis=1) / 2
-        densities = areas / self.side**2 * 11
-        densities *= min(1.0, _MOST_PLACES / max(float(densities.sum()), 1.0))  # foliage may have any area
-        counts = np.clip(np.ceil(densities), 1, 60_000).astype(int)
-        of_face = np.repeat(np.arange(len(counts)), counts)
-        u = np.random.default_rng(1).random((len(of_face), 2))
-        u = np.where(u.sum(1, keepdims=True) > 1, 1 - u, u)
-        shares = np.column_stack([1 - u.sum(1), u])
-        places = np.concatenate([(body.corners[of_face] * shares[:, :, None]).sum(1), body.points])
-        if body.partners is None:
-            return places
-        images = places.copy()
-        images[:, body.lateral] = 2 * body.middle - images[:, body.lateral]
-        return np.concatenate([places, images])
-
-    def indices(self, places: Floats) -> Index:
-        """Return the cells of places, (N, 3)."""
-        cells = ((places - self.origin) / self.side).astype(np.int64)
-        return np.asarray(np.clip(cells, 0, np.array(self.surface.shape) - 1))
-
-    def heights(self, layers: Index | Floats) -> Floats:
-        """Return the heights of the middles of layers."""
-        return np.asarray(self.origin[UP] + (np.asarray(layers) + 0.5) * self.side)
-
-    @cached_property
-    def _graph(self) -> sparse.csr_matrix:
-        number = -np.ones(self.filled.shape, int)
-        number[self.filled] = np.arange(len(self.cells))
-        rows, columns, lengths = [], [], []
-        around = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) > (0, 0, 0)]
-        for offset in around:
-            to = self.cells + offset  # the grid has empty layers around the body
-            neighbours = number[tuple(to.T)]
-            at = np.flatnonzero(neighbours >= 0)
-            rows.append(at)
-            columns.append(neighbours[at])
-            lengths.append(np.full(len(at), np.linalg.norm(offset) * self.side))
-        data = np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))
-        return sparse.coo_matrix(data, shape=(len(self.cells),) * 2).tocsr()
-
-    def nearest(self, place: Floats) -> int:
-        """Return the number of the cell nearest to a place (3,)."""
-        return int(self._tree.query(place)[1])
-
-    def distances(self, cell: int) -> Floats:
-        """Return how far each cell (C,) is from one of them, inside the solid."""
-        distances = csgraph.dijkstra(self._graph, directed=False, indices=cell)
-        reached = np.isfinite(distances)
-        return np.asarray(np.where(reached, distances, distances[reached].max()))
-
-    def at(self, values: Floats, places: Floats, *, nearest: bool = False) -> Floats:
-        """Return values (C,) of the cells at places (N, 3), interpolated."""
-        if nearest:
-            return np.asarray(values[self._tree.query(places)[1]])
-        distance, near = self._tree.query(places, k=min(4, len(self.cells)))
-        weight = 1 / (distance + 0.3 * self.side)
-        return np.asarray((values[near] * weight).sum(1) / weight.sum(1))
 
 
 def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:

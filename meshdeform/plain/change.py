@@ -20,11 +20,10 @@ from meshdeform.plain.body import UP, Body, Flags, Floats
 from meshdeform.plain.effect import Effect
 from meshdeform.plain.maps import move
 from meshdeform.plain.moved import Moved
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.parts import LIVING, Parts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.table import SHAPES, WHOLE
 from meshdeform.plain.words import Change, Sentence, check_factor
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 
 _ROUNDS = 12
 _SHARES = (1.0, 0.5, 0.25, 0.125)
@@ -35,8 +34,6 @@ _ON_ORIGIN = 0.01
 """Height of the lowest point, as a share of the body's, up to which it stands on the origin."""
 _TOLD_APART = 0.25
 """Share of what was asked for below which a part was found that is none."""
-_OF_LIVING = frozenset({*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]})
-"""Nouns of what may have a skeleton: "a bigger axe" says nothing of a person as a whole."""
 _LOPSIDED = frozenset({"leaning", "bent", "twisted"})
 _TURNING = frozenset({"bent", "twisted"})
 _WORDS = {
@@ -55,7 +52,7 @@ class Done:
     """A change that was carried out."""
 
     change: Change
-    found_by: str  # how its part was found: `joints`, `names`, `components` or `geometry`; empty for the whole
+    found_by: str  # how its part was found: `given`, `joints`, `names` or `shapes`; empty for the whole
     factor: float  # the factor of the map, halved where faces would have flipped
     got: float  # how much of what it measures grew
     flips: int  # faces that it flipped all the same
@@ -136,8 +133,8 @@ def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
         return tuple(
             replace(each, part=parts.spelled(each.part)) if each.part != WHOLE else each for each in sentence.changes
         )
-    if not parts.is_named(noun.replace("-", " ")):
-        if parts.rigged and noun not in _OF_LIVING:
+    if not _is_part_of(parts, noun):
+        if parts.rigged and noun not in LIVING:
             raise PartMissingError(f"No part called {noun!r} was found, and the asset is a body.")
         return sentence.changes
     changed = []
@@ -146,6 +143,12 @@ def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
         possible = each.part == WHOLE and table.direction(operation, noun) is not None
         changed.append(replace(each, part=noun, operation=operation) if possible else each)
     return tuple(changed)
+
+
+def _is_part_of(parts: Parts, noun: str) -> bool:
+    """Return whether a noun is a part of the asset: a bus has lamps, and is none."""
+    word = noun.replace("-", " ")
+    return parts.is_told(word) or (parts.has(word) and parts.read.noun != noun)
 
 
 def missing_part(body: Body, sentence: Sentence) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from meshdeform.plain.body import Body
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.joints import JointParts
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading import Evidence, Reading, read_asset
 from meshdeform.reading.evidence import JOINT_PARTS
@@ -13,8 +13,8 @@ from meshdeform.reading.evidence import JOINT_PARTS
 
 def evidence_of(body: Body) -> Evidence:
     """Return what joints and names say of the vertices of a body."""
-    parts = Parts(body)
-    shares = {name: parts.of_class(name) for name in JOINT_PARTS} if parts.rigged else {}
+    joints = JointParts(body)
+    shares = {name: joints.of_class(name) for name in JOINT_PARTS} if joints.rigged else {}
     return Evidence({name: share for name, share in shares.items() if share is not None}, body.names)
 
 

@@ -5,7 +5,6 @@ Limbs and heads are carried by what they hang on. A belly alone takes its share 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -16,44 +15,7 @@ from meshdeform.plain.limbs import centre_line, leg_lines
 from meshdeform.plain.moved import Measured, Moved
 from meshdeform.plain.parts import Legs, Parts
 from meshdeform.plain.pieces import PartMissingError, attachment
-
-_SAMPLES = 2000
-_ALONG_AN_AXIS = 0.99
-_BOXY = 0.8
-"""Share of the surface whose normals are along an axis, above which a thing without legs is made of plates."""
-_ROUND = 0.08
-"""How far the sides of level sections may differ, and their middles be apart, of something round about the height."""
-
-
-def is_body(parts: Parts) -> bool:
-    """Return whether something has a belly: a skeleton, or legs or a head that are no furniture's."""
-    if parts.rigged:
-        return True
-    if parts.wheels.any() or parts.built or _is_round(parts.body):
-        return False
-    legs, head, tail = parts.stands_on_legs, _is_there(lambda: parts.head), _is_there(lambda: parts.tail)
-    return (head or tail) if legs else head and not _is_boxy(parts.body)
-
-
-def _is_there(find: Callable[[], object]) -> bool:
-    try:
-        find()
-    except PartMissingError:
-        return False
-    return True
-
-
-def _is_round(body: Body) -> bool:
-    """Return whether the level sections are as wide as deep, one above the other: of bottles, lamps and trees."""
-    edges = np.linspace(body.ground, body.ground + float(body.size[UP]), 13)
-    off, widths = [], []
-    for low, high in itertools.pairwise(edges):
-        own = body.points[(body.points[:, UP] >= low) & (body.points[:, UP] <= high)]
-        if len(own) > 2:
-            sides, middle = np.ptp(own, axis=0), (own.max(0) + own.min(0)) / 2
-            off.append([abs(sides[0] - sides[2]), *np.abs(middle - body.low - body.size / 2)[[0, 2]]])
-            widths.append(max(float(sides[0]), float(sides[2])))
-    return bool(off) and bool(np.median(np.max(off, axis=1)) < _ROUND * max(widths))
+from meshdeform.plain.read_parts import READ
 
 
 @dataclass(frozen=True)
@@ -72,14 +34,14 @@ def _shares(parts: Parts, legs: Legs | None) -> _Shares:
     body, none = parts.body, np.zeros(len(parts.body.points))
 
     def joined(rounds: int, *names: str) -> Floats:
-        flags = [parts.of_class(name) for name in names]
+        flags = [parts.joints.of_class(name) for name in names]
         return body.smooth(sum((each for each in flags if each is not None), none), rounds)
 
     leg = none if legs is None else legs.weight
     if parts.rigged:
         head, neck, tail, arm = joined(4, "head", "ear"), joined(4, "neck"), joined(4, "tail"), joined(3, "arm")
     else:
-        neck = arm = none
+        neck, arm = none, _or_none(lambda: parts.arms.weight, none)
         head = _or_none(lambda: parts.head.weight, none)
         tail = _or_none(lambda: parts.tail.weight, none)
         if legs is not None:
@@ -152,7 +114,7 @@ def belly(parts: Parts, direction: str, factor: float) -> Moved:
     Raises PartMissingError: it is nothing with a belly.
     """
     body = parts.body
-    if not is_body(parts):
+    if not parts.is_living:
         raise PartMissingError("No belly was found: this is no body of a person or an animal.")
     legs = _legs_or_none(parts)
     shares = _shares(parts, legs)
@@ -165,7 +127,7 @@ def belly(parts: Parts, direction: str, factor: float) -> Moved:
     if len(fattest) < 3:
         raise PartMissingError("No belly was found: the trunk has too few vertices there.")
     asked = tuple(axis == body.lateral or (axis == trunk.across and direction != "side") for axis in range(3))
-    found_by = "joints" if parts.rigged else "geometry"
+    found_by = "joints" if parts.rigged else READ
     measured = [Measured(fattest, np.eye(3), (asked[0], asked[1], asked[2]))]
     return Moved(
         body.points + (amount * (factor - 1))[:, None] * outward,
@@ -212,12 +174,6 @@ def fat(parts: Parts, factor: float) -> Moved:
     if not len(fattest):
         fattest = np.arange(len(body.points))
     return Moved(body.points + moved, np.ones(len(moved)), lambda at: float(np.ptp(at[fattest, body.lateral])), "")
-
-
-def _is_boxy(body: Body) -> bool:
-    """Return whether nearly all of the surface is level or upright along an axis, as shelves are."""
-    _, normals = body.samples(_SAMPLES)
-    return bool((np.abs(normals).max(axis=1) > _ALONG_AN_AXIS).mean() > _BOXY)
 
 
 def _fat_legs(body: Body, legs: Legs, share: Floats, belly: _Belly, amount: float) -> Floats:

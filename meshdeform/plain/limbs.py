@@ -17,8 +17,9 @@ from dataclasses import replace
 import numpy as np
 
 from meshdeform.plain.body import UP, Body, Floats, ease, step
+from meshdeform.plain.heads import Head
 from meshdeform.plain.moved import Measured, Moved, frame, mean_extent
-from meshdeform.plain.parts import Head, Legs, Parts
+from meshdeform.plain.parts import Legs, Parts
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece, attachment
 
 Line = Callable[[Floats], Floats]
@@ -161,16 +162,12 @@ def _longer_legs(body: Body, found: Legs, factor: float, *, lift: bool) -> Moved
 def _thicker_legs(body: Body, found: Legs, factor: float) -> Moved:
     length = found.hip - body.ground
     points = body.points.copy()
-    posts = found
-    if found.found_by == "geometry" and found.foot > body.ground + 0.1 * length:  # a base keeps its shape
-        weight = found.weight * step((body.points[:, UP] - found.foot) / (0.1 * length))
-        posts = replace(found, weight=weight, limb=body.nearest(body.groups(weight > 0.5)))
-    for weight, line in leg_lines(body, posts, degree=2):
+    for weight, line in leg_lines(body, found, degree=2):
         top = step((body.points[:, UP] - found.hip + 0.15 * length) / (0.15 * length))
         by = weight * (1 - top) * (factor - 1)
         for axis, centre in zip((body.lateral, body.front), line(body.points[:, UP]).T, strict=True):
             points[:, axis] += by * (body.points[:, axis] - centre)
-    return Moved(points, found.weight, _girth(body, posts), found.found_by)
+    return Moved(points, found.weight, _girth(body, found), found.found_by)
 
 
 def _girth(body: Body, found: Legs) -> Callable[[Floats], float]:

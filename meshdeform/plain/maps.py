@@ -15,10 +15,10 @@ from meshdeform.plain.limbs import grown
 from meshdeform.plain.moved import Measured, Moved, frame, mean_extent
 from meshdeform.plain.parts import Parts
 from meshdeform.plain.pieces import Limb, PartMissingError
+from meshdeform.plain.read_parts import READ
 from meshdeform.plain.table import SHAPES, WHOLE
 from meshdeform.plain.words import Change
 
-_NO_BACK = "The back of a body is no part that can be changed."
 _SLENDER = 2.0
 """How many times as tall as wide something is whose length is its height."""
 _BASE, _ABOVE_BASE = 0.06, 0.25
@@ -76,13 +76,11 @@ def _known(parts: Parts, change: Change, direction: str, factor: float) -> Moved
 
 def _named(parts: Parts, change: Change, direction: str, factor: float) -> Moved:
     """Return a part that joints, nodes or materials name after a change."""
-    if change.part == "back" and parts.rigged:
-        raise PartMissingError(_NO_BACK)
-    if change.part == "base" and not parts.is_named("base"):
+    if change.part == "base" and not parts.has("base"):
         return _base(parts, factor)
-    if change.part == "body" and not parts.is_named("body"):
+    if change.part == "body" and not parts.is_told("body") and parts.is_living:
         wanted = {"all": "girth", "side": "side", "girth": "girth"}.get(direction)
-        if wanted is not None and fatness.is_body(parts):
+        if wanted is not None:
             return fatness.belly(parts, wanted, factor)
     if direction == "place":
         raise PartMissingError(f"No {change.part} on legs was found that can be moved.")
@@ -101,9 +99,9 @@ def _whole(parts: Parts, operation: str, direction: str, factor: float) -> Moved
     if operation in SHAPES:
         return Moved(_shaped(body, operation, factor), np.ones(len(body.points)), lambda _: 1.0)
     if direction == "girth":
-        if parts.wheels.any():
+        if parts.on_wheels:
             raise PartMissingError('Things on wheels are not fat or thin: say "wider" or "narrower".')
-        if fatness.is_body(parts):
+        if parts.is_living:
             return fatness.fat(parts, factor)
         direction = "level"
     if direction == "along":
@@ -178,10 +176,10 @@ def _layer(body: Body, low: float, high: float, factor: float, found_by: str) ->
 def _slab(parts: Parts, direction: str, factor: float) -> Moved:
     """Return a seat or a top that is thicker, elsewhere, or wider with all that it carries and stands on."""
     body = parts.body
-    low, high = parts.slab
+    low, high, found_by = parts.slab
     rows = np.flatnonzero((body.points[:, UP] >= low) & (body.points[:, UP] <= high))
     if direction == "up":
-        return _layer(body, low, high, factor, "geometry")
+        return _layer(body, low, high, factor, found_by)
     if direction == "place":
         return _placed(parts, rows, factor)
     axes, asked = (np.eye(3), _along(parts)) if direction == "along" else frame(direction, body)
@@ -196,7 +194,7 @@ def _slab(parts: Parts, direction: str, factor: float) -> Moved:
     within = np.zeros(len(body.points))
     within[rows] = 1
     measured = [Measured(rows, axes, asked)]
-    return Moved(body.points + shift, within, mean_extent(measured), "geometry", measured, shift)
+    return Moved(body.points + shift, within, mean_extent(measured), found_by, measured, shift)
 
 
 def _placed(parts: Parts, rows: Index, factor: float) -> Moved:
@@ -215,20 +213,14 @@ def _placed(parts: Parts, rows: Index, factor: float) -> Moved:
         moved.points,
         moved.weight,
         lambda at: float(at[rows, UP].max() - at[:, UP].min()),
-        "geometry",
+        parts.slab.found_by,
         [Measured(rows, np.eye(3), (False, False, False))],
         moved.shift,
     )
 
 
-def _back(parts: Parts, direction: str, factor: float) -> Moved | None:
-    if parts.rigged:
-        raise PartMissingError(_NO_BACK)
-    back = parts.back()
-    if direction != "up":
-        return grown(back, direction, factor, from_root=False)
-    top = float(parts.body.points[:, UP].max())
-    return _layer(parts.body, float(back.pieces[0].pivot[UP]), top, factor, "geometry")
+def _back(parts: Parts, direction: str, factor: float) -> Moved:
+    return grown(parts.back, direction, factor, from_root=False)
 
 
 def _roof(parts: Parts, factor: float) -> Moved:
@@ -241,7 +233,7 @@ def _roof(parts: Parts, factor: float) -> Moved:
 def _base(parts: Parts, factor: float) -> Moved:
     """Return what something without legs stands on, wider; PartMissingError: it has legs or wheels."""
     body = parts.body
-    if parts.rigged or parts.built or parts.stands_on_legs:
+    if parts.rigged or parts.on_wheels or parts.on_legs:
         raise PartMissingError("No base was found: it stands on legs or wheels.")
     up = (body.points[:, UP] - body.ground) / max(float(body.size[UP]), 1e-12)
     weight = 1 - step((up - _BASE) / (_ABOVE_BASE - _BASE))
@@ -255,17 +247,17 @@ def _wider(body: Body, weight: Floats, rows: Index, factor: float) -> Moved:
     over[:, UP] = 0
     measured = [Measured(rows, np.eye(3), (True, False, True))]
     points = body.points + (weight * (factor - 1))[:, None] * over
-    return Moved(points, weight, mean_extent(measured), "geometry", measured)
+    return Moved(points, weight, mean_extent(measured), READ, measured)
 
 
 def _neck(parts: Parts, operation: str, direction: str, factor: float) -> Moved:
     """Return the neck of a body, or of a bottle."""
     body = parts.body
-    if fatness.is_body(parts):
+    if parts.is_living:
         return limbs.neck(parts, operation, factor)
-    low, high = parts.bottle_neck
+    low, high, found_by = parts.bottle_neck
     if direction == "along":
-        return _layer(body, low, high, factor, "geometry")
+        return _layer(body, low, high, factor, found_by)
     heights = body.points[:, UP]
     band = 0.15 * (high - low)
     weight = step((heights - low) / band) * step((float(heights.max()) + band - heights) / band)
@@ -275,8 +267,8 @@ def _neck(parts: Parts, operation: str, direction: str, factor: float) -> Moved:
     wider = _wider(body, weight, rows, factor)
     if direction == "girth":
         return wider
-    longer = _layer(body, low, high, factor, "geometry")
-    return Moved(longer.points + wider.points - body.points, weight, longer.length, "geometry", longer.measured)
+    longer = _layer(body, low, high, factor, found_by)
+    return Moved(longer.points + wider.points - body.points, weight, longer.length, found_by, longer.measured)
 
 
 # ---------------------------------------------------------------- wheels
@@ -287,7 +279,7 @@ def _wheels(parts: Parts, operation: str, direction: str, factor: float, sides: 
 
     Of some of them alone, bigger ones stand on the ground as before, and nothing is lifted.
     """
-    limb = parts.wheel_pieces()
+    limb = parts.wheels
     if sides:
         limb = limb.on(sides, parts.forward, "wheel")
     moved = grown(limb, direction, factor, from_root=operation == "big")

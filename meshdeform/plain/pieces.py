@@ -89,7 +89,7 @@ class Limb:
 
     body: Body
     pieces: Sequence[Piece]
-    found_by: str  # `joints`, `names`, `components` or `geometry`
+    found_by: str  # `given`, `joints`, `names` or `shapes`
 
     @classmethod
     def of_weight(cls, body: Body, weight: Floats, found_by: str, pivot: Floats | None = None) -> Limb:
