@@ -157,11 +157,12 @@ def tail_of_reading(body: Body, read: ReadParts) -> Tail:
     Raises PartMissingError: it found none.
     """
     limb = read.limb("tail")
-    piece = max(limb.pieces, key=lambda each: len(each.rows))
-    mine = np.asarray(piece.weight > _INSIDE)
+    root = max(limb.pieces, key=lambda each: len(each.rows)).pivot
+    # It grows from its root, where nothing moves: no band is needed.
+    mine = np.asarray(read.share(read.faces("tail")) > _INSIDE)
     if not mine.any():
         raise PartMissingError(read.missing("tail"))
-    return _tail(body, piece.weight, mine, piece.pivot, limb.found_by)
+    return _tail(body, mine.astype(float), mine, root, limb.found_by)
 
 
 def _tail(body: Body, weight: Floats, mine: Flags, root: Floats, found_by: str) -> Tail:

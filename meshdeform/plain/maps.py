@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.plain import fatness, limbs, table
+from meshdeform.plain import fatness, limbs, table, wheels
 from meshdeform.plain.body import UP, Body, Floats, Index, step
 from meshdeform.plain.limbs import grown
 from meshdeform.plain.moved import Measured, Moved, frame, mean_extent
 from meshdeform.plain.parts import Parts
-from meshdeform.plain.pieces import Limb, PartMissingError
+from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.read_parts import READ
 from meshdeform.plain.table import SHAPES, WHOLE
 from meshdeform.plain.words import Change
@@ -54,7 +54,7 @@ def _known(parts: Parts, change: Change, direction: str, factor: float) -> Moved
     if part == "arm":
         return limbs.arms(parts, operation, factor, sides)
     if part == "wheel":
-        return _wheels(parts, operation, direction, factor, sides)
+        return wheels.wheels(parts, operation, direction, factor, sides)
     if sides:
         return None
     if part == "head":
@@ -64,7 +64,7 @@ def _known(parts: Parts, change: Change, direction: str, factor: float) -> Moved
     if part == "tail":
         return limbs.tail(parts, operation, factor)
     if part in ("seat", "top"):
-        return _slab(parts, direction, factor)
+        return _slab(parts, part, direction, factor)
     if part == "back":
         return _back(parts, direction, factor)
     if part == "belly":
@@ -173,15 +173,15 @@ def _layer(body: Body, low: float, high: float, factor: float, found_by: str) ->
     return Moved(body.points + shift, within, mean_extent(measured), found_by, measured, shift)
 
 
-def _slab(parts: Parts, direction: str, factor: float) -> Moved:
+def _slab(parts: Parts, word: str, direction: str, factor: float) -> Moved:
     """Return a seat or a top that is thicker, elsewhere, or wider with all that it carries and stands on."""
     body = parts.body
-    low, high, found_by = parts.slab
+    low, high, found_by = parts.slab(word)
     rows = np.flatnonzero((body.points[:, UP] >= low) & (body.points[:, UP] <= high))
     if direction == "up":
         return _layer(body, low, high, factor, found_by)
     if direction == "place":
-        return _placed(parts, rows, factor)
+        return _placed(parts, rows, factor, found_by)
     axes, asked = (np.eye(3), _along(parts)) if direction == "along" else frame(direction, body)
     middle = body.low + body.size / 2
 
@@ -197,7 +197,7 @@ def _slab(parts: Parts, direction: str, factor: float) -> Moved:
     return Moved(body.points + shift, within, mean_extent(measured), found_by, measured, shift)
 
 
-def _placed(parts: Parts, rows: Index, factor: float) -> Moved:
+def _placed(parts: Parts, rows: Index, factor: float, found_by: str) -> Moved:
     """Return a slab higher or lower above the ground, as it is, on longer or shorter legs.
 
     Raises PartMissingError: legs cannot become that short.
@@ -213,7 +213,7 @@ def _placed(parts: Parts, rows: Index, factor: float) -> Moved:
         moved.points,
         moved.weight,
         lambda at: float(at[rows, UP].max() - at[:, UP].min()),
-        parts.slab.found_by,
+        found_by,
         [Measured(rows, np.eye(3), (False, False, False))],
         moved.shift,
     )
@@ -269,34 +269,3 @@ def _neck(parts: Parts, operation: str, direction: str, factor: float) -> Moved:
         return wider
     longer = _layer(body, low, high, factor, found_by)
     return Moved(longer.points + wider.points - body.points, weight, longer.length, found_by, longer.measured)
-
-
-# ---------------------------------------------------------------- wheels
-
-
-def _wheels(parts: Parts, operation: str, direction: str, factor: float, sides: tuple[str, ...]) -> Moved:
-    """Return wheels wider along their axle; or bigger, each about its own middle, with what stands on them lifted.
-
-    Of some of them alone, bigger ones stand on the ground as before, and nothing is lifted.
-    """
-    limb = parts.wheels
-    if sides:
-        limb = limb.on(sides, parts.forward, "wheel")
-    moved = grown(limb, direction, factor, from_root=operation == "big")
-    if operation != "big":
-        return moved
-    lowest = min(float(limb.body.points[piece.rows, UP].min()) for piece in limb.pieces)
-    on_ground = [piece for piece in limb.pieces if _bottom(limb, piece.rows) < lowest + 0.1 * limb.body.size[UP]]
-    sunk = [(piece, (factor - 1) * float(np.ptp(limb.body.points[piece.rows, UP])) / 2) for piece in on_ground]
-    points, shift = moved.points.copy(), np.zeros_like(moved.points)
-    if sides:
-        for piece, by in sunk:
-            points[:, UP] += piece.weight * by
-        return Moved(points, moved.weight, moved.length, moved.found_by, moved.measured)
-    lift = max((by for _, by in sunk), key=abs)
-    shift[:, UP] = lift
-    return Moved(points + shift, moved.weight, moved.length, moved.found_by, moved.measured, shift)
-
-
-def _bottom(limb: Limb, rows: Index) -> float:
-    return float(limb.body.points[rows, UP].min())

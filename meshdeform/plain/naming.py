@@ -17,7 +17,7 @@ from meshdeform.plain.maps import move
 from meshdeform.plain.moved import Moved
 from meshdeform.plain.parts import Parts
 from meshdeform.plain.pieces import PartMissingError
-from meshdeform.plain.read_parts import READ
+from meshdeform.plain.read_parts import GIVEN, READ
 from meshdeform.plain.table import OF_PARTS, WHOLE, direction
 from meshdeform.plain.vocabulary import PART_NAMES
 from meshdeform.plain.words import Change, Sentence
@@ -29,7 +29,9 @@ _FEWEST_NAMES, _MOST_NAMES, _MOST_TRIED = 4, 64, 500_000
 """How many names of the file are tried: so many vertices, between a few and many."""
 _ONE_TRIAL = 50_000
 """Vertices from which one operation of a part is tried, and the others are taken from the table."""
-_INSIDE = 0.5
+_INSIDE, _LEFT = 0.5, 0.5
+_RANKS = {GIVEN: 0, "joints": 1, "names": 1, READ: 2}
+_EVERYBODYS = frozenset(PART_NAMES.values())
 
 
 @dataclass(frozen=True)
@@ -82,21 +84,26 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
 
 
 def _is_hidden(parts: Parts, part: str) -> bool:
-    """Return whether a part is not listed, though words may name it: a lowest end, and the belly as the body."""
-    if part == "base":
-        return not parts.has("base")
+    """Return whether a part is not listed, though words may name it: a lowest end, a top by another name, a belly."""
+    if part in ("base", "seat", "top"):
+        return not parts.has(part)
     return part == "body" and parts.is_living and not parts.is_told("body")
 
 
 def _apart(named: list[NamedPart]) -> list[NamedPart]:
-    """Return parts that share no face: what several have belongs to one that is told, then to the smallest."""
-    sizes = [(each.found_by == READ, int(each.inside.sum())) for each in named]
+    """Return parts that share no face.
+
+    What several have belongs to one that is told, else to the smallest: a helmet takes its faces from a head. A name
+    that the file alone knows, such as a material's, is left out if others take most of it.
+    """
+    ranks = [(_RANKS[each.found_by] if each.name in _EVERYBODYS else 2, int(each.inside.sum())) for each in named]
     taken, own = np.zeros(len(named[0].inside) if named else 0, bool), dict[int, NamedPart]()
-    for number in sorted(range(len(named)), key=sizes.__getitem__):
+    for number in sorted(range(len(named)), key=ranks.__getitem__):
         inside = named[number].inside & ~taken
-        taken |= inside
-        if inside.any():
+        least = 1 if named[number].name in _EVERYBODYS else _LEFT * named[number].inside.sum()
+        if inside.sum() >= least:
             own[number] = replace(named[number], inside=inside)
+            taken |= inside
     return [own[number] for number in sorted(own)]
 
 

@@ -255,15 +255,15 @@ class Parts:
         """Whether it stands on legs."""
         return _is_there(lambda: self.legs)
 
-    @_once
-    def slab(self) -> Layer:
-        """The seat, or the top of a table.
+    def slab(self, word: str) -> Layer:
+        """Return a seat or the top of a table, which of them is there.
 
         Raises PartMissingError: it has neither.
         """
-        if self.rigged:
+        if self.rigged and not self._is_given(word):
             raise PartMissingError("A body with a skeleton has no seat.")
-        return self._layer(self._limb("seat" if self.has("seat") else "top"))
+        other = "top" if word == "seat" else "seat"
+        return self._layer(self._limb(other if not self.has(word) and self.has(other) else word))
 
     @_once
     def back(self) -> Limb:

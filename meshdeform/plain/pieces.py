@@ -26,6 +26,9 @@ _AT_AN_END = 0.2
 _BESIDE = 0.1
 """Distance from the middle of all pieces, as a share of how far they are apart, from which a piece is on a side."""
 _OPPOSITE = {"left": "right", "right": "left", "front": "rear", "rear": "front"}
+_ROW = 0.15
+"""Distance between pieces that follow each other along an axis, as a share of how far all are apart, from which they
+are in rows of their own."""
 
 
 class PartMissingError(Exception):
@@ -117,29 +120,43 @@ class Limb:
         `forward`: the sign of the front on its axis. Raises PartMissingError: none is there.
         """
         pieces = list(self.pieces)
-        for side in sides:
+        for side in (each for each in sides if each != "middle"):
             names = [sides_of(piece.name) for piece in self.pieces]
-            told = any(side in each or _OPPOSITE[side] in each for each in names)
+            told = any(side in each or _OPPOSITE.get(side) in each for each in names)
             pieces = [
                 piece
                 for piece in pieces
                 if (side in sides_of(piece.name) if told else self._is_there(piece, side, forward))
             ]
+        pieces = self._in_middle(pieces) if "middle" in sides else pieces
         if not pieces:
             raise PartMissingError(f"No {' '.join(sides)} {part} was found, only {part}s without sides.")
         return replace(self, pieces=pieces)
 
+    def _in_middle(self, pieces: list[Piece]) -> list[Piece]:
+        """Return the pieces that are in no outer row, along the axis from front to back, else upward, else sideways."""
+        body = self.body
+        for axis in (body.front, UP, body.lateral):
+            middles = np.array([body.points[each.rows].mean(0)[axis] for each in self.pieces])
+            order = np.sort(middles)
+            ends = order[:-1][np.diff(order) > _ROW * max(float(np.ptp(order)), 1e-300)]
+            if len(ends) > 1:
+                inner = {id(each) for each, at in zip(self.pieces, middles, strict=True) if ends[0] < at <= ends[-1]}
+                return [each for each in pieces if id(each) in inner]
+        return []
+
     def _is_there(self, piece: Piece, side: str, forward: int) -> bool:
         """Return whether a piece is on a side of the middle of all."""
         body = self.body
-        axis = body.front if side in ("front", "rear") else body.lateral
+        axis = body.front if side in ("front", "rear") else UP if side in ("upper", "lower") else body.lateral
         middles = np.array([body.points[each.rows].mean(0)[axis] for each in self.pieces])
         apart = float(np.ptp(middles))
-        middle = float(middles.min() + apart / 2) if axis == body.front else body.middle
+        middle = float(middles.min() + apart / 2) if axis != body.lateral else body.middle
         # What is left of something that looks along +Z is at +X, and of something that looks along +X at -Z.
         leftward = forward if axis == 0 else -forward
-        towards = {"front": forward, "rear": -forward, "left": leftward, "right": -leftward}[side]
-        least = _BESIDE * (apart if axis == body.front else float(body.size[axis]) / 2)
+        level = {"front": forward, "rear": -forward, "left": leftward, "right": -leftward}
+        towards = {**level, "upper": 1, "lower": -1}[side]
+        least = _BESIDE * (apart if axis != body.lateral else float(body.size[axis]) / 2)
         return bool(towards * (body.points[piece.rows].mean(0)[axis] - middle) > max(least, 1e-9))
 
 

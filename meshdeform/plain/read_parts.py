@@ -28,7 +28,7 @@ _HOLDS = frozenset({"head", "arm", "leg", "door", "tower", "turret", "sleeve"})
 """Parts to which those that they carry belong."""
 _ALSO = {
     "nose": ("beak",), "beak": ("nose",), "hair": ("mane",), "crown": ("canopy", "leaf"), "tower": ("turret",),
-    "fin": ("wing",), "arm": ("wing",), "top": ("lid",), "horn": ("tusk",),
+    "fin": ("wing",), "arm": ("wing",), "horn": ("tusk",),
 }  # fmt: skip
 """Other names under which a noun has a part."""
 TOLD_APART = frozenset({*PART_NAMES, *_ALSO})
@@ -37,6 +37,8 @@ _BAND = 0.25
 _INSIDE, _WHOLLY = 0.5, 0.999
 _LEAST_PIECE = 0.3
 """Extent of a piece of a part, as a share of that of its largest, at least."""
+_LONG, _ROUND = 1.5, 1.15
+"""How many times as long as high a piece of wheels is from which it is several, and the reach of each in radii."""
 _FEW = 0.4
 """Share of a part's vertices that is far from its border, below which it has too few for a band."""
 _APART = 0.4
@@ -135,7 +137,7 @@ class ReadParts:
         if not self.has(part):
             raise PartMissingError(self.missing(part))
         share = self.share(self.faces(part))
-        pieces = [self._piece(part, rows, share) for rows in self._groups(share)]
+        pieces = [self._piece(part, rows, share) for rows in self._groups(part, share)]
         pieces = [piece for piece in pieces if len(piece.rows)]
         if not pieces:
             raise PartMissingError(self.missing(part))
@@ -147,14 +149,28 @@ class ReadParts:
             return f"No {part} was found: nobody knows what the asset is, and its file names none."
         return f"No {part} was found." if not self.noun else f"No {part} was found: this was taken for a {self.noun}."
 
-    def _groups(self, share: Floats) -> list[Index]:
+    def _groups(self, part: str, share: Floats) -> list[Index]:
         """Return the vertices of each piece, without crumbs."""
         inside = share > _INSIDE
         if not inside.any():
             inside = share >= share.max()
         groups = self.body.groups(inside)
         extents = np.array([float(np.ptp(self.body.points[rows], axis=0).max()) for rows in groups])
-        return [rows for rows, extent in zip(groups, extents, strict=True) if extent >= _LEAST_PIECE * extents.max()]
+        groups = [rows for rows, extent in zip(groups, extents, strict=True) if extent >= _LEAST_PIECE * extents.max()]
+        return [wheel for rows in groups for wheel in self._wheels(rows)] if part == "wheel" else groups
+
+    def _wheels(self, rows: Index) -> list[Index]:
+        """Return the wheels of a piece that is longer than high: those at its ends, without what joins them."""
+        body = self.body
+        own = body.points[rows]
+        low, high = own.min(0), own.max(0)
+        radius = float(high[UP] - low[UP]) / 2
+        if high[body.front] - low[body.front] < _LONG * 2 * radius:
+            return [rows]
+        up = low[UP] + radius
+        along = (low[body.front] + radius, high[body.front] - radius)
+        apart = [np.hypot(own[:, UP] - up, own[:, body.front] - at) < _ROUND * radius for at in along]
+        return [rows[flags] for flags in apart if flags.any()]
 
     def _piece(self, part: str, rows: Index, share: Floats) -> Piece:
         """Return a piece with its weights, the place where it hangs, and what it carries."""
@@ -164,7 +180,7 @@ class ReadParts:
         stays = ~inside & ~np.logical_or.reduce([inside, *carried])
         hangs_at = touching(body, inside, stays)
         own = np.where(self._near(inside), share, 0.0)
-        weight = self._inner(own, rows, stays, hangs_at)
+        weight = self._inner(own, rows, stays, hangs_at) if part != "wheel" else inside.astype(float)
         at = hangs_at.mean(0) if len(hangs_at) else body.points[rows].mean(0)
         if part == "wheel":
             at = (body.points[rows].max(0) + body.points[rows].min(0)) / 2

@@ -52,6 +52,12 @@ SIDES = {
     "left": "left", "right": "right", "front": "front", "fore": "front", "rear": "rear", "back": "rear", "hind": "rear",
 }  # fmt: skip
 """The side that each word names, before the noun of a part."""
+SIDES |= {
+    **dict.fromkeys(("middle", "mid", "centre", "center", "central"), "middle"),
+    "§upper": "upper",
+    "§lower": "lower",
+}
+"""Rows likewise; "upper" and "lower" are marked where they are no part of a name, as in "upper arm"."""
 
 _IRREGULAR = {"lens": "lens", "feet": "foot", "leaves": "leaf", "teeth": "tooth", "calves": "calf", "hooves": "hoof"}
 PART_OF = {
@@ -84,6 +90,7 @@ FILLERS = frozenset({
     "give", "please", "have", "has", "having", "get", "of", "to", "in", "more", "version", "one", "some", "them", "by",
     "factor", "look", "looks", "looking", "into", "become", "and", "as", "with", "him", "her", "his", "hers", "their",
     "he", "she", "they", "my", "your", "our", "me", "we", "i", "want", "should", "for", "can", "you", "than", "so",
+    "each", "every", "all", "both",
 })  # fmt: skip
 DETERMINERS = frozenset({"a", "an", "the", "its", "his", "her", "their"})
 SLIGHT = frozenset({"slightly", "bit", "somewhat"})

@@ -61,7 +61,8 @@ class Change:
     part: str  # a part in the singular, or `WHOLE`
     factor: float
     """How many times as tall, long, ... it is to be; of `SHAPES` the strength."""
-    sides: tuple[str, ...] = ()  # of `left`, `right`, `front`, `rear`: only the pieces there
+    sides: tuple[str, ...] = ()
+    """Of `left`, `right`, `front`, `rear`, `upper`, `lower`, `middle`: only the pieces there."""
     metres: float | None = None
     """In place of the factor: the length that it is to have, or, if `added`, to gain or to lose."""
     added: bool = False
@@ -295,7 +296,7 @@ def _read_clause(
             clause.asked.append(_Asked(MEASURES[word], less, clause.compared))
             less = False
         elif _is_of_name(words, place):
-            named.append(word)
+            named.append(word if singular(words[place + 1]) in _LIMBS else f"§{word}")
         elif found is not None:
             operation, negative, compares = found
             clause.asked.append(_Asked(operation, negative != (less != flipped), compares or less))
@@ -313,8 +314,9 @@ def _read_clause(
 
 
 def _is_of_name(words: list[str], place: int) -> bool:
-    """Return whether "upper" or "lower" belongs to the name of a limb: in "thicker lower legs", not in "lower legs"."""
-    if words[place] not in ("upper", "lower") or place + 1 == len(words) or singular(words[place + 1]) not in _LIMBS:
+    """Return whether "upper" or "lower" belongs to the name of a part: in "thicker lower legs", not in "lower legs"."""
+    following = singular(words[place + 1]) if place + 1 < len(words) else ""
+    if words[place] not in ("upper", "lower") or (following not in _LIMBS and following not in PART_OF):
         return False
     others = (word for number, word in enumerate(words) if number != place)
     return words[place] == "upper" or any(adjective(word) is not None for word in others)
