@@ -32,6 +32,11 @@ _MOST_CORRECTED = 1.7
 """Greatest share of what was asked for that a map may be given, so that its result is what was asked for."""
 _ON_ORIGIN = 0.01
 """Height of the lowest point, as a share of the body's, up to which it stands on the origin."""
+_STANDING = (WHOLE, "leg", "foot", "wheel", "base")
+"""What the rest stands on."""
+_SUNK, _OUTSIDE = 0.002, 0.02
+"""Depth below the ground, as a share of the diagonal, from which something is there; weight below which a vertex is of
+the rest."""
 _TOLD_APART = 0.25
 """Share of what was asked for below which a part was found that is none."""
 _LOPSIDED = frozenset({"leaning", "bent", "twisted"})
@@ -58,6 +63,7 @@ class Done:
     flips: int  # faces that it flipped all the same
     effect: Effect
     affine: Floats | None = None  # (3, 4) float64: the map of all points, if it is one
+    kept_above: bool = False  # whether it would have reached below the ground on which the rest stands
 
     @property
     def warnings(self) -> list[str]:
@@ -68,6 +74,8 @@ class Done:
             warnings.append(f"{what}: {asked} would flip faces, so it was {made}.")
         if self.flips:
             warnings.append(f"{what}: {self.flips} faces were flipped.")
+        if self.kept_above:
+            warnings.append(f"{what}: it would reach below the ground, so less of it went down.")
         return warnings
 
     @property
@@ -173,22 +181,27 @@ class _Attempt:
     points: Floats
     flipped: Flags
     share: float  # of the way that is made
+    kept_above: bool = False
 
     @classmethod
     def of(cls, body: Body, change: Change, junctions: Junctions) -> Self:
         """Make as much of a change as flips no face."""
         parts = Parts(body)
         full = calibrated(parts, change)
+        kept_above = False
         for share in _SHARES:
             moved = move(parts, change, _part_of_way(change, full, share))
             points, flipped = moved.points, np.zeros(len(body.faces), bool)
             if moved.affine is not None:
                 break
-            points = junctions.closed(body.points, _settled(body, change, moved))
+            settled = _settled(body, change, moved)
+            points = _above_ground(parts, change, moved, settled)
+            kept_above = points is not settled
+            points = junctions.closed(body.points, points)
             points, flipped = _relaxed(body, points, _flipped(body, points, change), change, junctions)
             if not flipped.any():
                 break
-        return cls(moved, points, flipped, share)
+        return cls(moved, points, flipped, share, kept_above)
 
 
 def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done]:
@@ -205,7 +218,8 @@ def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done
     if measured.grown is None and change.operation not in SHAPES:
         # A neck, a place and a belly have measures of their own.
         measured = replace(measured, grown=float(got))
-    done = Done(change, moved.found_by, factor, float(got), int(made.flipped.sum()), measured, moved.affine)
+    flips = int(made.flipped.sum())
+    done = Done(change, moved.found_by, factor, float(got), flips, measured, moved.affine, made.kept_above)
     return body.moved(points), done
 
 
@@ -269,9 +283,30 @@ def _settled(body: Body, change: Change, result: Moved) -> Floats:
     points = body.points + (moved if lopsided else body.symmetric(moved))
     # Swimming and hanging things have no ground to sink into.
     grounded = change.operation != "fat" or abs(body.ground) <= _ON_ORIGIN * body.size[UP]
-    if grounded and (change.part in (WHOLE, "leg", "foot", "wheel", "base") or change.operation == "high"):
+    if grounded and (change.part in _STANDING or change.operation == "high"):
         points[:, UP] += body.ground - points[:, UP].min()
     return points
+
+
+def _above_ground(parts: Parts, change: Change, moved: Moved, points: Floats) -> Floats:
+    """Return the points with a part that would go below the ground, on which the rest stands, kept above it.
+
+    All that goes down goes down by the same share less. What swims or hangs has no ground.
+    """
+    body = parts.body
+    if change.part in _STANDING or points[:, UP].min() >= body.ground - _SUNK * body.diagonal:
+        return points
+    rest = body.points[moved.weight < _OUTSIDE, UP]
+    if not len(rest) or rest.min() > body.ground + _SUNK * body.diagonal:
+        return points
+    if abs(body.ground) > _ON_ORIGIN * body.size[UP] and not parts.on_wheels and not parts.on_legs:
+        return points
+    down = np.maximum(body.points[:, UP] - points[:, UP], 0.0)
+    below = points[:, UP] < body.ground
+    share = float(np.min((body.points[below, UP] - body.ground) / np.maximum(down[below], 1e-300)))
+    raised = points.copy()
+    raised[:, UP] += (1 - max(share, 0.0)) * down
+    return raised
 
 
 def _flipped(body: Body, points: Floats, change: Change) -> Flags:

@@ -271,8 +271,6 @@ class Parts:
 
         Raises PartMissingError: there is none.
         """
-        if self.rigged and not self._is_given("back"):
-            raise PartMissingError("The back of a body is no part that can be changed.")
         return self._limb("back")
 
     @_once
@@ -295,13 +293,13 @@ class Parts:
 
         Raises PartMissingError: none has it, or all of the asset does.
         """
-        if self._is_given(word):
-            return self.read.limb(word)
         return self._limb(word)
 
     def _limb(self, word: str) -> Limb:
         if self._is_given(word):
             return self.read.limb(word)
+        if word == "back" and self.rigged:
+            raise PartMissingError("The back of a body is no part that can be changed.")
         try:
             return self._named_in_file(word)
         except PartMissingError:

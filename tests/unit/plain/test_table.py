@@ -22,6 +22,7 @@ from meshdeform.plain.table import OF_PARTS, TABLE, WHOLE
 from meshdeform.plain.words import read_changes
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
+from tests.unit.plain.reading import body_of
 from tests.unit.plain.runs import changed_positions, run
 from tests.unit.plain.shapes import _box, chair, dog, plain_glb, rigged_dog
 from training.shapes import lathe
@@ -102,7 +103,7 @@ def test_wheels_grow_along_what_is_asked_for_and_only_on_that_side(
 @each_case("rigged", [True, False])
 def test_a_side_is_the_only_one_that_changes(rigged: bool, text: str, kept: set[str]) -> None:
     glb = rigged_dog() if rigged else plain_glb(join(*dog().values()))
-    before, after, _ = changed_positions(glb, text)
+    before, after, _ = changed_positions(glb, text, "dog")
     start, moved = 0, set()
     shift = np.median(after - before, axis=0)  # what longer legs on one side lift
     for name, mesh in dog().items():
@@ -114,15 +115,14 @@ def test_a_side_is_the_only_one_that_changes(rigged: bool, text: str, kept: set[
 
 
 def test_the_front_of_a_chair_is_away_from_its_back() -> None:
-    body = loose_body(load_asset(plain_glb(chair())))
-    assert Parts(body).forward == 1
+    assert Parts(body_of(plain_glb(chair()), "chair")).forward == 1
     turned = TriangleMesh(chair().verts * chair().verts.new_tensor([-1, 1, -1]), chair().faces)
-    assert Parts(loose_body(load_asset(plain_glb(turned)))).forward == -1
+    assert Parts(body_of(plain_glb(turned), "chair")).forward == -1
 
 
 @each_case("text, factor", [("lower the seat", 1 / 1.4), ("raise the seat by 20 %", 1.2), ("seat 6 cm higher", 1.1)])
 def test_a_seat_is_moved_with_what_it_carries_and_keeps_its_thickness(text: str, factor: float) -> None:
-    before, after, report = changed_positions(plain_glb(chair()), text)
+    before, after, report = changed_positions(plain_glb(chair()), text, "chair")
     seat, back = (before[:, 1] > 0.49) & (before[:, 1] < 0.61), before[:, 1] > 0.61
     assert after[seat, 1].max() == pytest.approx(factor * 0.6, abs=0.01)
     np.testing.assert_allclose(
@@ -134,7 +134,7 @@ def test_a_seat_is_moved_with_what_it_carries_and_keeps_its_thickness(text: str,
 
 
 def test_a_wider_seat_takes_its_legs_along_and_keeps_their_girth() -> None:
-    before, after, _ = changed_positions(plain_glb(chair()), "twice as wide seat")
+    before, after, _ = changed_positions(plain_glb(chair()), "twice as wide seat", "chair")
     seat, foot = (before[:, 1] > 0.55) & (before[:, 1] < 0.65), (before[:, 1] < 0.01) & (before[:, 0] > 0)
     np.testing.assert_allclose(np.ptp(after[seat], axis=0)[[0, 2]], [2.0, 1.0], atol=1e-5)
     assert np.ptp(after[foot, 0]) == pytest.approx(np.ptp(before[foot, 0]), abs=1e-4)
@@ -183,7 +183,7 @@ def test_the_chain_that_a_joint_stands_in_says_whether_it_is_a_shoulder(limb: st
     joints = list(body.joints)
     joints[numbers["Neck"]] = Joint("Shoulder.L", numbers["Hips"])
     joints[numbers["Leg_FL"]] = Joint(limb, numbers["Neck"])
-    assert Parts(replace(body, joints=joints)).is_named("shoulder") is is_there
+    assert Parts(replace(body, joints=joints)).is_told("shoulder") is is_there
 
 
 def test_the_back_of_a_body_and_a_node_of_clothes_are_no_parts_of_it() -> None:
@@ -192,15 +192,14 @@ def test_the_back_of_a_body_and_a_node_of_clothes_are_no_parts_of_it() -> None:
         run(glb, "a thicker back")
     body = loose_body(load_asset(glb))
     dressed = replace(body, names={"Suit_Body": body.points[:, 1] > 0.5, "NeckTie": body.points[:, 2] > 1.2})
-    assert not Parts(dressed).is_named("body")
-    assert Parts(dressed).is_named("tie")
+    assert not Parts(dressed).is_told("body")
+    assert Parts(dressed).is_told("tie")
 
 
 @each_case("named", [True, False])
 def test_no_two_parts_share_a_face(named: bool) -> None:
     glb = rigged_dog() if named else plain_glb(chair())
-    asset = load_asset(glb)
-    body = loose_body(asset)
+    asset, body = load_asset(glb), body_of(glb, "" if named else "chair")
     found = find_parts(body, read_changes)
     assert len(found) > 2
     faces = [part.faces(body.vertex_map[asset.surface.triangles]) for part in found]
