@@ -85,8 +85,10 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
 
 def _is_hidden(parts: Parts, part: str) -> bool:
     """Return whether a part is not listed, though words may name it: a lowest end, a top by another name, a belly."""
-    if part in ("base", "seat", "top"):
-        return not parts.has(part)
+    if part in ("base", "seat", "top", "neck"):
+        return not parts.has(part) and not (parts.rigged and part == "neck")
+    if parts.read.by_another_name(part):
+        return not parts.is_told(part)
     return part == "body" and parts.is_living and not parts.is_told("body")
 
 

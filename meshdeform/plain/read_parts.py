@@ -99,6 +99,10 @@ class ReadParts:
         own = [number for number, name in enumerate(names) if self._belongs(name, called)]
         return np.isin(codes, own)
 
+    def by_another_name(self, part: str) -> bool:
+        """Return whether a part was found under another name than its own."""
+        return part in _ALSO and self._called(part) not in ((), (part,))
+
     def _called(self, part: str) -> tuple[str, ...]:
         """Return the names under which a part was found."""
         return (part,) if part in self.names else tuple(name for name in _ALSO.get(part, ()) if name in self.names)

@@ -42,12 +42,16 @@ TABLE: dict[str, dict[str, str]] = {
 }  # fmt: skip
 """The direction of each operation on each kind of part."""
 
+_LONG_THINGS = (
+    "ear", "horn", "tusk", "nose", "beak", "finger", "wing", "fin", "handle", "stem", "branch", "trunk", "spout", "spike",
+    "mast", "gun", "blade", "exhaust", "fork", "leaf",
+)  # fmt: skip
 _KINDS = {
     "leg": "leg", "arm": "arm", "neck": "neck", "tail": "tail", "head": "head", "belly": "belly", "wheel": "wheel",
     "seat": "slab", "top": "slab", "back": "back", "roof": "roof", "base": "base",
     **dict.fromkeys(("shoulder", "hip"), "shoulder"),
     **dict.fromkeys(("hand", "foot", "eye", "hair", "claw"), "hand"),
-    **dict.fromkeys(("ear", "horn", "nose", "finger", "wing", "fin", "handle", "stem", "branch", "trunk"), "limb"),
+    **dict.fromkeys(_LONG_THINGS, "limb"),
     **dict.fromkeys(("thigh", "shin", "forearm", "upper arm", "lower arm", "upper leg", "lower leg", "toe"), "limb"),
 }  # fmt: skip
 

@@ -59,20 +59,34 @@ SIDES |= {
 }
 """Rows likewise; "upper" and "lower" are marked where they are no part of a name, as in "upper arm"."""
 
-_IRREGULAR = {"lens": "lens", "feet": "foot", "leaves": "leaf", "teeth": "tooth", "calves": "calf", "hooves": "hoof"}
+_IRREGULAR = {
+    "lens": "lens",
+    "feet": "foot",
+    "leaves": "leaf",
+    "shelves": "shelf",
+    "teeth": "tooth",
+    "calves": "calf",
+    "hooves": "hoof",
+}
 PART_OF = {
     word: part
     for part, words in {
         "leg": "leg limb", "arm": "arm tentacle", "head": "head skull", "neck": "neck", "tail": "tail", "ear": "ear",
         "hand": "hand paw fist", "foot": "foot hoof shoe boot", "wing": "wing flipper", "fin": "fin",
-        "horn": "horn antler", "nose": "nose snout beak bill muzzle", "eye": "eye", "hair": "hair mane",
+        "horn": "horn antler", "tusk": "tusk", "nose": "nose snout muzzle", "beak": "beak bill", "eye": "eye",
+        "hair": "hair", "mane": "mane", "hump": "hump", "spike": "spike spine", "crest": "crest comb",
         "trunk": "trunk", "wheel": "wheel tyre tire", "seat": "seat", "top": "top tabletop", "back": "back backrest",
         "roof": "roof", "door": "door", "window": "window", "handle": "handle grip", "stem": "stem stalk",
-        "body": "body", "belly": "belly torso chest waist abdomen tummy stomach", "base": "base bottom", "lid": "lid",
+        "body": "body", "belly": "belly torso chest waist abdomen tummy stomach", "base": "base bottom", "lid": "lid", "leaf": "leaf",
         "spout": "spout", "crown": "crown foliage canopy", "tower": "tower turret spire", "claw": "claw",
         "finger": "finger", "shell": "shell", "cap": "cap", "hip": "hip", "shoulder": "shoulder", "branch": "branch",
         "chimney": "chimney", "thigh": "thigh", "shin": "shin calf", "forearm": "forearm", "toe": "toe",
-        "bonnet": "bonnet hood",
+        "bonnet": "bonnet hood", "cabin": "cabin cab", "bumper": "bumper", "exhaust": "exhaust", "fork": "fork",
+        "track": "track", "gun": "gun cannon", "mast": "mast", "sail": "sail", "propeller": "propeller propellor",
+        "rotor": "rotor", "blade": "blade", "shade": "shade lampshade", "drawer": "drawer", "shelf": "shelf",
+        "knob": "knob", "mattress": "mattress", "footboard": "footboard", "brim": "brim", "sole": "sole",
+        "heel": "heel", "sleeve": "sleeve", "collar": "collar", "strap": "strap", "pocket": "pocket",
+        "basket": "basket",
     }.items()
     for word in words.split()
 }  # fmt: skip
@@ -80,7 +94,10 @@ _PLURALS = {
     "foot": "feet", "branch": "branches", "leg": "legs", "arm": "arms", "hand": "hands", "ear": "ears", "wing": "wings",
     "fin": "fins", "horn": "horns", "eye": "eyes", "wheel": "wheels", "door": "doors", "window": "windows",
     "claw": "claws", "finger": "fingers", "shoulder": "shoulders", "hip": "hips", "thigh": "thighs", "shin": "shins",
-    "forearm": "forearms", "toe": "toes",
+    "forearm": "forearms", "toe": "toes", "tusk": "tusks", "hump": "humps", "spike": "spikes", "track": "tracks",
+    "sail": "sails", "blade": "blades", "drawer": "drawers", "shelf": "shelves", "knob": "knobs", "sleeve": "sleeves",
+    "strap": "straps", "pocket": "pockets", "tower": "towers", "leaf": "leaves", "rotor": "rotors",
+    "propeller": "propellers",
 }  # fmt: skip
 PART_NAMES = {part: _PLURALS.get(part, part) for part in PART_OF.values()}
 """The parts that words name on any asset, in the singular, each as it is called where an asset has it."""
