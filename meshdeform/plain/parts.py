@@ -108,7 +108,7 @@ class Parts:
 
     def is_told(self, word: str) -> bool:
         """Return whether joints, nodes or materials have the name of a part, or people gave it."""
-        if word in self.body.painted or word in self.body.renamed.values():
+        if self.read.is_given(word):
             return True
         try:
             self._named_in_file(word)
@@ -122,7 +122,7 @@ class Parts:
 
     def faces(self, word: str) -> Flags | None:
         """Return the faces (F,) of a part that people or the reading told of; None if the file tells it, or nothing."""
-        if not self._is_given(word) and (self.is_told(word) or not self.read.has(word)):
+        if not self.read.is_given(word) and (self.is_told(word) or not self.read.has(word)):
             return None
         return self.read.faces(word)
 
@@ -134,7 +134,7 @@ class Parts:
 
         Raises PartMissingError: there are none.
         """
-        if not self._is_given("leg"):
+        if not self.read.is_given("leg"):
             standing = self.joints.standing_chains()
             if standing:
                 return self._legs_of_joints(standing)
@@ -191,7 +191,7 @@ class Parts:
         Raises PartMissingError: there are none.
         """
         body, pieces = self.body, []
-        for number, share in [] if self._is_given("arm") else self.joints.chains("arm"):
+        for number, share in [] if self.read.is_given("arm") else self.joints.chains("arm"):
             weight = body.smooth(share, 2)
             if (weight > _INSIDE).sum() >= _FEWEST:
                 pieces.append(Piece(body, weight, attachment(body, weight), body.joints[number].name))
@@ -203,8 +203,8 @@ class Parts:
 
         Raises PartMissingError: there is none.
         """
-        head = None if self._is_given("head") else head_of_joints(self.body, self.joints)
-        if head is None and self.rigged and not self._is_given("head"):
+        head = None if self.read.is_given("head") else head_of_joints(self.body, self.joints)
+        if head is None and self.rigged and not self.read.is_given("head"):
             raise PartMissingError("The skeleton has no head.")
         return head or head_of_reading(self.body, self.read)
 
@@ -214,13 +214,10 @@ class Parts:
 
         Raises PartMissingError: there is none.
         """
-        tail = None if self._is_given("tail") else tail_of_joints(self.body, self.joints)
-        if tail is None and self.rigged and not self._is_given("tail"):
+        tail = None if self.read.is_given("tail") else tail_of_joints(self.body, self.joints)
+        if tail is None and self.rigged and not self.read.is_given("tail"):
             raise PartMissingError("The skeleton has no tail.")
         return tail or tail_of_reading(self.body, self.read)
-
-    def _is_given(self, word: str) -> bool:
-        return word in self.body.painted or word in self.body.renamed.values()
 
     # ---------------------------------------------------------------- things
 
@@ -231,7 +228,7 @@ class Parts:
         Raises PartMissingError: there are none.
         """
         body = self.body
-        if self._is_given("wheel"):
+        if self.read.is_given("wheel"):
             return self.read.limb("wheel")
         named = [(name, flags) for name, flags in body.names.items() if names.part_of(name) == "wheel"]
         named = [(name, flags) for name, flags in named if _is_part(flags)]
@@ -260,7 +257,7 @@ class Parts:
 
         Raises PartMissingError: it has neither.
         """
-        if self.rigged and not self._is_given(word):
+        if self.rigged and not self.read.is_given(word):
             raise PartMissingError("A body with a skeleton has no seat.")
         other = "top" if word == "seat" else "seat"
         return self._layer(self._limb(other if not self.has(word) and self.has(other) else word))
@@ -296,7 +293,7 @@ class Parts:
         return self._limb(word)
 
     def _limb(self, word: str) -> Limb:
-        if self._is_given(word):
+        if self.read.is_given(word):
             return self.read.limb(word)
         if word == "back" and self.rigged:
             raise PartMissingError("The back of a body is no part that can be changed.")

@@ -19,6 +19,8 @@ from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
 from meshdeform.plain.carried import NEAR, carried_by, on_ground, touching
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece
+from meshdeform.plain.vocabulary import PART_OF, singular
+from meshdeform.plain.words import part_and_sides
 
 __all__ = ["GIVEN", "READ", "TOLD_APART", "ReadParts"]
 
@@ -51,7 +53,16 @@ class ReadParts:
 
     def __init__(self, body: Body) -> None:
         self.body = body
+        self._painted: dict[str, Flags] = {}
+        for name, faces in body.painted.items():
+            part = _in_a_sentence(name)
+            self._painted[part] = self._painted.get(part, np.zeros(len(body.faces), bool)) | faces
+        self._renamed = {_in_a_sentence(old): _in_a_sentence(new) for old, new in body.renamed.items()}
         self._limbs: dict[str, Limb] = {}
+
+    def is_given(self, part: str) -> bool:
+        """Return whether people said where a part is, or what it is called."""
+        return part in self._painted or part in self._renamed.values()
 
     @property
     def noun(self) -> str:
@@ -66,10 +77,10 @@ class ReadParts:
         names = list(PART_NAMES)
         codes = np.full(len(body.faces), _UNREAD, np.int64) if reading is None else reading.labels.copy()
         old = codes.copy()
-        for found, called in body.renamed.items():
+        for found, called in self._renamed.items():
             if found in names:
                 codes[old == names.index(found)] = _number(names, called)
-        for called, faces in body.painted.items():
+        for called, faces in self._painted.items():
             codes[faces] = _number(names, called)
         return codes, tuple(names)
 
@@ -82,15 +93,15 @@ class ReadParts:
     def confidence(self, part: str) -> float | None:
         """Return the mean probability of a part over its faces; None if nothing but people told of it."""
         reading = self.body.reader.reading
-        if reading is None or part in self.body.painted:
+        if reading is None or part in self._painted:
             return None
-        found = [old for old, new in self.body.renamed.items() if new == part] or list(self._called(part))
+        found = [old for old, new in self._renamed.items() if new == part] or list(self._called(part))
         shares = [reading.confidence[name] for name in found if name in reading.confidence]
         return min(shares, default=None)
 
     def found_by(self, part: str) -> str:
         """Return `GIVEN` of a part that people told of, else `READ`."""
-        return GIVEN if part in self.body.painted or part in self.body.renamed.values() else READ
+        return GIVEN if self.is_given(part) else READ
 
     def faces(self, part: str) -> Flags:
         """Return the faces (F,) of a part with what belongs to it; none if it was not found."""
@@ -149,7 +160,7 @@ class ReadParts:
 
     def missing(self, part: str) -> str:
         """Return why there is no such part."""
-        if not self.noun and not self.body.painted:
+        if not self.noun and not self._painted:
             return f"No {part} was found: nobody knows what the asset is, and its file names none."
         return f"No {part} was found." if not self.noun else f"No {part} was found: this was taken for a {self.noun}."
 
@@ -227,6 +238,12 @@ class ReadParts:
         middles = np.array([hangs_at[label == k].mean(0) for k in range(count)])
         extent = float(np.ptp(self.body.points[rows], axis=0).max())
         return float(np.ptp(middles, axis=0).max()) > _APART * extent
+
+
+def _in_a_sentence(name: str) -> str:
+    """Return the name of a part as sentences have it: "Left Antlers" are a horn."""
+    words = [PART_OF.get(singular(word), singular(word)) for word in name.lower().replace("-", " ").split()]
+    return part_and_sides(words)[1] or name.lower()
 
 
 def _number(names: list[str], name: str) -> int:

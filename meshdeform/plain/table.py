@@ -43,8 +43,8 @@ TABLE: dict[str, dict[str, str]] = {
 """The direction of each operation on each kind of part."""
 
 _LONG_THINGS = (
-    "ear", "horn", "tusk", "nose", "beak", "finger", "wing", "fin", "handle", "stem", "branch", "trunk", "spout", "spike",
-    "mast", "gun", "blade", "exhaust", "fork", "leaf",
+    "ear", "horn", "tusk", "nose", "beak", "finger", "wing", "fin", "handle", "stem", "branch", "trunk", "spout",
+    "spike", "mast", "gun", "blade", "exhaust", "fork", "leaf",
 )  # fmt: skip
 _KINDS = {
     "leg": "leg", "arm": "arm", "neck": "neck", "tail": "tail", "head": "head", "belly": "belly", "wheel": "wheel",
