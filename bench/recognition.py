@@ -47,13 +47,18 @@ class Answer:
         return not self.right and GROUP[self.noun] == GROUP[self.taken_for]
 
 
-def answers(folder: Path) -> Iterator[Answer]:
-    """Ask for each listed file that is in the folder."""
-    files = {
+def files_by_digest(folder: Path) -> dict[str, Path]:
+    """Return the assets in a folder by their SHA-256."""
+    return {
         hashlib.sha256(path.read_bytes()).hexdigest(): path
         for path in folder.rglob("*")
         if path.suffix.lower() in (".glb", ".obj") and path.is_file()
     }
+
+
+def answers(folder: Path) -> Iterator[Answer]:
+    """Ask for each listed file that is in the folder."""
+    files = files_by_digest(folder)
     for repository in json.loads(LISTED.read_text()):
         for name, noun, digest in repository["files"]:
             if (path := files.get(digest)) is None:

@@ -2,7 +2,7 @@
 
 The solids of a member are its connected components, in order; `solids.LAYOUTS` names them. A solid that is made of
 several parts, such as a bottle, is divided between two of its rings. A neck ends where it enters the head: its faces
-nearer to the head's surface than 0.3 of the head's least extent are the head's.
+nearer to the head's surface than 0.03 of the head's least extent are the head's.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-_INSIDE_THE_HEAD = 0.3
+_INSIDE_THE_HEAD = 0.03
 """Share of the head's least extent within which faces of the neck count as the head's."""
 
 

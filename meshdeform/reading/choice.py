@@ -46,6 +46,12 @@ class Surface:
         return self.verts[used]
 
     @cached_property
+    def areas(self) -> Floats:
+        """The areas (F,) of the faces."""
+        a, b, c = self.verts[self.faces].transpose(1, 0, 2)
+        return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+    @cached_property
     def samples(self) -> Samples:
         """Places on the surface; the first few are spread as all are."""
         mixed = np.random.default_rng(6).permutation(SAMPLES)

@@ -1,8 +1,10 @@
 """Weigh in what a file says of its parts: joints and names of nodes and materials.
 
 A class of joints that moves the share s of a cell multiplies the probability of the parts of that class by 0.05 + s,
-that of the others by 1.05 - s. A name that means a part multiplies all others by 0.02 where it stands, and its own by
-0.1 elsewhere if it names all there is of it, as of wheels. What most of an asset is named after is likely its noun.
+that of the others by 1.05 - s. What joints or names tell and the members lack, such as the neck of a person, has half
+of what the parts of its class lack to 1. A name that means a part multiplies all others by 0.02 where it stands, and
+its own by 0.1 elsewhere if it names all there is of it, as of wheels. What most of an asset is named after is likely
+its noun.
 """
 
 from __future__ import annotations
@@ -13,9 +15,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from meshdeform.nouns.labels import Flags, Floats, Index
-from meshdeform.nouns.solids import PART_NAMES, carrier
+from meshdeform.nouns.labels import Flags, Floats, Index, code
+from meshdeform.nouns.solids import LAYOUTS, PART_NAMES, carrier
 from meshdeform.priors.builtin.grammar import noun_of
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.reading.cells import Cells
 
 __all__ = ["Evidence", "nouns_named", "weighed"]
@@ -25,6 +28,8 @@ _JOINTS = {
     "neck": "neck mane",
     "leg": "leg foot",
     "arm": "arm hand wing leg claw",
+    "hand": "hand claw",
+    "foot": "foot",
     "tail": "tail",
     "ear": "ear",
 }
@@ -44,6 +49,14 @@ _SHAPES = frozenset(("bone", "bones", "box", "cone", "plane"))
 _MOST_OF_IT = 0.45
 """Share of the area that what is named as a noun has at least: a helmet is no person."""
 _MOST_NAMES = 40
+_MOVED = 0.5
+"""Share from which a joint moves something at all."""
+_PARTS_OF_GROUP: dict[str, frozenset[str]] = {
+    noun: frozenset(part for other in nouns for part in PART_NAMES if re.search(rf"\b{part}\b", LAYOUTS[other]))
+    for nouns in NOUN_GROUPS.values()
+    for noun in nouns
+}
+"""The parts that any noun of the same group has."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +114,17 @@ def part_meant(name: str) -> str | None:
     return None
 
 
+def parts_told(evidence: Evidence, faces: Index, noun: str, present: Index) -> Index:
+    """Return the parts, places in `PART_NAMES`, that names tell, and joints where no part of their class is present.
+
+    They are parts that nouns of its group have; `present`: the parts of the members.
+    """
+    names = {PART_NAMES[number] for number in present}
+    moved = {part for part, shares in evidence.joints.items() if shares.max() > _MOVED and part in JOINT_PARTS}
+    told = {part for part in moved if not JOINT_PARTS[part] & names} | set(evidence.told(faces))
+    return np.array([code(part) for part in sorted(told & _PARTS_OF_GROUP[noun])], np.int64)
+
+
 def weighed(
     probabilities: Floats, parts: Index, evidence: Evidence, faces: Index, cells: Cells, areas: Floats
 ) -> Floats:
@@ -110,16 +134,25 @@ def weighed(
     for joint_class, moved in JOINT_PARTS.items():
         shares = evidence.joints.get(joint_class)
         own = np.array([name in moved for name in names])
-        if shares is None or shares.max() <= 0.5 or not own.any():
+        if shares is None or shares.max() <= _MOVED or not own.any():
             continue
         share = cells.mean(shares[faces].mean(1), areas)[:, None]
+        if joint_class in names and not weighed_in[:, own].any():
+            _raise(weighed_in, names.index(joint_class), share[:, 0], own)
         weighed_in *= np.where(own[None], 0.05 + share, 1.05 - share)
     for part, flags in evidence.told(faces).items():
         if part not in names:
             continue
         own = np.array([name == part or carrier(name, names) == part for name in names])
         there = (cells.mean(flags.astype(float), areas) > 0.5)[:, None]
+        _raise(weighed_in, names.index(part), there[:, 0].astype(float), own)
         weighed_in *= np.where(there & ~own[None], _OTHERS, 1.0)
         if part in _ALL_NAMED:
             weighed_in *= np.where(~there & (np.array(names) == part)[None], _ELSEWHERE, 1.0)
     return np.asarray(weighed_in / np.maximum(weighed_in.sum(1, keepdims=True), 1e-12))
+
+
+def _raise(probabilities: Floats, column: int, share: Floats, own: Flags) -> None:
+    """Give a part, in place, half of what the parts of its class lack to 1, times a share (C,)."""
+    lack = np.maximum(1 - probabilities[:, own].sum(1), 0)
+    probabilities[:, column] += 0.5 * share * lack

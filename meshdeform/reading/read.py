@@ -12,18 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
-from meshdeform.nouns.labels import Floats, Index
+from meshdeform.nouns.labels import Index
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading.articulated import AssetSamples, Fit, fit_candidate
-from meshdeform.reading.cells import Cells, cells_of, ground_plate
+from meshdeform.reading.cells import cells_of, ground_plate
 from meshdeform.reading.choice import Frame, Surface, candidates
 from meshdeform.reading.coarse import MOST_FACES, coarse
 from meshdeform.reading.deciding import decide
-from meshdeform.reading.evidence import Evidence, nouns_named, weighed
-from meshdeform.reading.result import GROUND, Reading
+from meshdeform.reading.evidence import Evidence, nouns_named, parts_told, weighed
+from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.smoothing import settled, smoothed
-from meshdeform.reading.votes import TRUST, part_votes
+from meshdeform.reading.trust import LEAST, confidences, part_measures
+from meshdeform.reading.votes import TRUST, counted, part_votes
 
 __all__ = ["read_asset"]
 
@@ -69,11 +70,10 @@ def read_asset(
     verts, faces = np.asarray(body.verts, float), np.asarray(body.faces, np.int64)
     ground = ground_plate(verts, faces) if len(faces) else np.zeros(0, bool)
     standing = Surface(verts, faces[~ground])
-    areas = _areas(standing)
-    if not nouns or not areas.sum() > 0:
+    if not nouns or not standing.areas.sum() > 0:
         raise ValueError("there is nothing to read: no noun is proposed, or the mesh has no area")
     evidence = evidence or Evidence()
-    named = nouns_named(evidence, standing.faces, areas)
+    named = nouns_named(evidence, standing.faces, standing.areas)
     decided = decide(standing, nouns, named, front_azimuth_deg, cache)
     frame = decided.frame
     fits = _best_fits(frame, decided.noun, cache)
@@ -102,11 +102,6 @@ def _read_coarsely(
     return replace(reading, labels=less.labels(reading.labels, body.faces))
 
 
-def _areas(surface: Surface | Frame) -> Floats:
-    a, b, c = surface.verts[surface.faces].transpose(1, 0, 2)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-
-
 def _best_fits(frame: Frame, noun: str, cache: Path | None) -> list[Fit]:
     """Return the fitted members that may vote, the best first."""
     samples = AssetSamples(frame)
@@ -118,18 +113,16 @@ def _best_fits(frame: Frame, noun: str, cache: Path | None) -> list[Fit]:
 def _labelled(frame: Frame, fits: Sequence[Fit], evidence: Evidence) -> tuple[Index, dict[str, float]]:
     """Return the part (F,) of each face, and the confidence of each part."""
     parts = np.unique(np.concatenate([fit.member.labels for fit in fits]))
+    told_parts = parts_told(evidence, frame.faces, fits[0].candidate.noun, parts)
+    parts = np.union1d(parts, told_parts)
     cells = cells_of(frame.verts, frame.faces)
-    areas = _areas(frame)
+    areas = frame.surface.areas
     votes = part_votes(frame.verts, frame.faces, cells, fits, parts)
-    soft = smoothed(weighed(votes, parts, evidence, frame.faces, cells, areas), cells)
+    each = [weighed(one, parts, evidence, frame.faces, cells, areas) for one in (counted(votes, fits), *votes)]
+    soft = np.split(smoothed(np.hstack(each), cells), len(each), axis=1)
     single = np.array([PART_NAMES[number] in _SINGLE for number in parts])
-    best = settled(soft, cells, evidence.segments(frame.faces)[cells.face], single)
-    return parts[best][cells.of_face], _confidence(soft, best, cells, parts)
-
-
-def _confidence(soft: Floats, best: Index, cells: Cells, parts: Index) -> dict[str, float]:
-    own = soft[np.arange(len(best)), best]
-    return {
-        PART_NAMES[parts[column]]: float(np.average(own[best == column], weights=cells.areas[best == column]))
-        for column in np.unique(best)
-    }
+    best = settled(soft[0], cells, evidence.segments(frame.faces)[cells.face], single)
+    confidence = confidences(part_measures(soft[0], soft[1:], best, cells, parts), fits[0].residual)
+    told = {name: share for name, share in confidence.items() if share >= LEAST}
+    labels = np.where([PART_NAMES[number] in told for number in parts], parts, NO_PART)
+    return labels[best][cells.of_face], told

@@ -22,7 +22,7 @@ __all__ = ["GROUND", "NO_PART", "Reading"]
 
 GROUND, NO_PART = -1, -2
 """The labels of a plate on which an asset stands, and of faces that are of no known part."""
-_SURE, _FRONT_SURE = 0.9, 0.09
+_SURE, _FRONT_SURE = 0.9, 0.1
 """Probability of the noun, and margin of the front, from which they count as sure."""
 _HEAD = f"meshdeform reading {VERSION}\n".encode()
 _DIGEST = 32
@@ -33,11 +33,12 @@ class Reading:
     """What an asset was found to be.
 
     `labels` (F,) int64: the part of each face, a place in `PART_NAMES`, or `GROUND`, or `NO_PART`. `confidence`: the
-    mean smoothed probability of each part over its faces. `turn` (3, 3) float64: the rotation from the asset's axes to
-    those of its noun, +Y up and +Z the front; `front_margin`: by which share the second front's grade is larger, None
-    where the front was given or the noun has none. `probabilities` are those of the nouns that came into question, the
-    greatest first; what is missing to 1 is that of something else. `member` is the number of the member that fits
-    best, `residual` the mean distance between its surface and the asset's, a share of the diagonal.
+    probability that each part is right, if the noun and the front are (`trust`). `turn` (3, 3) float64: the rotation
+    from the asset's axes to those of its noun, +Y up and +Z the front; `front_margin`: by which share the second
+    front's grade is larger, None where the front was given or the noun has none. `probabilities` are those of the nouns
+    that came into question, the greatest first; what is missing to 1 is that of something else. `member` is the number
+    of the member that fits best, `residual` the mean distance between its surface and the asset's, a share of the
+    diagonal.
     """
 
     noun: str
@@ -68,7 +69,7 @@ class Reading:
     def front_sure(self) -> bool:
         """Whether the front can be told without a question.
 
-        It was given, the noun has none, or any other front is at least 9 % worse.
+        It was given, the noun has none, or any other front is at least 10 % worse.
         """
         return self.front_margin is None or self.front_margin >= _FRONT_SURE
 

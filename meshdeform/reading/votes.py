@@ -21,7 +21,7 @@ from meshdeform.reading.articulated import Fit
 from meshdeform.reading.cells import Cells
 from meshdeform.reading.samples import Samples, features, hidden, spread
 
-__all__ = ["TRUST", "part_votes"]
+__all__ = ["TRUST", "counted", "part_votes"]
 
 _SHARP = 0.012
 _NORMALS = 0.04
@@ -32,17 +32,22 @@ _PLACES, _MOST_PLACES = 3000, 40
 
 
 def part_votes(verts: Floats, faces: Index, cells: Cells, fits: Sequence[Fit], parts: Index) -> Floats:
-    """Return the probability (C, P) of each of the parts, places in `PART_NAMES`, on each cell."""
+    """Return the probability (M, C, P) of each of the parts, places in `PART_NAMES`, on each cell, by each fit."""
     places, normals, of_cell = _places(verts, faces, cells)
     asked = features(places, normals, _NORMALS)
     inside = hidden(Samples(places, normals, of_cell, places), cells.components[of_cell])
-    total = np.zeros((len(cells), len(parts)))
     each = np.bincount(of_cell, minlength=len(cells))[:, None]
+    votes = []
     for fit in fits:
         likely = _likely(fit, asked, inside, parts)
-        means = np.stack([np.bincount(of_cell, column, len(cells)) for column in likely.T], 1) / each
-        total += np.exp(-(fit.score - fits[0].score) / TRUST) * means
-    return np.asarray(total / total.sum(1, keepdims=True))
+        votes.append(np.stack([np.bincount(of_cell, column, len(cells)) for column in likely.T], 1) / each)
+    return np.stack(votes)
+
+
+def counted(votes: Floats, fits: Sequence[Fit]) -> Floats:
+    """Return the probability (C, P) of each part by all fits together."""
+    weights = np.exp([-(fit.score - fits[0].score) / TRUST for fit in fits])
+    return np.asarray(np.einsum("m,mcp->cp", weights / weights.sum(), votes))
 
 
 def _likely(fit: Fit, asked: Floats, inside: Flags, parts: Index) -> Floats:

@@ -8,7 +8,7 @@ import pytest
 from meshdeform.nouns.labels import code
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.cells import cells_of
-from meshdeform.reading.evidence import JOINT_PARTS, Evidence, nouns_named, part_meant, weighed
+from meshdeform.reading.evidence import JOINT_PARTS, Evidence, nouns_named, part_meant, parts_told, weighed
 from training.shapes import box
 
 
@@ -58,3 +58,21 @@ def test_what_most_of_an_asset_is_named_after_is_its_noun(name: str, nouns: tupl
     assert nouns_named(Evidence(names={name: everything}), faces, areas) == nouns
     corner = Evidence(names={name: np.arange(len(mesh.verts)) < 3})
     assert nouns_named(corner, faces, areas) == ()
+
+
+def test_what_joints_and_names_tell_is_found_although_no_member_has_it() -> None:
+    mesh = box()
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    cells = cells_of(verts, faces)
+    top, low = verts[:, 1] > 0, verts[:, 1] < 0
+    evidence = Evidence(joints={"neck": top.astype(float)}, names={"Foot": low, "Wheel.L": low})
+    body = np.array([code("body")])
+    told = parts_told(evidence, faces, "person", body)
+    assert [PART_NAMES[number] for number in told] == ["foot", "neck"]
+    assert code("neck") not in parts_told(evidence, faces, "person", np.array([code("body"), code("neck")]))
+    parts = np.union1d(body, told)
+    even = (parts == body)[None].repeat(len(cells), 0).astype(float)
+    found = weighed(even, parts, evidence, faces, cells, np.ones(len(faces))).argmax(1)
+    up, down = top[faces].all(1)[cells.face], low[faces].all(1)[cells.face]
+    assert {PART_NAMES[parts[column]] for column in found[up]} == {"neck"}
+    assert {PART_NAMES[parts[column]] for column in found[down]} == {"foot"}

@@ -65,6 +65,53 @@ def test_units_place_turn_mirror_image_and_nodes_change_nothing(horse: LabelledM
         assert _share(horse, reading.labels == horse_reading.labels) >= 0.98
 
 
+def _in_another_order(member: LabelledMember) -> tuple[Part, NDArray[np.int64]]:
+    """Return the member with its vertices and faces shuffled, and the old number (F,) of each face."""
+    rng = np.random.default_rng(0)
+    verts, faces = rng.permutation(len(member.verts)), rng.permutation(len(member.faces))
+    shuffled = np.argsort(verts)[member.faces[faces]]
+    return Part(member.verts[verts], np.stack([np.roll(face, k % 3) for k, face in enumerate(shuffled)])), faces
+
+
+def _remeshed(member: LabelledMember) -> tuple[Part, NDArray[np.int64]]:
+    """Return the member with its longer edges halved and a vertex in the middle of the other faces, and old numbers."""
+    verts, faces, old = member.verts, member.faces, np.arange(len(member.faces))
+    corners = verts[faces]
+    count, ends = len(verts), np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges, where = np.unique(np.sort(ends, 1), axis=0, return_inverse=True)
+    ab, bc, ca = where.reshape(3, -1) + count
+    a, b, c = faces.T
+    large = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    quarters = np.concatenate([np.stack(k, 1) for k in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    verts = np.concatenate([verts, verts[edges].mean(1)])
+    middle = len(verts) + np.arange(len(quarters))
+    split = np.tile(large > np.median(large), 4)
+    verts = np.concatenate([verts, verts[quarters].mean(1)])
+    thirds = [np.stack([quarters[:, k], quarters[:, (k + 1) % 3], middle], 1)[split] for k in range(3)]
+    faces = np.concatenate([quarters[~split], *thirds])
+    return Part(verts, faces), np.concatenate([np.tile(old, 4)[~split], *[np.tile(old, 4)[split]] * 3])
+
+
+def test_the_order_of_vertices_and_faces_changes_nothing(horse: LabelledMember, horse_reading: Reading) -> None:
+    body, old = _in_another_order(horse)
+    reading = read_asset(body, {"horse": 1.0}, front_azimuth_deg=0.0)
+    labels = np.empty_like(reading.labels)
+    labels[old] = reading.labels
+    assert _share(horse, labels == horse_reading.labels) >= 0.98
+
+
+@each_case("noun", ["chair", "dog", "teapot"])
+def test_remeshing_changes_at_most_2_per_cent_of_the_area(noun: str) -> None:
+    member = _member(noun)
+    body, old = _remeshed(member)
+    a, b, c = body.verts[body.faces].transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    assert areas.sum() == pytest.approx(_areas(member).sum())
+    plain = read_asset(Part(member.verts, member.faces), {noun: 1.0}, front_azimuth_deg=0.0)
+    reading = read_asset(body, {noun: 1.0}, front_azimuth_deg=0.0)
+    assert areas[reading.labels == plain.labels[old]].sum() >= 0.98 * areas.sum()
+
+
 def test_the_same_asset_is_read_alike(horse: LabelledMember, horse_reading: Reading) -> None:
     again = read_asset(Part(horse.verts, horse.faces), {"horse": 1.0}, front_azimuth_deg=0.0)
     assert np.array_equal(again.labels, horse_reading.labels)
