@@ -51,6 +51,8 @@ _MOST_OF_IT = 0.45
 _MOST_NAMES = 40
 _MOVED = 0.5
 """Share from which a joint moves something at all."""
+_LACKING = 0.2
+"""Probability, on what joints of a class move, under which the members lack its parts."""
 _PARTS_OF_GROUP: dict[str, frozenset[str]] = {
     noun: frozenset(part for other in nouns for part in PART_NAMES if re.search(rf"\b{part}\b", LAYOUTS[other]))
     for nouns in NOUN_GROUPS.values()
@@ -137,7 +139,8 @@ def weighed(
         if shares is None or shares.max() <= _MOVED or not own.any():
             continue
         share = cells.mean(shares[faces].mean(1), areas)[:, None]
-        if joint_class in names and not weighed_in[:, own].any():
+        moved_most = share[:, 0] > _MOVED
+        if joint_class in names and weighed_in[moved_most][:, own].sum(1).mean() < _LACKING:
             _raise(weighed_in, names.index(joint_class), share[:, 0], own)
         weighed_in *= np.where(own[None], 0.05 + share, 1.05 - share)
     for part, flags in evidence.told(faces).items():
