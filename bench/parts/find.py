@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,13 +20,13 @@ from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.plain.body import Body, loose_body
 from meshdeform.plain.evidence import read_body
 from meshdeform.plain.naming import find_parts
+from meshdeform.plain.reader import Reader
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.changes import asked_changes
 from meshdeform.runs.verdict import recognise
 
 _PROPOSED = 5
-_INSIDE = 0.5
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def found(each: Listed, path: Path, *, given: bool, labels: bool = False) -> Fou
     start = time.process_time()
     nouns = {each.noun: 1.0} if given else proposed(body)
     reading = read_body(body, nouns, each.front if given else None)
-    parts = _labelled(reading) if labels else _listed(body)
+    parts = _labelled(reading) if labels else _listed(replace(body, reader=Reader(lambda: reading)))
     seconds = time.process_time() - start
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     ranked = sorted(reading.probabilities, key=lambda noun: -reading.probabilities[noun])
@@ -70,4 +70,4 @@ def _labelled(reading: Reading) -> dict[str, NDArray[np.bool_]]:
 def _listed(body: Body) -> dict[str, NDArray[np.bool_]]:
     """Return the parts that are listed for an empty prompt."""
     read = partial(asked_changes, params=resolve(DeformParams()))
-    return {part.name: part.weight[body.faces].mean(1) > _INSIDE for part in find_parts(body, read)}
+    return {part.name: part.inside for part in find_parts(body, read)}
