@@ -10,7 +10,7 @@ from meshdeform.nouns.families import FAMILIES
 from meshdeform.nouns.labels import LabelledMember, labelled_member
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading import read_asset
-from meshdeform.reading.choice import candidate_member
+from meshdeform.reading.banks import candidate_member
 
 _SEED = 4321
 """Of a member that is none of those that are fitted."""
