@@ -9,7 +9,9 @@
     0w    something carries its name and is another thing
 
 Right is the share of parts with 2, half that with 1, wrong that with 0w, and points are the sum of grades over twice
-the number of parts. What was found and is not listed counts nowhere.
+the number of parts. What was found and is not listed counts nowhere. A part that is listed under a word that says the
+same (`stem` of a lamp for its pole, `crown` of a tree for its leaves) is found; under a name that only its author would
+know (`second glass` for a shelf), or in pieces (thighs and shins beside the rest of the legs), it is half found.
 """
 
 from __future__ import annotations
