@@ -192,7 +192,7 @@ class FoundParts(Document):
     parts: list[FoundPart] = Field(description="Those that everybody knows come first.")
     result: str | None = Field(
         description="The asset as a prompt that is a change makes it: a GLB in base64, without `output.subdivide`; its "
-        "rig stays where it is. Null without such a prompt.",
+        "rig stays where it is. Null without such a prompt, unless its parts were asked for by `glb`.",
         json_schema_extra={"contentEncoding": "base64"},
         examples=[None],
     )

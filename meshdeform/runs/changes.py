@@ -28,7 +28,7 @@ from meshdeform.plain.table import OF_PARTS, WHOLE
 from meshdeform.plain.wording import says_change
 from meshdeform.plain.words import Sentence, described, read_changes
 from meshdeform.priors.builtin.grammar import ParsedPrompt, noun_of, parse
-from meshdeform.requests.choices import BackdropMode, GuidanceKind, is_builtin
+from meshdeform.requests.choices import BackdropMode, GuidanceKind, PartsAs, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.questions import Question, answer_task
 
@@ -139,16 +139,18 @@ def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams,
         raise part_not_found(answer["missing"], answer["parts"])
 
 
-def parts_of(asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits) -> dict[str, Any]:
+def parts_of(
+    asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits, *, glb: PartsAs | None = None
+) -> dict[str, Any]:
     """Return the parts of an asset that prompts can name, or those that a prompt names and what it makes of the asset.
 
     `filename`: its name; the extension decides the format where the content does not. Returns `parts`, each with its
     `name`, `found_by`, `faces` as regions have them, and `changes`: an `operation`, and words for `more` and for `less`
     of it. `result` is a GLB in base64, or None if the prompt is no change, and `warnings` say what of it is less than
-    was asked for.
+    was asked for. With `glb`, the result has the parts in this form, also that of no prompt.
     """
     asked_changes(prompt, params)  # what it refuses
-    answer = _ask(asset, filename, params, limits, prompt=prompt)
+    answer = _ask(asset, filename, params, limits, prompt=prompt, glb=glb)
     missing = answer.pop("missing")
     if missing is not None:
         raise part_not_found(missing, answer["parts"])
@@ -183,16 +185,17 @@ def _answer(task: dict[str, Any]) -> dict[str, Any]:
     asset = asset.without(find_excluded(params.exclude, asset.parts().nodes))
     body = loose_body(asset, backdrop=params.backdrop is BackdropMode.DEFORM)
     if "only_check" not in task:
-        return _parts(asset, body, task["prompt"], params)
+        return _parts(asset, body, task["prompt"], params, task["glb"])
     sentence = asked_changes(task["prompt"], params)
     missing = None if sentence is None else missing_part(body, sentence)
     return {"missing": missing, "parts": [] if missing is None else part_names(body, params)}
 
 
-def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dict[str, Any]:
+def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams, glb: PartsAs | None) -> dict[str, Any]:
     from meshdeform.plain.change import apply_changes, meant
     from meshdeform.plain.naming import find_parts
     from meshdeform.plain.pieces import PartMissingError
+    from meshdeform.runs.parted import result_with_parts
 
     corners, read = body.vertex_map[asset.surface.triangles], partial(asked_changes, params=params)
     sentence = read(prompt)
@@ -208,6 +211,7 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dic
         moved[used] += (changed.points - body.points)[body.vertex_map[used]]
         document["result"] = base64.b64encode(asset.replace(moved, compact=True)).decode()
         document["warnings"] = [*sentence.notes, *(said for each in done for said in [*each.warnings, *each.doubts])]
+    found = find_parts(body, read, sentence)
     document["parts"] = [
         {
             "name": part.name,
@@ -217,6 +221,8 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams) -> dic
                 {"operation": each, "more": OF_PARTS[each][0], "less": OF_PARTS[each][1]} for each in part.operations
             ],
         }
-        for part in find_parts(body, read, sentence)
+        for part in found
     ]
+    if glb is not None:
+        document["result"] = result_with_parts(asset, document["result"], PartsAs(glb), body, found)
     return document

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -54,6 +55,22 @@ def named_glb(asset: Asset, form: PartsAs, body: Body, parts: Sequence[NamedPart
             parts=[],
         )
     return with_parts(asset, flags, form), list(flags)
+
+
+def result_with_parts(
+    asset: Asset, result: str | None, form: PartsAs, body: Body, parts: Sequence[NamedPart]
+) -> str | None:
+    """Return the result of a change of an asset, or without one the asset, with these parts of its body.
+
+    `result`: a GLB in base64, as what is returned. Without parts, it stays what it is.
+    """
+    from meshdeform.assets import Limits, load_asset
+
+    if not parts:
+        return result
+    if result is not None:
+        asset = load_asset(base64.b64decode(result), limits=Limits.unlimited()).without(asset.excluded)
+    return base64.b64encode(named_glb(asset, form, body, parts)[0]).decode()
 
 
 def _flags(faces: Sequence[int | list[int]], count: int) -> NDArray[np.bool_]:

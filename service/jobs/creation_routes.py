@@ -7,7 +7,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Annotated, Any
 
 from anyio import to_thread
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 
 from meshdeform.api.documents import FoundOrientation, FoundParts, Validation
 from meshdeform.api.jobs import JobView
@@ -21,6 +21,7 @@ from meshdeform.errors import (
     UnreadableJobError,
     WebhookAddressError,
 )
+from meshdeform.requests.choices import PartsAs
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kinds
 from service.documentation.responses import (
@@ -242,6 +243,14 @@ async def list_job_parts(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
+    glb: Annotated[
+        PartsAs | None,
+        Query(
+            description="Give the asset back with its parts in this form, as `result`: the vertex attribute `_PART`, "
+            "materials or child nodes. Default: without.",
+            examples=["attribute"],
+        ),
+    ] = None,
     x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
 ) -> Response:
     """Takes the bodies of `POST /v1/jobs`, which need no prompt, and stores nothing.
@@ -250,7 +259,7 @@ async def list_job_parts(
     takes a second, in a process of its own on the API's machine, which needs the extra `deform`.
     """
     async with _submitted(request, app, principal.owner_id) as submission:
-        parts = await list_parts(app, principal.owner_id, submission)
+        parts = await list_parts(app, principal.owner_id, submission, glb)
     return Response(parts.model_dump_json(), media_type="application/json")
 
 

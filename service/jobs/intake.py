@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import unquote
@@ -51,7 +51,7 @@ from meshdeform.priors.builtin import taught
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
-from meshdeform.requests.choices import WEIGHTS_PART
+from meshdeform.requests.choices import WEIGHTS_PART, PartsAs
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
@@ -236,15 +236,19 @@ def _front(app: AppState, request: JobRequest, params: ResolvedParams, asset: Re
     return FoundOrientation(**answer)
 
 
-async def list_parts(app: AppState, owner_id: str, submission: Submission) -> FoundParts:
-    """Check a job as `validate` does, but for its prompt, and find the parts of its asset in a child process."""
+async def list_parts(app: AppState, owner_id: str, submission: Submission, glb: PartsAs | None = None) -> FoundParts:
+    """Check a job as `validate` does, but for its prompt, and find the parts of its asset in a child process.
+
+    `glb`: the form in which the result has them.
+    """
     prompt = submission.document.prompt
     # The child reads the prompt; whatever it is, the rest is checked as that of a change that needs no part.
     whole = submission.document.model_copy(update={"prompt": "taller"})
     params, asset = await app.take_in(owner_id, _with_parts, app, owner_id, replace(submission, document=whole))
     async with app.naming.slot(owner_id):
         limits = app.assets.limits
-        parts = await to_thread.run_sync(parts_of, asset.path, asset.filename, prompt, params, limits)
+        find = partial(parts_of, asset.path, asset.filename, prompt, params, limits, glb=glb)
+        parts = await to_thread.run_sync(find)
     return FoundParts(**parts)
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.limits import ChildOutcome
+from meshdeform.assets.parted import PartsAs, parts_of
 from meshdeform.client import Client
 from meshdeform.errors import ParameterError, PartNotFoundError
 from meshdeform.geometry.shapes import icosphere, join
@@ -58,6 +59,38 @@ def test_the_faces_of_a_part_are_taken_as_a_region(api: Api, openapi: dict[str, 
     request = json.dumps({"prompt": "a horse", "params": params})
     files = {"asset": ("a.glb", DOG), "request": (None, request)}
     assert api.http.post("/v1/jobs:validate", files=files).status_code == 200
+
+
+@each_case("form", list(PartsAs))
+def test_the_asset_comes_back_with_its_parts(api: Api, form: PartsAs) -> None:
+    with Client(api.url) as client:
+        found, changed = (client.parts(DOG, prompt, glb=form, filename="a.glb") for prompt in ("", LONGER))
+        longer = client.parts(DOG, LONGER, filename="a.glb")
+    assert found.glb is not None
+    assert changed.glb is not None
+    asset = load_asset(found.glb)
+    named = [part.name for part in found.parts]
+    if form is PartsAs.ATTRIBUTE:
+        assert sorted(parts_of(asset)) == sorted(named)
+        assert list(parts_of(load_asset(changed.glb))) == ["legs"]
+    else:
+        listed = asset.parts().materials if form is PartsAs.MATERIALS else asset.parts().nodes
+        assert set(named) <= {each["name"].partition(" (")[0] for each in listed}
+    assert len(asset.surface.triangles) == len(load_asset(DOG).surface.triangles)
+    assert longer.glb is not None
+    low, high = (load_asset(glb).summary.bounds for glb in (longer.glb, changed.glb))
+    np.testing.assert_array_equal(low, high)
+
+
+def test_a_form_of_parts_that_there_is_not_is_refused_and_without_parts_there_is_no_result(api: Api) -> None:
+    request = json.dumps({"prompt": ""})
+    files = {"asset": ("a.glb", DOG), "request": (None, request)}
+    answer = api.http.post("/v1/jobs:parts?glb=groups", files=files)
+    check_problem(answer, 422, "parameter_invalid")
+    ball = icosphere(2)
+    files["asset"] = ("a.glb", build_glb(ball.verts.numpy(), ball.faces.numpy()))
+    answer = api.http.post("/v1/jobs:parts?glb=nodes", files=files).json()
+    assert (answer["parts"], answer["result"]) == ([], None)
 
 
 @each_case("asset", {"still": DOG, "posed": rigged_dog(turned=True)})

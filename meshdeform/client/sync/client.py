@@ -67,7 +67,7 @@ from meshdeform.errors import (
     NotFoundError,
     UnavailableError,
 )
-from meshdeform.requests.choices import JobKind
+from meshdeform.requests.choices import JobKind, PartsAs
 from meshdeform.verdicts import read_verdict
 
 M = TypeVar("M", bound=BaseModel)
@@ -341,6 +341,7 @@ class Client:
         prompt: str = "",
         *,
         params: Params | None = None,
+        glb: PartsAs | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
     ) -> FoundParts:
@@ -348,6 +349,11 @@ class Client:
 
         With a prompt that is a change in plain words ("legs longer by 30 %"), only the parts that it names, and as
         `glb` what it makes of the asset, without a job. Parameters and errors are those of `submit`.
+
+        Parameters
+        ----------
+        glb : PartsAs, optional
+            Give the asset back with its parts, as `glb`: as the vertex attribute `_PART`, as `materials` or as `nodes`.
 
         Raises
         ------
@@ -357,7 +363,8 @@ class Client:
             The service cannot find parts, or cannot find them now.
         """
         request_files = Files.of(asset, None, None, filename, upload, None)
-        parts_found, _ = self._post(FoundParts, "/v1/jobs:parts", Order(prompt, params), request_files)
+        url = "/v1/jobs:parts" if glb is None else f"/v1/jobs:parts?glb={PartsAs(glb).value}"
+        parts_found, _ = self._post(FoundParts, url, Order(prompt, params), request_files)
         return parts_found
 
     def teach(
