@@ -13,10 +13,8 @@ from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from meshdeform.assets import Asset
+    from meshdeform.assets.parted import PartLabels
     from meshdeform.plain.body import Body
     from meshdeform.plain.naming import NamedPart
 
@@ -46,15 +44,13 @@ def named_glb(asset: Asset, form: PartsAs, body: Body, parts: Sequence[NamedPart
     """
     from meshdeform.assets.parted import with_parts
 
-    corners = body.vertex_map[asset.surface.triangles]
-    flags = {part.name: _flags(part.faces(corners), len(corners)) for part in parts}
-    if not flags:
+    if not parts:
         raise PartNotFoundError(
             "No part of the asset was found, so there is none to write.",
             advice="Say what it is by source_noun, or name its nodes or materials after its parts.",
             parts=[],
         )
-    return with_parts(asset, flags, form), list(flags)
+    return with_parts(asset, _labels(asset, body, parts), form), [part.name for part in parts]
 
 
 def result_with_parts(
@@ -73,12 +69,20 @@ def result_with_parts(
     return base64.b64encode(named_glb(asset, form, body, parts)[0]).decode()
 
 
-def _flags(faces: Sequence[int | list[int]], count: int) -> NDArray[np.bool_]:
-    """Return flags of `count` triangles by numbers and ranges with both ends."""
+def _labels(asset: Asset, body: Body, parts: Sequence[NamedPart]) -> PartLabels:
+    """Return the part of each triangle; one without an area has that of a neighbour."""
     import numpy as np
 
-    flags = np.zeros(count, bool)
-    for each in faces:
-        first, last = each if isinstance(each, list) else (each, each)
-        flags[first : last + 1] = True
-    return flags
+    from meshdeform.assets.parted import PartLabels
+    from meshdeform.plain.naming import faces_among
+
+    corners = body.vertex_map[asset.surface.triangles]
+    faces = np.flatnonzero(faces_among(corners))
+    labels = np.zeros(len(corners), np.int64)
+    for number, part in reversed(list(enumerate(parts, 1))):  # the first counts, of parts that overlap
+        labels[faces[part.inside]] = number
+    of_vertex = np.zeros(len(body.points), np.int64)
+    np.maximum.at(of_vertex, corners[faces], labels[faces, None])
+    flat = (corners >= 0).all(1) & ~faces_among(corners)
+    labels[flat] = of_vertex[corners[flat]].max(1)
+    return PartLabels(tuple(part.name for part in parts), labels)
