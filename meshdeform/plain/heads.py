@@ -18,7 +18,7 @@ from meshdeform.plain.read_parts import ReadParts
 __all__ = ["Head", "Tail", "head_of_joints", "head_of_reading", "tail_of_joints", "tail_of_reading"]
 
 _INSIDE = 0.5
-_BLEND, _BLEND_AT = 0.8, 0.45
+_BLEND, _BLEND_AT = 0.6, 0.1
 """Width of the band in which a head without a neck turns into the body, as a share of its size, and where it begins."""
 _BARE = 0.35
 """Share of a head's border with the neck that its border with the rest may have, where the neck is one."""

@@ -138,8 +138,6 @@ class Parts:
             standing = self.joints.standing_chains()
             if standing:
                 return self._legs_of_joints(standing)
-            if self.rigged:
-                raise PartMissingError("The skeleton has no legs that stand on the ground.")
         return self._legs_of_pieces(self._limb("leg"))
 
     def _legs_of_joints(self, chains: list[tuple[int, Floats]]) -> Legs:
@@ -204,8 +202,6 @@ class Parts:
         Raises PartMissingError: there is none.
         """
         head = None if self.read.is_given("head") else head_of_joints(self.body, self.joints)
-        if head is None and self.rigged and not self.read.is_given("head"):
-            raise PartMissingError("The skeleton has no head.")
         return head or head_of_reading(self.body, self.read)
 
     @_once
@@ -215,8 +211,6 @@ class Parts:
         Raises PartMissingError: there is none.
         """
         tail = None if self.read.is_given("tail") else tail_of_joints(self.body, self.joints)
-        if tail is None and self.rigged and not self.read.is_given("tail"):
-            raise PartMissingError("The skeleton has no tail.")
         return tail or tail_of_reading(self.body, self.read)
 
     # ---------------------------------------------------------------- things
@@ -300,7 +294,7 @@ class Parts:
         try:
             return self._named_in_file(word)
         except PartMissingError:
-            if word not in TOLD_APART or (self.rigged and word in OF_BODIES):
+            if word not in TOLD_APART:
                 raise
             return self.read.limb(word)
 

@@ -45,6 +45,8 @@ _FEW = 0.4
 """Share of a part's vertices that is far from its border, below which it has too few for a band."""
 _APART = 0.4
 """Distance between places where a piece touches the rest, as a share of its extent, from which it hangs at both."""
+_END = 0.35
+"""Extent of such a place, likewise, up to which it is an end: a cushion lies along what it touches."""
 _UNREAD = -2
 
 
@@ -235,8 +237,11 @@ class ReadParts:
         count, label = csgraph.connected_components(graph, directed=False)
         if count < 2:
             return False
-        middles = np.array([hangs_at[label == k].mean(0) for k in range(count)])
         extent = float(np.ptp(self.body.points[rows], axis=0).max())
+        ends = [hangs_at[label == k] for k in range(count)]
+        if max(float(np.ptp(end, axis=0).max()) for end in ends) > _END * extent:
+            return False
+        middles = np.array([end.mean(0) for end in ends])
         return float(np.ptp(middles, axis=0).max()) > _APART * extent
 
 
