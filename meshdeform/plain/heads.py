@@ -159,9 +159,8 @@ def tail_of_reading(body: Body, read: ReadParts) -> Tail:
     limb = read.limb("tail")
     root = max(limb.pieces, key=lambda each: len(each.rows)).pivot
     # It grows from its root, where nothing moves: no band is needed.
-    mine = np.asarray(read.share(read.faces("tail")) > _INSIDE)
-    if not mine.any():
-        raise PartMissingError(read.missing("tail"))
+    share = read.share(read.faces("tail"))
+    mine = np.asarray(share >= min(_INSIDE, float(share.max())))
     return _tail(body, mine.astype(float), mine, root, limb.found_by)
 
 

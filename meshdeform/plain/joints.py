@@ -15,7 +15,7 @@ from meshdeform.plain.pieces import Piece, attachment
 _CLASSES = {
     **dict.fromkeys(("face", "tongue"), "head"),
     **dict.fromkeys(("knee", "ankle"), "leg"),
-    **dict.fromkeys(("middle", "ring", "clavicle"), "arm"),
+    **dict.fromkeys(("middle", "ring", "clavicle", "palm"), "arm"),
 }
 """The class of joints whose names are no part in a sentence."""
 _CLASS_OF = {

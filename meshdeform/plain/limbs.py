@@ -294,7 +294,7 @@ def tail(parts: Parts, operation: str, factor: float) -> Moved:
     line = centre_line(along, body.points, found.weight, (0.0, found.length))
     here = line(np.clip(along, 0, found.length))
     root = line(np.zeros(1))
-    band = step(along / (0.3 * found.length))
+    band = step(along / max(0.3 * found.length, 1e-12))
     own = Piece(body, found.weight, root[0])
     over = (found.weight * band * (factor - 1))[:, None] * (body.points - here)
     onward = (found.weight * (factor - 1))[:, None] * (here - root)

@@ -28,7 +28,7 @@ JOINTS = {
     word: part
     for part, words in {
         "leg": "upleg upperleg lowerleg ff ffb", "thigh": "thigh", "shin": "shin calf", "foot": "foot ankle",
-        "toe": "toe ball", "arm": "arm elbow", "forearm": "forearm", "hand": "hand palm wrist",
+        "toe": "toe ball", "arm": "arm elbow", "forearm": "forearm", "hand": "hand wrist",
         "finger": "finger index pinky thumb", "shoulder": "shoulder clavicle", "hip": "hip pelvis",
         "belly": "spine torso abdomen chest waist", "eye": "eye eyebrow", "jaw": "jaw mouth tongue",
     }.items()
@@ -90,7 +90,7 @@ def part_of(name: str) -> str | None:
     """Return the part that everybody knows and that a name says it is; None if it says another thing, or nothing."""
     words = tokens(name)
     nouns = [place for place, word in enumerate(words) if word not in _WHICH and noun_part(word)]
-    if not nouns:  # a "Back" that is nothing else is one
+    if not nouns and all(word in _WHICH for word in words):  # a "Back" that is nothing else is one, and no "HatTop"
         nouns = [place for place, word in enumerate(words) if PART_OF.get(word)]
     if not nouns or any(word in _OF_ANOTHER and noun_part(word) is None for word in words[nouns[-1] + 1 :]):
         return None

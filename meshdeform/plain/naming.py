@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshdeform.errors import PromptError
-from meshdeform.plain.body import Body, Flags, Index
+from meshdeform.plain.body import Body, Flags, Floats, Index
 from meshdeform.plain.change import calibrated, meant
 from meshdeform.plain.maps import move
 from meshdeform.plain.moved import Moved
@@ -19,19 +19,26 @@ from meshdeform.plain.parts import Parts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.read_parts import GIVEN, READ
 from meshdeform.plain.table import OF_PARTS, WHOLE, direction
-from meshdeform.plain.vocabulary import PART_NAMES
+from meshdeform.plain.vocabulary import PART_NAMES, STUFFS
 from meshdeform.plain.words import Change, Sentence
 
 _TRIED = ("fat", "tall", "long", "big", "wide", "deep", "high")
 """Operations on parts; of those that come to the same, the first counts."""
 _TRIAL = 1.3
-_FEWEST_NAMES, _MOST_NAMES, _MOST_TRIED = 4, 64, 500_000
+_FEWEST_NAMES, _MOST_NAMES, _MOST_TRIED = 16, 64, 2_000_000
 """How many names of the file are tried: so many vertices, between a few and many."""
 _ONE_TRIAL = 50_000
 """Vertices from which one operation of a part is tried, and the others are taken from the table."""
-_INSIDE, _LEFT = 0.5, 0.5
-_RANKS = {GIVEN: 0, "joints": 1, "names": 1, READ: 2}
+_INSIDE = 0.5
+_LEFT, _LEFT_OF_KNOWN, _WITHIN = 0.5, 0.15, 0.8
+"""Shares of the area of a name of the file, and of a part that everybody knows, that others must leave of it; share of
+what a name has of other parts, from which it lies within one of them."""
 _EVERYBODYS = frozenset(PART_NAMES.values())
+_LAST = frozenset({PART_NAMES["belly"], PART_NAMES["body"]})
+_DETAILS = {
+    "thigh": "leg", "shin": "leg", "toe": "leg", "forearm": "arm", "finger": "hand", "hip": "leg", "shoulder": "arm",
+}  # fmt: skip
+"""Parts that words may name, and that are not listed beside the one in which they are."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,8 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
     """
     parts = Parts(body)
     most = min(_MOST_NAMES, max(_FEWEST_NAMES, _MOST_TRIED // len(body.points)))
-    own = [name for name in [*parts.read.names, *parts.own_names()[:most]] if name not in PART_NAMES]
+    telling = [name for name in parts.own_names() if not set(name.split()) <= STUFFS]
+    own = [name for name in [*parts.read.names, *telling[:most]] if name not in PART_NAMES]
     named = {**PART_NAMES, **{name: name for name in own}}
     if sentence is not None:
         named = {each.part: named.get(each.part, each.part) for each in meant(body, sentence) if each.part != WHOLE}
@@ -80,33 +88,59 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
         each = _find_part(parts, part, name, read)
         if each is not None and not any(np.array_equal(each.inside, other.inside) for other in results):
             results.append(each)
-    return results if sentence is not None else _apart(results)
+    return results if sentence is not None else _apart(body, results)
 
 
 def _is_hidden(parts: Parts, part: str) -> bool:
     """Return whether a part is not listed, though words may name it: a lowest end, a top by another name, a belly."""
     if part in ("base", "seat", "top", "neck"):
-        return not parts.has(part) and not (parts.rigged and part == "neck")
+        # A body has a neck by its joints, and its lower and its upper side are none of the others.
+        return (not parts.has(part) or parts.is_living) if part != "neck" else not (parts.has(part) or parts.rigged)
     if parts.read.by_another_name(part):
         return not parts.is_told(part)
+    if part in _DETAILS:
+        return parts.has(_DETAILS[part]) and not parts.read.is_given(part)
     return part == "body" and parts.is_living and not parts.is_told("body")
 
 
-def _apart(named: list[NamedPart]) -> list[NamedPart]:
+def _apart(body: Body, named: list[NamedPart]) -> list[NamedPart]:
     """Return parts that share no face.
 
-    What several have belongs to one that is told, else to the smallest: a helmet takes its faces from a head. A name
-    that the file alone knows, such as a material's, is left out if others take most of it.
+    What several have belongs to what people gave, else to the smallest: a nose takes its faces from a head. Names that
+    the file alone knows, such as those of materials, count likewise within a part, and last across several; so do the
+    body and its belly, which are what is left. What others leave too little of is left out.
     """
-    ranks = [(_RANKS[each.found_by] if each.name in _EVERYBODYS else 2, int(each.inside.sum())) for each in named]
-    taken, own = np.zeros(len(named[0].inside) if named else 0, bool), dict[int, NamedPart]()
-    for number in sorted(range(len(named)), key=ranks.__getitem__):
+    areas = np.linalg.norm(body.crosses, axis=1)
+    sizes = [float(areas[each.inside].sum()) for each in named]
+    ranks = [_rank(each, named, areas) for each in named]
+    taken, own = np.zeros(len(areas), bool), dict[int, NamedPart]()
+    for number in sorted(range(len(named)), key=lambda number: (ranks[number], sizes[number])):
         inside = named[number].inside & ~taken
-        least = 1 if named[number].name in _EVERYBODYS else _LEFT * named[number].inside.sum()
-        if inside.sum() >= least:
+        if inside.any() and areas[inside].sum() >= _least_left(named[number]) * sizes[number]:
             own[number] = replace(named[number], inside=inside)
             taken |= inside
     return [own[number] for number in sorted(own)]
+
+
+def _rank(part: NamedPart, named: list[NamedPart], areas: Floats) -> int:
+    """Return which parts take their faces before others do."""
+    if part.found_by == GIVEN:
+        return 0
+    if part.name in _LAST:
+        return 3
+    if part.name in _EVERYBODYS or part.found_by == READ:
+        return 1
+    others = [each.inside for each in named if each is not part and each.name in _EVERYBODYS - _LAST]
+    within = max((float(areas[part.inside & inside].sum()) for inside in others), default=0.0)
+    touched = float(areas[part.inside & np.logical_or.reduce([*others, np.zeros(len(areas), bool)])].sum())
+    return 1 if touched <= 0 or within >= _WITHIN * touched else 2
+
+
+def _least_left(part: NamedPart) -> float:
+    """Return the share of its area that a part keeps at least, to be listed."""
+    if part.found_by in (GIVEN, READ):
+        return 0.0
+    return _LEFT_OF_KNOWN if part.name in _EVERYBODYS else _LEFT
 
 
 def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentence | None]) -> NamedPart | None:
@@ -129,7 +163,7 @@ def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentenc
             moved[operation] = tried
             operations.append(operation)
     if not moved:
-        return None
+        return _unchangeable(parts, part, name)
     first = next(iter(moved.values()))
     inside = parts.faces(part) if first.found_by != "joints" else None
     if inside is None:
@@ -139,6 +173,14 @@ def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentenc
     suits = tuple(each for each in OF_PARTS if each in operations)
     confidence = parts.read.confidence(part) if first.found_by == READ else None
     return NamedPart(name, first.found_by, inside, suits, confidence)
+
+
+def _unchangeable(parts: Parts, part: str, name: str) -> NamedPart | None:
+    """Return a part that was found and that no operation can change, as of an ear of one triangle; else None."""
+    inside = parts.faces(part)
+    if inside is None or inside.all() or not inside.any():
+        return None
+    return NamedPart(name, parts.read.found_by(part), inside, (), parts.read.confidence(part))
 
 
 def _is_read(parts: Parts, text: str, change: Change, read: Callable[[str], Sentence | None]) -> bool:

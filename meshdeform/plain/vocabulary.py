@@ -110,6 +110,15 @@ FILLERS = frozenset({
     "he", "she", "they", "my", "your", "our", "me", "we", "i", "want", "should", "for", "can", "you", "than", "so",
     "each", "every", "all", "both",
 })  # fmt: skip
+STUFFS = frozenset({
+    "material", "materials", "mat", "main", "default", "base", "color", "colour", "texture", "atlas", "metal",
+    "metallic", "steel", "iron", "gold", "silver", "brass", "wood", "wooden", "stone", "rock", "brick", "glass",
+    "plastic", "rubber", "leather", "cloth", "fabric", "paper", "concrete", "paint", "skin", "black", "white",
+    "grey", "gray", "red", "green", "blue", "yellow", "orange", "brown", "pink", "purple", "violet", "cyan",
+    "beige", "dark", "light", "bright", "mesh", "object", "node", "group", "root", "scene", "cube", "box", "sphere",
+    "cylinder", "plane", "circle", "cone", "torus", "geometry", "model", "polygon", "part", "element",
+})  # fmt: skip
+"""Words in the names of nodes and materials that say of what something is made, or nothing."""
 DETERMINERS = frozenset({"a", "an", "the", "its", "his", "her", "their"})
 SLIGHT = frozenset({"slightly", "bit", "somewhat"})
 STRONG = frozenset({"much", "very", "way", "far", "lot", "really", "extremely"})
