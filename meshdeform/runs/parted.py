@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,10 +14,16 @@ from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from meshdeform.assets import Asset
     from meshdeform.assets.parted import PartLabels
     from meshdeform.plain.body import Body
     from meshdeform.plain.naming import NamedPart
+
+
+_NAME, _MOST_GIVEN = re.compile(r"[\w -]{1,40}"), 64
 
 
 def parts_glb(
@@ -51,6 +58,22 @@ def named_glb(asset: Asset, form: PartsAs, body: Body, parts: Sequence[NamedPart
             parts=[],
         )
     return with_parts(asset, _labels(asset, body, parts), form), [part.name for part in parts]
+
+
+def given_parts(asset: Asset, body: Body) -> dict[str, NDArray[np.bool_]]:
+    """Return the faces (F,) of its body of each part that the file of an asset names by its attribute `_PART`.
+
+    Names are in lower case; those that no sentence can have are left out.
+    """
+    from meshdeform.assets.parted import parts_of
+    from meshdeform.plain.naming import faces_among
+
+    own = {name.lower(): flags for name, flags in parts_of(asset).items() if _NAME.fullmatch(name)}
+    if not own:
+        return {}
+    faces = faces_among(body.vertex_map[asset.surface.triangles])
+    found = {name: flags[faces] for name, flags in own.items()}
+    return {name: flags for name, flags in list(found.items())[:_MOST_GIVEN] if flags.any()}
 
 
 def result_with_parts(
