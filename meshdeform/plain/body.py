@@ -33,6 +33,8 @@ _MIRRORED = 0.004
 """Distance, as a share of the diagonal, up to which a vertex has a mirror image."""
 _CLEARLY = 0.8
 """Share of the asymmetry about the middle of the box, below which another plane is better."""
+_NEARLY, _MOST_PIECES = 0.02, 64
+"""Distance, likewise, up to which pieces are nearly in touch; how many are compared vertex by vertex."""
 _APART = 0.05
 """Distance, likewise, from which the middles of what names call front and rear, or left and right, tell them apart."""
 _ALIKE = 1.15
@@ -147,9 +149,11 @@ class Body:
     def _find_groups(self, rows: Index) -> list[Index]:
         _, labels = csgraph.connected_components(self.edges[rows][:, rows], directed=False)
         pieces = [rows[labels == k] for k in range(labels.max() + 1)] if len(rows) else []
-        if not 1 < len(pieces) <= 64:
-            return pieces if len(pieces) <= 1 else [rows]
-        trees, reach = [cKDTree(self.points[piece]) for piece in pieces], 0.02 * self.diagonal
+        if len(pieces) <= 1:
+            return pieces
+        if len(pieces) > _MOST_PIECES:
+            return self._joined(rows, labels)
+        trees, reach = [cKDTree(self.points[piece]) for piece in pieces], _NEARLY * self.diagonal
         low, high = (np.array([bound(self.points[piece], axis=0) for piece in pieces]) for bound in (np.min, np.max))
         near = np.tril((low[:, None] <= high + reach).all(2) & (low <= high[:, None] + reach).all(2), -1)
         for i, j in np.argwhere(near):
@@ -159,6 +163,17 @@ class Body:
             np.concatenate([piece for piece, k in zip(pieces, owner, strict=True) if k == group])
             for group in range(owner.max() + 1)
         ]
+
+    def _joined(self, rows: Index, labels: Index) -> list[Index]:
+        """Return vertices with the numbers of many pieces by groups of pieces of which a vertex of each is near."""
+        reach = _NEARLY * self.diagonal
+        cells = np.floor((self.points[rows] - self.low) / (reach / 2)).astype(np.int64)
+        first = np.unique(np.column_stack([cells, labels]), axis=0, return_index=True)[1]
+        pairs = labels[first][cKDTree(self.points[rows[first]]).query_pairs(reach, output_type="ndarray")]
+        count = int(labels.max()) + 1
+        graph = sparse.csr_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
+        owner = csgraph.connected_components(graph, directed=False)[1][labels]
+        return [rows[owner == group] for group in range(int(owner.max()) + 1)]
 
     def nearest(self, pieces: list[Index]) -> Index:
         """Return the number of the piece nearest to each vertex, (V,)."""
@@ -218,9 +233,9 @@ class Body:
 
     @cached_property
     def read_front(self) -> tuple[int, int] | None:
-        """The axis and the sign of the front that the body's reading found."""
+        """The axis and the sign of the front that the body's reading found; None if it is not sure of it."""
         reading = self.reader.reading
-        if reading is None:
+        if reading is None or not reading.front_sure:
             return None
         level = reading.turn[2] * [1, 0, 1]
         axis = int(np.argmax(np.abs(level)))

@@ -284,7 +284,9 @@ def _settled(body: Body, change: Change, result: Moved) -> Floats:
     # Swimming and hanging things have no ground to sink into.
     grounded = change.operation != "fat" or abs(body.ground) <= _ON_ORIGIN * body.size[UP]
     if grounded and (change.part in _STANDING or change.operation == "high"):
-        points[:, UP] += body.ground - points[:, UP].min()
+        stands = result.weight > 0.5 if change.part in _STANDING else np.ones(len(points), bool)
+        stands = stands if stands.any() else np.ones(len(points), bool)
+        points[:, UP] += body.points[stands, UP].min() - points[stands, UP].min()
     return points
 
 

@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from meshdeform.plain.body import UP, Body, Flags, Floats, step
+from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
 from meshdeform.plain.carried import touching
 from meshdeform.plain.joints import JointParts
 from meshdeform.plain.pieces import PartMissingError
@@ -158,26 +158,27 @@ def tail_of_reading(body: Body, read: ReadParts) -> Tail:
     """
     limb = read.limb("tail")
     root = max(limb.pieces, key=lambda each: len(each.rows)).pivot
-    # It grows from its root, where nothing moves: no band is needed.
     share = read.share(read.faces("tail"))
     mine = np.asarray(share >= min(_INSIDE, float(share.max())))
-    return _tail(body, mine.astype(float), mine, root, limb.found_by)
+    return _tail(body, limb.weight, mine, root, limb.found_by)
 
 
 def _tail(body: Body, weight: Floats, mine: Flags, root: Floats, found_by: str) -> Tail:
     rows = np.flatnonzero(mine)
     tip = int(rows[np.argmax(np.linalg.norm(body.points[rows] - root, axis=1))])
-    distance = _along_surface(body, tip)
+    distance = _along_surface(body, tip, rows)
     return Tail(weight, distance, float(np.percentile(distance[rows], 98)), found_by)
 
 
-def _along_surface(body: Body, start: int) -> Floats:
-    """Return the distance (V,) of each vertex from one of them along edges; in a straight line from other pieces."""
+def _along_surface(body: Body, start: int, rows: Index) -> Floats:
+    """Return the distance (V,) of each vertex from one of them along edges; straight if some rows are not connected."""
+    straight = np.linalg.norm(body.points - body.points[start], axis=1)
+    if (body.components[rows] != body.components[start]).any():
+        return np.asarray(straight)
     edges = body.edges.tocoo()
     lengths = np.linalg.norm(body.points[edges.row] - body.points[edges.col], axis=1)
     graph = sparse.csr_matrix((np.maximum(lengths, 1e-300), (edges.row, edges.col)), shape=edges.shape)
     distance = csgraph.dijkstra(graph, directed=False, indices=start)
-    straight = np.linalg.norm(body.points - body.points[start], axis=1)
     return np.asarray(np.where(np.isfinite(distance), distance, straight))
 
 

@@ -147,13 +147,14 @@ def _longer_legs(body: Body, found: Legs, factor: float, *, lift: bool) -> Moved
     if not len(carried):
         carried = np.argsort(np.abs(body.points[:, UP] - found.hip))[: max(3, len(points) // 100)]
     before = float(body.points[carried, UP].mean()) - length
+    own = found.weight > 0.5
     shift = np.zeros_like(points)
     shift[:, UP] = grown_by
     # From the ground to the hips, which are lifted as what stands on the legs is.
     return Moved(
         points,
         found.weight,
-        lambda at: float(at[carried, UP].mean() - at[:, UP].min()) - before + body.ground,
+        lambda at: float(at[carried, UP].mean() - at[own, UP].min()) - before + float(body.points[own, UP].min()),
         found.found_by,
         shift=shift,
     )
@@ -291,7 +292,7 @@ def tail(parts: Parts, operation: str, factor: float) -> Moved:
     """Return a tail that is longer along its centre line, or thicker about it, or both."""
     body, found = parts.body, parts.tail
     along = found.length - found.from_tip
-    line = centre_line(along, body.points, found.weight, (0.0, found.length))
+    line = centre_line(along, body.points, found.weight, (0.0, found.length), degree=2)
     here = line(np.clip(along, 0, found.length))
     root = line(np.zeros(1))
     band = step(along / max(0.3 * found.length, 1e-12))

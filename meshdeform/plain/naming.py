@@ -98,6 +98,8 @@ def _is_hidden(parts: Parts, part: str) -> bool:
         return (not parts.has(part) or parts.is_living) if part != "neck" else not (parts.has(part) or parts.rigged)
     if parts.read.by_another_name(part):
         return not parts.is_told(part)
+    if part == "belly" and not parts.rigged:
+        return not parts.read.names
     if part in _DETAILS:
         return parts.has(_DETAILS[part]) and not parts.read.is_given(part)
     return part == "body" and parts.is_living and not parts.is_told("body")
@@ -165,7 +167,7 @@ def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentenc
     if not moved:
         return _unchangeable(parts, part, name)
     first = next(iter(moved.values()))
-    inside = parts.faces(part) if first.found_by != "joints" else None
+    inside = parts.faces(part)
     if inside is None:
         inside = np.asarray(first.weight[body.faces].mean(1) > _INSIDE)
     if inside.all() or not inside.any():

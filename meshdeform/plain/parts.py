@@ -121,7 +121,10 @@ class Parts:
         return self.is_told(word) or (word in TOLD_APART and self.read.has(word))
 
     def faces(self, word: str) -> Flags | None:
-        """Return the faces (F,) of a part that people or the reading told of; None if the file tells it, or nothing."""
+        """Return the faces (F,) of a part that people or the reading told of, and of a neck of joints; else None."""
+        joints = self.joints.of_class(word) if word == "neck" else None
+        if joints is not None and not self.read.is_given(word):
+            return np.asarray(joints[self.body.faces].mean(1) > _INSIDE)
         if not self.read.is_given(word) and (self.is_told(word) or not self.read.has(word)):
             return None
         return self.read.faces(word)
