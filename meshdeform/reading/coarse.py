@@ -1,4 +1,4 @@
-"""Read a large mesh by a coarser one: vertices in one place of a grid are one vertex.
+"""Read a large mesh by a coarser one: vertices of a component in one place of a grid are one.
 
 Source: Rossignac and Borrel 1993, Multi-resolution 3D approximations for rendering complex scenes.
 """
@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from meshdeform.nouns.labels import Floats, Index
+from meshdeform.nouns.labels import Floats, Index, solids_of
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading.evidence import Evidence
 from meshdeform.reading.result import NO_PART
@@ -18,20 +19,22 @@ __all__ = ["MOST_FACES", "Coarse", "coarse"]
 
 MOST_FACES = 400_000
 """Faces up to which a mesh is read as it is."""
-_FINEST = 400
-"""Places of the grid along the longest axis, before it is made coarser."""
+_FEWER = 150_000
+"""Faces by which a larger mesh is read."""
+_FINEST = 500
+"""Most places of the grid along the longest axis."""
 
 
 @dataclass(frozen=True)
 class Coarse:
     """A coarser mesh, and where the vertices (V,) and the faces (F,) of the mesh are in it.
 
-    `of_face` (F,) int64 is -1 for faces that all but vanished: they lie at their vertices.
+    `of_face` (F,) is -1 for faces that all but vanished: they lie at their vertices.
     """
 
     body: Part
-    of_vert: Index
-    of_face: Index
+    of_vert: NDArray[np.int32]
+    of_face: NDArray[np.int32]
 
     def evidence(self, evidence: Evidence) -> Evidence:
         """Return what a file says of the vertices of the coarser mesh."""
@@ -53,24 +56,35 @@ class Coarse:
 
 
 def coarse(body: Part) -> Coarse:
-    """Return a mesh of at most `MOST_FACES` faces."""
-    used = np.unique(body.faces)
-    low = body.verts[used].min(0)
-    side = float(np.ptp(body.verts[used], axis=0).max()) / _FINEST
+    """Return a mesh of at most `_FEWER` faces; vertices of different components stay apart."""
+    faces = np.asarray(body.faces)
+    components = solids_of(Part(body.verts, faces))
+    used = np.zeros(len(body.verts), bool)
+    used[faces] = True
+    low, longest = body.verts[used].min(0), float(np.ptp(body.verts[used], axis=0).max())
+    a, b, c = (body.verts[corner] for corner in faces.T)
+    side = max(float(np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / _FEWER)), longest / _FINEST)
     while True:
-        grid = ((body.verts - low) / side).astype(np.int64).clip(0, 2**20)
-        key = (grid[:, 0] << 42) | (grid[:, 1] << 21) | grid[:, 2]
-        of_vert = np.unique(key, return_inverse=True)[1]
-        corners = of_vert[body.faces].astype(np.int32)
+        of_vert = _places(body.verts, low, side, components)
+        corners = of_vert[faces]
         kept = np.flatnonzero(
             (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
         )
-        if len(kept) <= MOST_FACES:
+        if len(kept) <= _FEWER or side > longest:
             break
-        side *= max(1.15, (len(kept) / MOST_FACES) ** 0.5)
+        side *= max(1.15, float(np.sqrt(len(kept) / _FEWER)))
     count = int(of_vert.max()) + 1
     each = np.bincount(of_vert, minlength=count)
     verts = np.stack([np.bincount(of_vert, body.verts[:, axis], count) for axis in range(3)], 1) / each[:, None]
-    of_face = np.full(len(body.faces), -1, np.int64)
+    of_face = np.full(len(faces), -1, np.int32)
     of_face[kept] = np.arange(len(kept))
     return Coarse(Part(verts, corners[kept].astype(np.int64)), of_vert, of_face)
+
+
+def _places(verts: Floats, low: Floats, side: float, components: Index) -> NDArray[np.int32]:
+    """Return a number (V,) for each vertex that those of one component in one place of the grid have in common."""
+    grid = ((verts - low) / side).astype(np.int64).clip(0, 2 * _FINEST)
+    key = ((components * (2 * _FINEST + 1) + grid[:, 0]) * (2 * _FINEST + 1) + grid[:, 1]) * (2 * _FINEST + 1) + grid[
+        :, 2
+    ]
+    return np.asarray(np.unique(key, return_inverse=True)[1], np.int32)

@@ -18,7 +18,7 @@ def two_balls() -> Part:
 
 
 def test_it_has_fewer_faces_in_the_same_place(two_balls: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse_module, "MOST_FACES", 1000)
+    monkeypatch.setattr(coarse_module, "_FEWER", 1000)
     less = coarse(two_balls)
     assert 300 < len(less.body.faces) <= 1000
     np.testing.assert_allclose(np.ptp(less.body.verts, axis=0), np.ptp(two_balls.verts, axis=0), rtol=0.1)
@@ -30,7 +30,7 @@ def test_it_has_fewer_faces_in_the_same_place(two_balls: Part, monkeypatch: pyte
 
 
 def test_labels_and_evidence_go_there_and_back(two_balls: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse_module, "MOST_FACES", 1000)
+    monkeypatch.setattr(coarse_module, "_FEWER", 1000)
     less = coarse(two_balls)
     right = two_balls.verts[:, 0] > 2
     told = less.evidence(Evidence(joints={"head": right.astype(float)}, names={"ball": right}))
@@ -42,7 +42,7 @@ def test_labels_and_evidence_go_there_and_back(two_balls: Part, monkeypatch: pyt
 
 
 def test_what_all_but_vanishes_is_of_no_part(two_balls: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse_module, "MOST_FACES", 1000)
+    monkeypatch.setattr(coarse_module, "_FEWER", 1000)
     speck = ellipsoid([2.5, 0, 0], 1e-4)
     less = coarse(join([two_balls, speck]))
     faces = join([two_balls, speck]).faces
