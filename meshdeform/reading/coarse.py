@@ -21,6 +21,9 @@ MOST_FACES = 400_000
 """Faces up to which a mesh is read as it is."""
 _FEWER = 150_000
 """Faces by which a larger mesh is read."""
+_MOST_JOINED = 2_000_000
+"""Faces up to which components are told apart: that takes 200 bytes a face."""
+_MEASURED = 200_000
 _FINEST = 500
 """Most places of the grid along the longest axis."""
 
@@ -56,14 +59,14 @@ class Coarse:
 
 
 def coarse(body: Part) -> Coarse:
-    """Return a mesh of at most `_FEWER` faces; vertices of different components stay apart."""
+    """Return a mesh of at most `_FEWER` faces; components stay apart in one of up to two million."""
     faces = np.asarray(body.faces)
-    components = solids_of(Part(body.verts, faces))
+    told_apart = len(faces) <= _MOST_JOINED
+    components = solids_of(Part(body.verts, faces)) if told_apart else np.zeros(len(body.verts), np.int64)
     used = np.zeros(len(body.verts), bool)
     used[faces] = True
     low, longest = body.verts[used].min(0), float(np.ptp(body.verts[used], axis=0).max())
-    a, b, c = (body.verts[corner] for corner in faces.T)
-    side = max(float(np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / _FEWER)), longest / _FINEST)
+    side = max(float(np.sqrt(2 * _area(body.verts, faces) / _FEWER)), longest / _FINEST)
     while True:
         of_vert = _places(body.verts, low, side, components)
         corners = of_vert[faces]
@@ -79,6 +82,13 @@ def coarse(body: Part) -> Coarse:
     of_face = np.full(len(faces), -1, np.int32)
     of_face[kept] = np.arange(len(kept))
     return Coarse(Part(verts, corners[kept].astype(np.int64)), of_vert, of_face)
+
+
+def _area(verts: Floats, faces: Index) -> float:
+    """Return the area of a mesh, by some of its faces."""
+    few = faces[:: max(len(faces) // _MEASURED, 1)]
+    a, b, c = verts[few].transpose(1, 0, 2)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).mean() / 2) * len(faces)
 
 
 def _places(verts: Floats, low: Floats, side: float, components: Index) -> NDArray[np.int32]:
