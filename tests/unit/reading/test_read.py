@@ -23,7 +23,7 @@ def _member(noun: str, seed: int = 4321) -> LabelledMember:
 
 def _areas(member: LabelledMember) -> NDArray[np.float64]:
     a, b, c = member.verts[member.faces].transpose(1, 0, 2)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 def _share(member: LabelledMember, alike: NDArray[np.bool_]) -> float:
@@ -122,8 +122,8 @@ def test_noun_and_front_are_found(horse: LabelledMember) -> None:
     turned = Part(horse.verts @ facing(-90.0).T, horse.faces)
     reading = read_asset(turned, {"table": 0.5, "horse": 0.3, "car": 0.2})
     assert reading.noun == "horse"
-    assert reading.probability > 0.8
-    assert sum(reading.probabilities.values()) == pytest.approx(1)
+    assert reading.probability > 10 * max(share for noun, share in reading.probabilities.items() if noun != "horse")
+    assert not reading.sure
     assert reading.front_azimuth_deg == pytest.approx(90)
     assert reading.front_margin is not None
     assert reading.front_margin > 0.09

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from meshdeform.nouns.families.parts import box, ellipsoid, join
 from meshdeform.nouns.labels import labelled_member
@@ -16,7 +17,7 @@ from meshdeform.reading.samples import hidden, spread
 from meshdeform.reading.smoothing import settled, smoothed
 
 
-def test_many_faces_are_grouped_and_keep_their_area(monkeypatch) -> None:
+def test_many_faces_are_grouped_and_keep_their_area(monkeypatch: pytest.MonkeyPatch) -> None:
     ball = ellipsoid([0, 0, 0], 0.3, rings=40)
     each = cells_of(ball.verts, ball.faces)
     assert len(each) == len(ball.faces)
