@@ -53,9 +53,9 @@ def read_all(folder: Path, cache: Path | None) -> Iterator[Told]:
             body = loose_body(load_asset(path.read_bytes(), path.name, Limits.unlimited()))
             judged = judge.noun_probabilities(TriangleMesh(torch.from_numpy(body.points), torch.from_numpy(body.faces)))
             surface = Surface(body.points, body.faces)
-            named = nouns_named(evidence_of(body), surface.faces, surface.areas)
+            named, near = nouns_named(evidence_of(body), surface.faces, surface.areas)
             start = time.process_time()
-            read = decide(surface, judged, named, None, cache).probabilities
+            read = decide(surface, judged, named, near, None, cache).probabilities
             seconds = time.process_time() - start
             order = sorted(judged, key=lambda noun: -judged[noun])
             yield Told(name, noun, tuple(order), tuple(read), read[next(iter(read))], bool(named), seconds)

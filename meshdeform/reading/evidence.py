@@ -17,8 +17,8 @@ import numpy as np
 
 from meshdeform.nouns.labels import Flags, Floats, Index, code
 from meshdeform.nouns.solids import LAYOUTS, PART_NAMES, carrier
-from meshdeform.priors.builtin.grammar import noun_of
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.priors.builtin.grammar import nearest, noun_of
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
 from meshdeform.reading.cells import Cells
 
 __all__ = ["Evidence", "nouns_named", "weighed"]
@@ -46,6 +46,14 @@ _ALL_NAMED = ("wheel", "shade")
 _OTHERS, _ELSEWHERE = 0.02, 0.1
 _SHAPES = frozenset(("bone", "bones", "box", "cone", "plane"))
 """Words in names that are nouns, but mostly mean a joint or a plain solid that somebody began with."""
+_EDITORS = (
+    "armature base body box circle cleaner cloth color colors cylinder export geometry glass group light mat material"
+    " mesh metal model node object paint part plastic rock root scene shape skin sphere stone surface texture wall wire"
+    " wood"
+)
+_OF_EDITORS = frozenset(_EDITORS.split())
+"""Words in names that editors give, and of what things are made."""
+_MOST_NEAR = 4
 _MOST_OF_IT = 0.45
 """Share of the area that what is named as a noun has at least: a helmet is no person."""
 _MOST_NAMES = 40
@@ -89,15 +97,20 @@ class Evidence:
         return {part: flags for part, flags in told.items() if flags.any() and flags.mean() < 0.9}
 
 
-def nouns_named(evidence: Evidence, faces: Index, areas: Floats) -> tuple[str, ...]:
-    """Return the nouns that names of nodes or materials tell, by the alphabet; `areas` (F,) of the faces."""
+def nouns_named(evidence: Evidence, faces: Index, areas: Floats) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the nouns that names of nodes or materials tell, and those near to other words of them: car of Jeep.
+
+    `areas` (F,) of the faces. Both by the alphabet; the second ones only where nothing is named outright.
+    """
     least = _MOST_OF_IT * float(areas.sum())
-    named: set[str] = set()
+    words: set[str] = set()
     for name, flags in list(evidence.names.items())[:_MOST_NAMES]:
-        nouns = {noun_of(word) for word in _words(name) if word not in _SHAPES} - {None}
-        if nouns and float(areas[flags[faces].all(1)].sum()) >= least:
-            named |= {noun for noun in nouns if noun is not None}
-    return tuple(sorted(named))
+        if float(areas[flags[faces].all(1)].sum()) >= least:
+            words |= {word for word in _words(name) if word not in _SHAPES}
+    named = {noun for word in words if (noun := noun_of(word)) is not None}
+    telling = {word.removesuffix("s") for word in words - _OF_EDITORS} - set(PART_NAMES)
+    near = set() if named else {noun for word in telling for noun in nearest(word, NOUNS)}
+    return tuple(sorted(named)), tuple(sorted(near)) if len(near) <= _MOST_NEAR else ()
 
 
 def _words(name: str) -> list[str]:

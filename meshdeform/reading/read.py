@@ -73,8 +73,8 @@ def read_asset(
     if not nouns or not standing.areas.sum() > 0:
         raise ValueError("there is nothing to read: no noun is proposed, or the mesh has no area")
     evidence = evidence or Evidence()
-    named = nouns_named(evidence, standing.faces, standing.areas)
-    decided = decide(standing, nouns, named, front_azimuth_deg, cache)
+    named, near = nouns_named(evidence, standing.faces, standing.areas)
+    decided = decide(standing, nouns, named, near, front_azimuth_deg, cache)
     frame = decided.frame
     fits = _best_fits(frame, decided.noun, cache)
     labels, confidence = _labelled(frame, fits, evidence)

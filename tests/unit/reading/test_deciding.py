@@ -43,3 +43,10 @@ def test_what_the_file_names_comes_first_also_where_nobody_proposes_it(mug: Surf
 def test_only_the_most_probable_nouns_count(mug: Surface) -> None:
     nouns = {noun: 0.1 - 0.01 * place for place, noun in enumerate(["can", "bowl", "plate", "jar", "vase", "mug"])}
     assert set(decide(mug, nouns).probabilities) == set(list(nouns)[:PROPOSED])
+
+
+def test_what_a_word_in_the_file_is_near_to_comes_into_question(mug: Surface) -> None:
+    alone = decide(mug, {"can": 0.5, "bowl": 0.3}).probabilities
+    near = decide(mug, {"can": 0.5, "bowl": 0.3}, near=["mug"]).probabilities
+    assert "mug" not in alone
+    assert near["can"] < near["mug"] < decide(mug, {"can": 0.5, "bowl": 0.3}, named=["mug"]).probabilities["mug"]

@@ -47,17 +47,20 @@ def test_the_parts_of_joints_are_parts() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "nouns"),
-    [("Couch_Medium1", ("sofa",)), ("White_wolf.001", ("wolf",)), ("car-hippie-van", ("car", "van")), ("Bone.003", ()),
-     ("Plane_Material", ()), ("Object_4", ())],
+    ("name", "nouns", "near"),
+    [("Couch_Medium1", ("sofa",), ()), ("White_wolf.001", ("wolf",), ()), ("car-hippie-van", ("car", "van"), ()),
+     ("Bone.003", (), ()), ("Plane_Material", (), ()), ("Object_4", (), ()), ("Acacia_Mat", (), ("camel", "tree")),
+     ("Jeep.001", (), ("car", "motorcycle", "truck")), ("Sketchfab_model", (), ())],
 )  # fmt: skip
-def test_what_most_of_an_asset_is_named_after_is_its_noun(name: str, nouns: tuple[str, ...]) -> None:
+def test_what_most_of_an_asset_is_named_after_is_its_noun(
+    name: str, nouns: tuple[str, ...], near: tuple[str, ...]
+) -> None:
     mesh = box()
     faces, everything = mesh.faces.numpy(), np.ones(len(mesh.verts), bool)
     areas = np.ones(len(faces))
-    assert nouns_named(Evidence(names={name: everything}), faces, areas) == nouns
+    assert nouns_named(Evidence(names={name: everything}), faces, areas) == (nouns, near)
     corner = Evidence(names={name: np.arange(len(mesh.verts)) < 3})
-    assert nouns_named(corner, faces, areas) == ()
+    assert nouns_named(corner, faces, areas) == ((), ())
 
 
 def test_what_joints_and_names_tell_is_found_although_no_member_has_it() -> None:
