@@ -2,7 +2,7 @@
 
 The solids of a member are its connected components, in order; `solids.LAYOUTS` names them. A solid that is made of
 several parts, such as a bottle, is divided between two of its rings. A neck ends where it enters the head: its faces
-nearer to the head's surface than 0.03 of the head's least extent are the head's.
+inside the head, or nearer to it than 0.03 of its least extent, are the head's.
 """
 
 from __future__ import annotations
@@ -143,9 +143,12 @@ def _head_over_neck(member: LabelledMember) -> Index:
     if not {"neck", "head"} <= set(member.parts):
         return member.labels
     labels = member.labels.copy()
-    head = member.verts[np.unique(member.faces[labels == code("head")])]
-    neck = np.flatnonzero(labels == code("neck"))
-    centres = member.verts[member.faces[neck]].mean(1)
-    reach = _INSIDE_THE_HEAD * float(np.ptp(head, axis=0).min())
-    labels[neck[cKDTree(head).query(centres)[0] < reach]] = code("head")
+    head, neck = member.faces[labels == code("head")], np.flatnonzero(labels == code("neck"))
+    a, b, c = member.verts[head].transpose(1, 0, 2)
+    outward, centres = np.cross(b - a, c - a), member.verts[member.faces[neck]].mean(1)
+    near = cKDTree((a + b + c) / 3).query(centres, k=3)[1]
+    inside = (((centres[:, None] - ((a + b + c) / 3)[near]) * outward[near]).sum(2) < 0).all(1)
+    places = member.verts[np.unique(head)]
+    reach = _INSIDE_THE_HEAD * float(np.ptp(places, axis=0).min())
+    labels[neck[inside | (cKDTree(places).query(centres)[0] < reach)]] = code("head")
     return labels
