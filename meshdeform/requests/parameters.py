@@ -52,6 +52,7 @@ from meshdeform.requests.selection import (
     Handle,
     LandmarkPair,
     Part,
+    PartCorrection,
     Region,
     RigidSelector,
     Selection,
@@ -361,7 +362,7 @@ class PromptParams(SilhouetteParams):
         OrientationMode.KEEP,
         "Which side of the asset the model sees as its front: `auto`, the one that it takes for the front of what the "
         "asset is (`source_noun`), if one is clearly better; `keep`, +Z; or its azimuth in degrees, from +Z (0) "
-        "towards +X (90). Only the cameras turn.",
+        "towards +X (90). Only the cameras turn. In degrees, it is also where a change in plain words sees the front.",
         examples=["auto"],
         form={
             "label": "Front",
@@ -379,8 +380,8 @@ class PromptParams(SilhouetteParams):
         None,
         min_length=1,
         max_length=100,
-        description="What the asset is, a noun of the builtin prior: its front is found by it, and a prompt that "
-        "describes it (`a fat dog`) is a change of it. Default: recognised.",
+        description="What the asset is, a noun of the builtin prior: its front and its parts are found by it, and a "
+        "prompt that describes it (`a fat dog`) is a change of it. Default: recognised ([Parts](parts.md)).",
         examples=["dog"],
     )
     appearance: AppearanceMode = of_preset(
@@ -484,6 +485,15 @@ class Control(Parameters):
         "are.",
         examples=[["Ground"]],
     )
+    parts: tuple[PartCorrection, ...] = Field(
+        (),
+        max_length=MAX_SELECTORS,
+        description="Corrections of the parts that are found on the asset ([Parts](parts.md#correct-it)): a part by "
+        "its place, or another name for what was found. Changes in plain words use them; other prompts do not.",
+        examples=[
+            [{"name": "ears", "box": {"min": [-1, 1, -1], "max": [1, 2, 1]}}, {"name": "ears", "parts": ["horns"]}]
+        ],
+    )
     backdrop: BackdropMode = Field(
         BackdropMode.LEAVE,
         description="Treatment of a flat ground or backdrop of more than four times the size of everything else: "
@@ -491,6 +501,15 @@ class Control(Parameters):
         "The asset's `warnings` name it.",
         examples=["leave"],
     )
+
+    @field_validator("parts")
+    @classmethod
+    def _renamed_once(cls, parts: tuple[PartCorrection, ...]) -> tuple[PartCorrection, ...]:
+        """Refuse two names for what was found under one."""
+        renamed = [old for each in parts for old in each.parts or ()]
+        if twice := sorted({old for old in renamed if renamed.count(old) > 1}):
+            raise ValueError(f"what was found as {', '.join(twice)} gets a name twice")
+        return parts
 
 
 class PromptGuidance(PromptParams):

@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, StrictInt, StringConstraints, WithJsonSchema, model_validator
+from pydantic import AfterValidator, Field, StrictInt, StringConstraints, WithJsonSchema, model_validator
 
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import RegionAction, Rigidity
@@ -18,6 +18,7 @@ from meshdeform.requests.declaration import StrictModel
 MAX_HANDLES = 64
 MAX_LANDMARKS = 256
 MAX_SELECTORS = 64
+MAX_PART_NAME = 40
 _MAX_NAME = 200
 _MAX_FACE_RANGES = 20_000
 _LISTED = 12
@@ -190,6 +191,49 @@ class Region(Selection):
         "moves is in one with `only`, if there are any, and in none with `keep`.",
         examples=["keep"],
     )
+
+
+def _is_part_name(name: str) -> str:
+    if not name[0].isalnum() or not all(letter.isalnum() or letter in " -_" for letter in name):
+        raise ValueError("the name of a part has letters, digits, spaces, - and _, and begins with a letter or a digit")
+    return name.lower()
+
+
+PartName = Annotated[
+    str,
+    StringConstraints(strict=True, strip_whitespace=True, min_length=1, max_length=MAX_PART_NAME),
+    AfterValidator(_is_part_name),
+]
+"""The name of a part, as sentences have it, in lower case."""
+
+
+class PartCorrection(Selection):
+    """What is a part of the asset; exactly one of `parts` and of the members that say where is set."""
+
+    name: PartName = Field(
+        description="Its name, as sentences have it: letters, digits, spaces, - and _. An entry by its place adds to "
+        "others of the same name.",
+        examples=["ears"],
+    )
+    parts: tuple[PartName, ...] | None = Field(
+        None,
+        min_length=1,
+        max_length=MAX_SELECTORS,
+        description="The names under which it was found: one, which is renamed, or several, which are joined.",
+        examples=[["horns", "crest"]],
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        places = (*_PLACES, "parts")
+        if sum(getattr(self, name) is not None for name in places) != 1:
+            raise ValueError(f"exactly one of {', '.join(places)} is required")
+        return self
+
+    @property
+    def named(self) -> tuple[str, str | int] | None:
+        """As of any selection; None of one that renames."""
+        return super().named if self.parts is None else None
 
 
 class Handle(StrictModel):
