@@ -26,7 +26,8 @@ ENV PATH=/opt/meshdeform/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     PYTHONDONTWRITEBYTECODE=1 \
     TMPDIR=/data/tmp \
-    MESHDEFORM_DATA_DIR=/data
+    MESHDEFORM_DATA_DIR=/data \
+    MESHDEFORM_CACHE_DIR=/data/cache
 USER 10001:10001
 WORKDIR /data
 VOLUME /data

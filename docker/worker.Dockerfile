@@ -44,7 +44,8 @@ ENV PATH=/opt/meshdeform/bin:$PATH \
     HOME=/tmp \
     NUMBA_CACHE_DIR=/tmp/numba \
     TMPDIR=/data/tmp \
-    MESHDEFORM_DATA_DIR=/data
+    MESHDEFORM_DATA_DIR=/data \
+    MESHDEFORM_CACHE_DIR=/data/cache
 USER 10001:10001
 WORKDIR /data
 VOLUME /data

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ipaddress
 import json
+import os
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -49,6 +50,11 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="MESHDEFORM_", env_ignore_empty=True, frozen=True, extra="ignore")
 
     data_dir: Path = Field(Path("meshdeform-data"), description="Folder for all data of `serve`.")
+    cache_dir: str = Field(
+        "",
+        description="Folder for what can be made again, at most 512 MB: readings of assets, and samples of nouns for "
+        "them. Default: `meshdeform` in the user's cache folder.",
+    )
     database_url: str = Field("", description="SQLAlchemy URL of the record. Default: SQLite in the data directory.")
     redis_url: str = Field("", description="Redis of the queue. Default: `serve` starts its own.")
     storage_url: str = Field(
@@ -169,6 +175,16 @@ class Settings(BaseSettings):
     def resolved_database_url(self) -> str:
         """The record's URL, with the default filled in."""
         return self.database_url or f"sqlite:///{(self.data_dir / 'meshdeform.sqlite').absolute()}"
+
+    @property
+    def cache_folder(self) -> Path:
+        """The folder of what can be made again, with the default filled in."""
+        users = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+        folder = Path(self.cache_dir or Path(users, "meshdeform"))
+        try:
+            return folder.expanduser()
+        except RuntimeError:  # a user without a home
+            return self.data_dir / "cache"
 
     @property
     def offered_models(self) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import functools
 import gc
 import json
@@ -133,6 +134,9 @@ def pytest_sessionstart() -> None:
         del os.environ[name]
     # More threads than free cores spend their time waiting for each other.
     os.environ["MESHDEFORM_THREADS"] = "1"
+    # Readings of other runs say nothing about this code.
+    os.environ["MESHDEFORM_CACHE_DIR"] = cache = tempfile.mkdtemp(prefix="meshdeform-cache-")
+    atexit.register(shutil.rmtree, cache, ignore_errors=True)
 
 
 @pytest.fixture(autouse=True)

@@ -16,6 +16,7 @@ import logging
 import random
 import secrets
 import threading
+import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import datetime
@@ -31,6 +32,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import UtcDateTime, leaders
 from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
+from meshdeform.storage.readings import remove_old_readings
 from meshdeform.support.failpoints import failpoint
 
 _LOOKS_PER_S = 4.0
@@ -173,6 +175,9 @@ _log = logging.getLogger(__name__)
 
 RECONCILE_EVERY_S = 5.0
 
+_READINGS_EVERY_S = 3600.0
+"""Seconds between two looks at kept readings, which lists them all."""
+
 _LONGEST_ROUNDS = 12
 """Rounds after which a lost message is repeated at the latest."""
 
@@ -209,6 +214,7 @@ class Reconciler:
         self._announced: list[str] = []
         self._repeated: dict[str, tuple[int, int]] = {}
         self._round = 0
+        self._readings_looked_at: float | None = None
         self._done = threading.Event()
         workers = record.leases.alive_query(queue.name)
         self._repairing = Candidate(record.database, f"repair {queue.name}", self._every_s, workers)
@@ -234,7 +240,7 @@ class Reconciler:
         self._each(self._take_back, self._expire, self._announce)
 
     def _clean(self) -> None:
-        self._each(self._delete, self._remove)
+        self._each(self._delete, self._remove, self._forget_readings)
 
     def _each(self, *duties: Callable[[], None]) -> None:
         for duty in duties:
@@ -302,6 +308,13 @@ class Reconciler:
     def _remove(self) -> None:
         if self._store is not None:
             remove_unreachable(self._record, self._store)
+
+    def _forget_readings(self) -> None:
+        now = time.monotonic()
+        due = self._readings_looked_at is None or now >= self._readings_looked_at + _READINGS_EVERY_S
+        if self._store is not None and due:
+            remove_old_readings(self._store)
+            self._readings_looked_at = now
 
     def __enter__(self) -> Self:
         for thread in self._threads:

@@ -17,6 +17,7 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
+from meshdeform.storage.readings import StoredReadings
 from tests.integration.conftest import DEADLINE_S, new_job
 from tests.integration.record_calls import LEASE_S, OVER, claimed, ids, late, posted, set_to
 from tests.servers import free_port
@@ -229,6 +230,28 @@ def test_a_store_that_is_away_keeps_nobody_from_being_told(record: JobRecord, qu
     store.delete_prefix = away  # type: ignore[method-assign]
     assert reconciler(record, queue, store).run_once() == [job.id]
     assert record.upkeep.discarded_prefixes() == [f"jobs/{gone.id}/"]
+
+
+def test_old_readings_are_removed_now_and_then(
+    record: JobRecord, queue: JobQueue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = ObjectStore(tmp_path)
+    store.put("readings/1/abc", b"of 1970")
+    StoredReadings(store).put("def", b"new")
+    doing = reconciler(record, queue, store)
+
+    def away(_prefix: str) -> None:
+        raise UnavailableError("away")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "delete_prefix", away)
+        doing.run_once()
+    doing.run_once()
+    ((kept, _),) = store.list("readings/")
+    assert kept.endswith("/def")
+    store.put("readings/1/abc", b"of 1970")
+    doing.run_once()  # too soon to list them again
+    assert store.exists("readings/1/abc")
 
 
 @pytest.mark.both_databases
