@@ -17,8 +17,10 @@ from meshdeform.assets.check import CheckedAssets
 from meshdeform.errors import MeshdeformError
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
+from meshdeform.runs.kept_readings import samples_in
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.storage.readings import StoredReadings
 from meshdeform.webhooks.addresses import LookupPool
 from service.downloads.strengths import Strengths
 from service.events.waiting import JobWaiters
@@ -90,6 +92,7 @@ class AppState:
     workspace: Workspace
     taught: TaughtModels
     strengths: Strengths
+    readings: StoredReadings
     # Requests whose files are checked and stored at the same time, in threads: others never wait for a decoder.
     intake: FairSlots = field(
         default_factory=lambda: FairSlots(
@@ -134,6 +137,7 @@ class AppState:
             workspace=workspace,
             taught=TaughtModels(record, store, workspace),
             strengths=Strengths(record, store, workspace, limits),
+            readings=StoredReadings(store, samples_in(settings.cache_folder)),
         )
 
     async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:

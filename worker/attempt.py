@@ -40,8 +40,10 @@ from meshdeform.record.models import Artifact, CheckpointRef, Job, JobError, Job
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput, StartRun, StepReport
 from meshdeform.runs.costs import END_SHARE, costs_of
+from meshdeform.runs.kept_readings import FolderReadings, Several
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.storage.readings import StoredReadings
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import bound, carried, span
 from worker.health import Pulse
@@ -221,6 +223,7 @@ class Attempt:
                 default_model=self._at.settings.model,
                 limits=Limits.from_settings(self._at.settings),
                 device=self._at.device,
+                readings=Several(FolderReadings(self._at.settings.cache_folder), StoredReadings(self._at.store)),
                 on_wait=self._go_on,
             )
             return self._at.start(job_input)

@@ -177,8 +177,17 @@ class FoundPart(Document):
     """A part of an asset that words can name."""
 
     name: str = Field(description="Its name in a prompt.", examples=["legs"])
-    found_by: Annotated[Literal["joints", "names", "components", "geometry"], _OrNew] = Field(
-        description="Evidence that it was found by.", examples=["joints"]
+    found_by: Annotated[Literal["given", "joints", "names", "shapes"], _OrNew] = Field(
+        description="Evidence that it was found by: `given` by params.control.parts, `joints` or `names` of the file, "
+        "or the `shapes` that its noun stands for.",
+        examples=["joints"],
+    )
+    confidence: float | None = Field(
+        None,
+        ge=0.0,
+        le=1.0,
+        description="Mean probability of the part over its triangles, of what the shapes tell; else null.",
+        examples=[0.87],
     )
     faces: list[int | list[int]] = Field(
         description="Its triangles, as `faces` of a region has them.", examples=[[[0, 143], 150]]
@@ -186,9 +195,38 @@ class FoundPart(Document):
     changes: list[PartChange] = Field(description="Changes that a prompt can ask of it.")
 
 
+class LikelyNoun(Document):
+    """A noun that an asset may be."""
+
+    noun: str = Field(description="The noun.", examples=["elephant"])
+    probability: float = Field(ge=0.0, le=1.0, description="That it is this one.", examples=[0.93])
+
+
+class FoundReading(Document):
+    """The noun that an asset was read as, and where its front is."""
+
+    noun: str = Field(description="The noun.", examples=["elephant"])
+    probability: float = Field(ge=0.0, le=1.0, description="That it is this one; 1 if it was given.", examples=[0.93])
+    sure: bool = Field(description="Whether the noun can be told without a question.", examples=[True])
+    nouns: list[LikelyNoun] = Field(description="The likeliest first: at most five, or the one that was given.")
+    noun_given: bool = Field(description="Whether params.guidance.source_noun says it.", examples=[False])
+    front_azimuth_deg: float = Field(
+        description="Where it faces, from +Z (0) towards +X (90), -180 to 180.", examples=[90.0]
+    )
+    front_sure: bool = Field(
+        description="Whether the front can be told without a question; also of what is alike from all sides.",
+        examples=[True],
+    )
+    front_given: bool = Field(description="Whether params.guidance.orientation says it, in degrees.", examples=[False])
+
+
 class FoundParts(Document):
     """The parts of an asset, or those that a prompt names and what it makes of the asset."""
 
+    reading: FoundReading | None = Field(
+        None,
+        description="What it was read as. Null if it cannot be read, or with a prompt that needs no reading.",
+    )
     parts: list[FoundPart] = Field(description="Those that everybody knows come first.")
     result: str | None = Field(
         description="The asset as a prompt that is a change makes it: a GLB in base64, without `output.subdivide`; its "

@@ -10,17 +10,19 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, overlaid, with_options, written
-from meshdeform.cli.local import LocalJob, read_asset
+from meshdeform.cli.local import LocalJob, check_locally
 from meshdeform.cli.options import ForceOption, JsonOption, SetOption, file_argument, option
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.parted import PartsAsOption, PartsGlbOption, check_parts_glb, write_parts_glb
-from meshdeform.cli.report_lines import orientation_line
+from meshdeform.cli.report_lines import orientation_line, reading_lines
 from meshdeform.cli.request import ALSO, make_request, merge_params
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import PartsAs
 
 if TYPE_CHECKING:
-    from meshdeform.requests.document import JobRequest
+    from meshdeform.assets import Asset
+    from meshdeform.requests.document import JobRequest, ResolvedParams
+    from meshdeform.runs.reading import Source
 
 _SHOWN = 40
 _READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
@@ -32,17 +34,23 @@ def inspect(
     ctx: typer.Context,
     asset: Annotated[Path, file_argument("A GLB, OBJ, PLY or STL.")],
     prompt: Annotated[str, option("Also find the side that a job with this prompt would make the front.")] = "",
+    front: Annotated[
+        float | None, option("Where it faces, in degrees: 0 is +Z, 90 is +X. Default: found.", min=-360, max=360)
+    ] = None,
     parts_glb: PartsGlbOption = None,
     parts_as: PartsAsOption = PartsAs.ATTRIBUTE,
     param: SetOption = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what can be selected in ASSET, and propose components that should keep their shape.
+    """Show what ASSET is and what its parts are, what can be selected, and components that should keep their shape.
 
-    Congruent parts and round ones are proposed, each with the options of `run` that keep them.
+    What it is, and where it faces, can be corrected. Congruent components and round ones are proposed, each with the
+    options of `run` that keep them.
 
     meshdeform inspect truck.glb
+
+    meshdeform inspect truck.glb --source-noun truck --front 90
 
     meshdeform inspect truck.glb --prompt "a car"
 
@@ -50,16 +58,17 @@ def inspect(
     """
     require("torch", "deform")
     check_parts_glb(parts_glb, asset, force=force)
-    from meshdeform.assets import Limits
     from meshdeform.runs.control import inspect_parts
 
-    source = read_asset(asset, Limits.from_settings(load_settings()))
-    parts = inspect_parts(source)
+    given = {} if front is None else {"guidance": {"orientation": front}}
+    params = overlaid(merge_params(ctx, param), given)
+    loaded, resolved, source = _read(asset, params)
+    parts = inspect_parts(loaded, resolved, source)
     if parts_glb is not None:
-        typer.echo(write_parts_glb(parts_glb, source, parts_as), err=True)
+        typer.echo(write_parts_glb(parts_glb, loaded, parts_as, resolved, source), err=True)
     prompted = bool(prompt or written(ctx).get("guidance", {}).get("prompts"))
     if prompted:
-        params = overlaid({"guidance": {"orientation": "auto"}}, merge_params(ctx, param))
+        params = overlaid({"guidance": {"orientation": "auto"}}, params)
         parts["orientation"] = _front(asset, make_request(prompt, params))
     if as_json:
         emit(parts)
@@ -69,6 +78,27 @@ def inspect(
         typer.echo(f"\n{orientation_line(parts['orientation'])}")
     for warning in parts["warnings"]:
         typer.echo(warning, err=True)
+
+
+def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, Source]:
+    """Return an asset, what the parameters say of it, and where its reading is kept."""
+    from meshdeform.assets import Limits, load_asset
+    from meshdeform.assets.bundle import read_with_files
+    from meshdeform.requests.choices import BackdropMode
+    from meshdeform.requests.document import resolve
+    from meshdeform.runs.base import sha256_hex
+    from meshdeform.runs.kept_readings import FolderReadings
+    from meshdeform.runs.reading import Source
+
+    settings, limits = load_settings(), Limits.from_settings(load_settings())
+    guidance = {name: value for name, value in params.get("guidance", {}).items() if name != "prompts"}
+    request = make_request("taller", {**params, "guidance": guidance})  # any change: it needs no model
+    check_locally(request, settings, ["asset"])
+    resolved = resolve(request.params, default_model=settings.model)
+    resolved = resolved.model_copy(update={"exclude": (), "backdrop": BackdropMode.LEAVE})  # all of it is shown
+    data = read_with_files(path, limits)
+    source = Source(sha256_hex(data), path.name, kept=FolderReadings(settings.cache_folder))
+    return load_asset(data, path.name, limits), resolved, source
 
 
 def _front(asset: Path, request: JobRequest) -> dict[str, Any]:
@@ -115,11 +145,19 @@ def _selectable(parts: dict[str, Any]) -> list[str]:
             lines.append(f"{title} {named}{' ...' if len(parts[what]) > _SHOWN else ''}")
     if parts["colors"]:
         lines.append("It has vertex colours.")
-    if parts["parts"]:
-        lines.append(f"Parts that words can name: {plain(', '.join(parts['parts'][:_SHOWN]))}.")
+    lines += [*reading_lines(parts["reading"]), *_parts_line(parts["parts"])]
     if parts["symmetry"]:
         lines.append(f"Symmetric along {', '.join(parts['symmetry'])}.")
     return lines
+
+
+def _parts_line(parts: list[dict[str, Any]]) -> list[str]:
+    """Return a line about the parts that words can name, each with how sure it is or what says so."""
+    told = [
+        f"{part['name']} ({part['found_by'] if part['confidence'] is None else format(part['confidence'], '.0%')})"
+        for part in parts[:_SHOWN]
+    ]
+    return [f"Parts that words can name: {plain(', '.join(told))}."] if told else []
 
 
 def _sentence(proposal: dict[str, Any], names: dict[str, dict[int, str]]) -> str:

@@ -103,6 +103,7 @@ class LocalJob:
         from meshdeform.assets.bundle import read_with_files
         from meshdeform.runs import kind_of, start_run
         from meshdeform.runs.base import InputFile, RunInput
+        from meshdeform.runs.kept_readings import FolderReadings
 
         limits = Limits.from_settings(self.settings)
         with collection_paused(keep=True):
@@ -119,6 +120,7 @@ class LocalJob:
             default_model=self.settings.model,
             limits=limits,
             device=device,
+            readings=FolderReadings(self.settings.cache_folder),
         )
         with collection_paused():  # compiled kernels are loaded, and a library for them
             return start_run(job_input)

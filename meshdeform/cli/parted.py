@@ -14,6 +14,8 @@ from meshdeform.requests.choices import PartsAs
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
+    from meshdeform.requests.document import ResolvedParams
+    from meshdeform.runs.reading import Source
 
 PartsGlbOption = Annotated[Path | None, option("Also write the asset with its parts to this .glb.", dir_okay=False)]
 PartsAsOption = Annotated[
@@ -30,13 +32,15 @@ def check_parts_glb(output: Path | None, source: Path, *, force: bool) -> None:
     check_free([output], [source], force=force)
 
 
-def write_parts_glb(output: Path, asset: Asset, form: PartsAs) -> str:
+def write_parts_glb(output: Path, asset: Asset, form: PartsAs, params: ResolvedParams, source: Source) -> str:
     """Write the file, and return a line that says which parts it has.
 
-    Raises PartNotFoundError: no part was found.
+    `params`: correct the parts; `source`: the file of the asset. Raises PartNotFoundError: no part was found.
     """
+    from meshdeform.plain.body import loose_body
     from meshdeform.runs.parted import parts_glb
+    from meshdeform.runs.reading import corrected
 
-    data, names = parts_glb(asset, form)
+    data, names = parts_glb(asset, form, corrected(loose_body(asset), asset, params, source), params)
     write_all({output: data}, what=output)
     return plain(f"{output} has {len(names)} part{'s' * (len(names) > 1)} as {form.value}: {', '.join(names)}.")

@@ -32,7 +32,7 @@ def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed
 def _deformation(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
     report = run.report
     names = (
-        *("source_noun", "carrier", "orientation", "appearance", "likeness", "prompts"),
+        *("source_noun", "reading", "carrier", "orientation", "appearance", "likeness", "prompts"),
         *("texture_stretch", "quality", "posed_quality", "silhouettes", "way", "changes"),
     )
     return {
@@ -221,10 +221,13 @@ def orientation_line(orientation: Mapping[str, Any]) -> str:
 
 
 def source_line(report: Mapping[str, Any]) -> str:
-    """Return the line for the report's `source_noun` and `carrier`; empty if neither says anything."""
+    """Return the line for the report's `reading`, or its `source_noun`, and `carrier`; empty if none says anything."""
     parts = []
     noun, carrier = report["source_noun"], report["carrier"]
-    if noun is not None and noun["recognised"]:
+    reading = report.get("reading")
+    if reading is not None:
+        parts += [line.rstrip(".") for line in reading_lines(reading)]
+    elif noun is not None and noun["recognised"]:
         parts.append(f"Taken for: {noun['noun']} ({noun['probability']:.0%}; --set source_noun=NOUN corrects it)")
     carrier = carrier or {}
     kept = [f"mirror symmetry across {' and '.join(carrier['mirror'])}"] if carrier.get("mirror") else []
@@ -232,6 +235,22 @@ def source_line(report: Mapping[str, Any]) -> str:
     if kept:
         parts.append(f"Kept: {', '.join(kept)}")
     return ". ".join(parts)
+
+
+def reading_lines(reading: Mapping[str, Any] | None) -> list[str]:
+    """Return a line about what an asset was read as; none if it could not be read."""
+    if reading is None:
+        return []
+    noun, front = reading["noun"], f"{reading['front_azimuth_deg']:g} degrees (0 is +Z, 90 is +X)"
+    if reading["noun_given"]:
+        read = f"Given: {noun}"
+    else:
+        others = [f"{each['noun']} {percent(each['probability'])}" for each in reading["nouns"][1:3]]
+        instead = "" if reading["sure"] or not others else f", or {', '.join(others)}"
+        read = f"Read as: {noun} ({percent(reading['probability'])}{instead}; --source-noun NOUN corrects it)"
+    given = ", as given" if reading["front_given"] else ""
+    sure = given if given or reading["front_sure"] else ", which is not sure; its azimuth in degrees corrects it"
+    return [f"{read}; front at {front}{sure}."]
 
 
 def change_lines(changes: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -121,9 +121,11 @@ class Tools:
             return (await client.models()).model_dump(mode="json")
 
     async def inspect_asset(self, asset: Asset, ctx: Context) -> dict[str, Any]:
-        """Show what an asset consists of: nodes, materials, components, joints, coordinates, symmetry.
+        """Show what an asset is and consists of: noun, front, parts, nodes, materials, components, joints, coordinates.
 
-        The names and numbers can be used in the parameters regions, rigid and exclude of deform.
+        `reading` has the noun and the front with their probability; deform's params guidance.source_noun and
+        guidance.orientation (degrees) correct them, control.parts the parts. A prompt can change any of the `parts`:
+        "longer legs". Names and numbers can be used in the parameters regions, rigid, exclude and parts of deform.
         """
         async with self._client(ctx) as client, self._local(client, asset) as path, self._inspections:
             return await _inspected(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from meshdeform.plain.body import Body
 from meshdeform.plain.joints import JointParts
@@ -18,10 +19,13 @@ def evidence_of(body: Body) -> Evidence:
     return Evidence({name: share for name, share in shares.items() if share is not None}, body.names)
 
 
-def read_body(body: Body, nouns: Mapping[str, float], front_azimuth_deg: float | None = None) -> Reading:
+def read_body(
+    body: Body, nouns: Mapping[str, float], front_azimuth_deg: float | None = None, cache: Path | None = None
+) -> Reading:
     """Read a body that may be one of several nouns, with their probabilities (`reading.read_asset`).
 
-    `front_azimuth_deg`: where it faces, from +Z toward +X, if that is known. Raises ValueError: it has no area.
+    `front_azimuth_deg`: where it faces, from +Z toward +X, if that is known; `cache`: a folder for samples of nouns.
+    Raises ValueError: it has no area.
     """
     asked = Part(body.points, body.faces)
-    return read_asset(asked, nouns, evidence=evidence_of(body), front_azimuth_deg=front_azimuth_deg)
+    return read_asset(asked, nouns, evidence=evidence_of(body), front_azimuth_deg=front_azimuth_deg, cache=cache)

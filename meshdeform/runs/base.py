@@ -29,6 +29,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.priors import hidden_folders
 from meshdeform.requests.choices import SENT_MODEL, TAUGHT_SUFFIX, WEIGHTS_PART, is_sent, teaching_job
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest, read_unbounded
+from meshdeform.runs.kept_readings import Readings, Unkept
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -205,6 +206,7 @@ class RunInput:
     default_model: str = BUILTIN_MODEL  # the model used if the request names none
     limits: Limits | None = None  # limits on the files
     device: str = "cpu"
+    readings: Readings = field(default_factory=Unkept)  # where readings of the asset are kept
     on_wait: Callable[[], None] = lambda: None
     """Called now and then while the start takes long; raises if the run must stop."""
 
@@ -326,9 +328,10 @@ class Kind:
     check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
     """Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
     these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free."""
-    check_asset: Callable[[JobRequest, Any, Path, str, Limits], None] = lambda *_: None
+    check_asset: Callable[[JobRequest, Any, Path, str, Limits, Readings], None] = lambda *_: None
     """Refuses a request that does not fit the contents of the first file, where that takes more than its summary. Takes
-    the request, the result of `check`, the file's path and name, and the limits. Default: all fit. Torch-free."""
+    the request, the result of `check`, the file's path and name, the limits, and where readings are kept. Default: all
+    fit. Torch-free."""
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     """Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
     request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free."""

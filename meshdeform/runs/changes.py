@@ -9,8 +9,9 @@ A child process is asked for parts, which are found with numpy and scipy: an API
 from __future__ import annotations
 
 import base64
+import hashlib
 import re
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,7 @@ from meshdeform.plain.words import Sentence, described, read_changes
 from meshdeform.priors.builtin.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.requests.choices import BackdropMode, GuidanceKind, PartsAs, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.runs.kept_readings import Readings, Unkept, key_of
 from meshdeform.runs.questions import Question, answer_task
 
 if TYPE_CHECKING:
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
     from meshdeform.plain.body import Body
 
 _SHOWN = 20
-_TIMEOUT_S = 60.0
+_TIMEOUT_S = 120.0
 _UNUSED = ("regions", "rigid", "handles")
 _QUESTION = Question(
     __name__,
@@ -111,6 +113,14 @@ def part_names(body: Body, params: ResolvedParams | None = None) -> list[str]:
     return [part.name for part in find_parts(body, read)]
 
 
+def parts_found(body: Body, params: ResolvedParams) -> list[dict[str, Any]]:
+    """Return the parts that the prompt of a job can name on a body: `name`, `found_by` and `confidence` of each."""
+    from meshdeform.plain.naming import find_parts
+
+    found = find_parts(body, partial(asked_changes, params=params))
+    return [{"name": each.name, "found_by": each.found_by, "confidence": each.confidence} for each in found]
+
+
 def part_not_found(reason: str, parts: list[str], taken_for: str = "") -> PartNotFoundError:
     """Return the error about a part that is not there.
 
@@ -124,15 +134,25 @@ def part_not_found(reason: str, parts: list[str], taken_for: str = "") -> PartNo
     return PartNotFoundError(f"{reason} {listed}", advice=advice, parts=parts)
 
 
-def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits) -> None:
-    """Refuse a change of a part that an asset lacks, in a child process; a machine that cannot tell accepts it."""
+def check_parts(
+    asset: Path,
+    filename: str,
+    prompt: str,
+    params: ResolvedParams,
+    limits: Limits,
+    readings: Readings | None = None,
+) -> None:
+    """Refuse a change of a part that an asset lacks, in a child process; a machine that cannot tell accepts it.
+
+    `readings`: where readings of assets are kept.
+    """
     sentence = asked_changes(prompt, params)
     if sentence is None or all(each.part == WHOLE for each in sentence.changes):
         return
     if not is_change(sentence) and sentence.noun != params.source_noun:
         return  # whether it is one, the run finds out
     try:
-        answer = _ask(asset, filename, params, limits, prompt=prompt, only_check=True)
+        answer = _ask(asset, filename, params, limits, readings, prompt=prompt, only_check=True)
     except (DependencyError, UnavailableError):
         return  # the run refuses it
     if answer["missing"] is not None:
@@ -140,33 +160,74 @@ def check_parts(asset: Path, filename: str, prompt: str, params: ResolvedParams,
 
 
 def parts_of(
-    asset: Path, filename: str, prompt: str, params: ResolvedParams, limits: Limits, *, glb: PartsAs | None = None
+    asset: Path,
+    filename: str,
+    prompt: str,
+    params: ResolvedParams,
+    limits: Limits,
+    readings: Readings | None = None,
+    *,
+    glb: PartsAs | None = None,
 ) -> dict[str, Any]:
     """Return the parts of an asset that prompts can name, or those that a prompt names and what it makes of the asset.
 
-    `filename`: its name; the extension decides the format where the content does not. Returns `parts`, each with its
-    `name`, `found_by`, `faces` as regions have them, and `changes`: an `operation`, and words for `more` and for `less`
-    of it. `result` is a GLB in base64, or None if the prompt is no change, and `warnings` say what of it is less than
-    was asked for. With `glb`, the result has the parts in this form, also that of no prompt.
+    `filename`: its name; the extension decides the format where the content does not; `readings`: where readings of
+    assets are kept. Returns `reading`, as `runs.reading.reading_document` has it, or None if the asset cannot be read;
+    `parts`, each with its `name`, `found_by`, `confidence`, `faces` as regions have them, and `changes`: an
+    `operation`, and words for `more` and for `less` of it. `result` is a GLB in base64, or None if the prompt is no
+    change, and `warnings` say what of it is less than was asked for. With `glb`, the result has the parts in this form,
+    also that of no prompt.
     """
     asked_changes(prompt, params)  # what it refuses
-    answer = _ask(asset, filename, params, limits, prompt=prompt, glb=glb)
+    answer = _ask(asset, filename, params, limits, readings, prompt=prompt, glb=glb)
     missing = answer.pop("missing")
     if missing is not None:
         raise part_not_found(missing, answer["parts"])
     return answer
 
 
-def _ask(asset: Path, filename: str, params: ResolvedParams, limits: Limits, **more: Any) -> dict[str, Any]:
-    """Let the child answer; of the parameters it needs those that say what a prompt is and what is left out."""
+def _ask(
+    asset: Path, filename: str, params: ResolvedParams, limits: Limits, readings: Readings | None, **more: Any
+) -> dict[str, Any]:
+    """Let the child answer, with the reading that is kept; keep the one that it made."""
+    readings, suffix = readings or Unkept(), Path(filename).suffix[:16]
+    with asset.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    key = key_of(digest, suffix, params)
+    beside = asset.absolute().with_name("reading")
+    kept = readings.get(key)
+    if kept is not None:
+        beside.write_bytes(kept)
     task = {
-        "filename": f"asset{Path(filename).suffix[:16]}",
+        "filename": f"asset{suffix}",
         "params": params.model_dump(mode="json"),
         "limits": asdict(limits),
+        "digest": digest,
+        "reading": str(beside),
+        "samples": None if readings.samples is None else str(readings.samples.absolute()),
         **more,
     }
     answer: dict[str, Any] = _QUESTION.ask_about(asset, task, _TIMEOUT_S)
+    made = beside.read_bytes() if beside.is_file() else kept
+    if made is not None and made != kept:
+        readings.put(key, made)
     return answer
+
+
+@dataclass(frozen=True)
+class _File:
+    """A reading that the parent of this process handed to it, and takes back."""
+
+    path: Path
+    samples: Path | None
+
+    def get(self, _key: str) -> bytes | None:
+        """Return it, if there is one."""
+        return self.path.read_bytes() if self.path.is_file() else None
+
+    def put(self, _key: str, data: bytes) -> None:
+        """Hand it over."""
+        self.path.write_bytes(data)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -179,11 +240,15 @@ def _answer(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.plain.body import loose_body
     from meshdeform.plain.change import missing_part
     from meshdeform.requests.selection import find_excluded
+    from meshdeform.runs.reading import Source, corrected
 
     params = ResolvedParams.model_validate(task["params"])
     asset = load_asset(Path(task["asset"]).read_bytes(), task["filename"], Limits(**task["limits"]))
     asset = asset.without(find_excluded(params.exclude, asset.parts().nodes))
+    kept = _File(Path(task["reading"]), None if task["samples"] is None else Path(task["samples"]))
+    source = Source(task["digest"], task["filename"], kept=kept)
     body = loose_body(asset, backdrop=params.backdrop is BackdropMode.DEFORM)
+    body = corrected(body, asset, params, source)
     if "only_check" not in task:
         return _parts(asset, body, task["prompt"], params, task["glb"])
     sentence = asked_changes(task["prompt"], params)
@@ -196,12 +261,13 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams, glb: P
     from meshdeform.plain.naming import find_parts
     from meshdeform.plain.pieces import PartMissingError
     from meshdeform.runs.parted import result_with_parts
+    from meshdeform.runs.reading import made, reading_document
 
     corners, read = body.vertex_map[asset.surface.triangles], partial(asked_changes, params=params)
     sentence = read(prompt)
     if prompt and (sentence is None or not is_change(sentence)):
-        return {"parts": [], "missing": None, "result": None, "warnings": []}
-    document: dict[str, Any] = {"missing": None, "result": None, "warnings": []}
+        return {"reading": None, "parts": [], "missing": None, "result": None, "warnings": []}
+    document: dict[str, Any] = {"reading": None, "parts": [], "missing": None, "result": None, "warnings": []}
     if sentence is not None:
         try:
             changed, done = apply_changes(body, meant(body, sentence))
@@ -211,11 +277,14 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams, glb: P
         moved[used] += (changed.points - body.points)[body.vertex_map[used]]
         document["result"] = base64.b64encode(asset.replace(moved, compact=True)).decode()
         document["warnings"] = [*sentence.notes, *(said for each in done for said in [*each.warnings, *each.doubts])]
+        if glb is None and all(each.change.part == WHOLE for each in done):  # which needs no reading
+            return document
     found = find_parts(body, read, sentence)
     document["parts"] = [
         {
             "name": part.name,
             "found_by": part.found_by,
+            "confidence": part.confidence,
             "faces": part.faces(corners),
             "changes": [
                 {"operation": each, "more": OF_PARTS[each][0], "less": OF_PARTS[each][1]} for each in part.operations
@@ -225,4 +294,7 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams, glb: P
     ]
     if glb is not None:
         document["result"] = result_with_parts(asset, document["result"], PartsAs(glb), body, found)
+    # Parts that the file names need no reading.
+    reading = body.reader.reading if not prompt else made(body)
+    document["reading"] = reading_document(reading, params)
     return document

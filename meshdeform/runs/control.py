@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,21 +37,13 @@ from meshdeform.plain.body import body_of
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests import selection
 from meshdeform.requests.choices import RegionAction, Rigidity, Symmetry
-from meshdeform.requests.document import ResolvedParams
+from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.selection import (
-    Box,
-    Capsule,
-    ColorRange,
-    JointWeight,
-    List,
     RigidSelector,
-    Selection,
-    Sphere,
-    check_faces,
-    find_parts,
-    refuse_selection,
 )
-from meshdeform.runs.changes import part_names
+from meshdeform.runs.changes import parts_found
+from meshdeform.runs.reading import Source, corrected, reading_document
+from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.runs.surfaces import welded_surface
 from meshdeform.runs.text_deform_kind import check_places
 
@@ -61,108 +52,24 @@ _Floats = NDArray[np.float64]
 _AUTO_ORDER = (0, 2, 1)
 
 
-class SelectableSurface:
-    """The surface of an asset, with what selections can refer to."""
+class WeldedSurface(SelectableSurface):
+    """The surface of an asset that a run deforms, with what selections can refer to."""
 
     def __init__(self, asset: Asset, welded: WeldedMesh) -> None:
-        self._asset, self.welded = asset, welded
+        mesh = welded.mesh
+        super().__init__(asset, mesh.verts.numpy(), mesh.faces.numpy(), welded.face_source)
+        self.welded = welded
 
     @property
     def mesh(self) -> RestMesh:
         """The welded mesh, in the file's units."""
         return self.welded.mesh
 
-    @cached_property
-    def parts(self) -> Parts:
-        """Names in the asset."""
-        return self._asset.parts()
-
-    @cached_property
-    def components(self) -> NDArray[np.int64]:
-        """Connected component (F,) of each face."""
-        return np.asarray(self.mesh.components.numpy()[self.mesh.faces.numpy()[:, 0]])
-
-    def faces(self, place: List, number: int, selection: Selection) -> _Flags:
-        """Return flags (F,) of the faces that a selection selects.
-
-        `place`: name of the list in `params`, or the path to it there, for errors; `number`: place of the selection in
-        the list.
-        """
-        what, reference = selection.where
-        if what == "component":
-            flags = self.components == reference
-        elif what in {"box", "sphere", "capsule"}:
-            corners = self.mesh.verts.numpy()[self.mesh.faces.numpy()]
-            flags = _inside(reference, corners.reshape(-1, 3)).reshape(-1, 3).all(1)
-        else:
-            flags = self._triangles(place, number, selection)[self.welded.face_source]
-        if not flags.any():
-            raise self._nothing(place, number, what, reference)
-        return np.asarray(flags)
-
-    def _triangles(self, place: List, number: int, selection: Selection) -> _Flags:
-        """Return flags (T,) of the source's triangles that a selection by name, colour or number selects."""
-        what, reference = selection.where
-        parts = self.parts
-        if isinstance(reference, ColorRange):
-            distance = np.linalg.norm(self._asset.vertex_colors() - np.array(reference.rgb), axis=2)
-            return np.asarray((distance <= reference.within + 1e-6).all(1))
-        if what == "faces":
-            return self._numbered(place, number, reference)
-        known = {"node": parts.nodes, "mesh": parts.meshes, "material": parts.materials, "joint": parts.joints}
-        matches = find_parts(place, number, selection, known[what])
-        if isinstance(reference, JointWeight):
-            return np.asarray((self._asset.joint_weights(matches) > reference.above).all(1))
-        flags_of = {"node": parts.in_node, "mesh": parts.of_mesh, "material": parts.of_material}[what]
-        return np.asarray(np.any([flags_of(at) for at in matches], axis=0))
-
-    def _numbered(self, place: List, number: int, reference: tuple[int | tuple[int, int], ...]) -> _Flags:
-        count = len(self._asset.surface.triangles)
-        check_faces(place, number, reference, count)
-        flags = np.zeros(count, bool)
-        for item in reference:
-            first, last = item if isinstance(item, tuple) else (item, item)
-            flags[first : last + 1] = True
-        return flags
-
-    def _nothing(self, place: List, number: int, what: str, reference: Any) -> ParameterError:
-        """Return the error about a selection of no faces, with what there is."""
-        if what == "component":
-            advice = f"Its components are 0 to {self.components.max()}; `meshdeform inspect` lists them."
-            return refuse_selection(place, number, what, f"the asset has no component {reference}.", advice)
-        if what in {"box", "sphere", "capsule"}:
-            low, high = (np.round(bound(self.mesh.verts.numpy(), axis=0), 4).tolist() for bound in (np.min, np.max))
-            detail = f"no triangle has all its corners in the {what}."
-            return refuse_selection(place, number, what, detail, f"The asset is between {low} and {high}.")
-        if what == "color":
-            detail = "no triangle has this vertex colour at all its corners."
-            return refuse_selection(place, number, what, detail, "Increase `within`, or select otherwise.")
-        if what == "joint":
-            detail = (
-                f"no triangle follows the joint {reference.name!r} by more than {reference.above:g} at all its corners."
-            )
-            return refuse_selection(place, number, what, detail, "Set a lower `above`.")
-        detail = f"the {what} {reference!r} has no triangle with an area."
-        if what == "faces":
-            detail = "these triangles have no area."
-        return refuse_selection(place, number, what, detail, "Leave it out.")
-
-
-def _inside(shape: Box | Sphere | Capsule, points: _Floats) -> _Flags:
-    """Return flags (P,) of the points (P, 3) inside of a shape or on it."""
-    if isinstance(shape, Box):
-        return np.asarray(((points >= np.array(shape.min)) & (points <= np.array(shape.max))).all(1))
-    start = np.array(shape.center if isinstance(shape, Sphere) else shape.start)
-    line = np.zeros(3) if isinstance(shape, Sphere) else np.array(shape.end) - start
-    arms = points - start
-    along = np.clip(arms @ line / max(float(line @ line), 1e-300), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(arms - along[:, None] * line, axis=1) <= shape.radius)
-
 
 _Index = NDArray[np.int64]
 
 
-def select_bodies(selectors: Sequence[RigidSelector], surface: SelectableSurface) -> list[Body]:
+def select_bodies(selectors: Sequence[RigidSelector], surface: WeldedSurface) -> list[Body]:
     """Return the bodies of an asset that keep their shape.
 
     Selections that share vertices become one body, which is rigid if one of them is.
@@ -237,7 +144,7 @@ class Control:
     partners: Partners | None = None  # the mirrored partners of the vertices, if a symmetry is kept
 
 
-def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Frame, mesh: RestMesh) -> Control:
+def read_control(params: ResolvedParams, surface: WeldedSurface, frame: Frame, mesh: RestMesh) -> Control:
     """Return the constraints of a request.
 
     `surface`: in the file's units; `mesh`: the welded mesh in the cameras' frame.
@@ -263,7 +170,7 @@ def read_control(params: ResolvedParams, surface: SelectableSurface, frame: Fram
     return Control(constraints, bodies, regions, partners)
 
 
-def _kept(regions: Sequence[selection.Region], surface: SelectableSurface) -> tuple[_Flags, list[dict[str, Any]]]:
+def _kept(regions: Sequence[selection.Region], surface: WeldedSurface) -> tuple[_Flags, list[dict[str, Any]]]:
     """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
     faces = surface.mesh.faces.numpy()
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
@@ -326,7 +233,7 @@ def _partners(symmetry: Symmetry, mesh: RestMesh) -> Partners | None:
 def _handle(
     number: int,
     item: selection.Handle,
-    surface: SelectableSurface,
+    surface: WeldedSurface,
     frame: Frame,
     kept: _Flags,
     bodies: Sequence[Body],
@@ -342,7 +249,7 @@ def _handle(
 
 
 def _held_point(
-    number: int, item: selection.Handle, surface: SelectableSurface
+    number: int, item: selection.Handle, surface: WeldedSurface
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
     """Return the welded vertices around the point that a handle holds, and its barycentric coordinates."""
     if item.vertex is not None:
@@ -418,11 +325,15 @@ MAX_COMPARED = 200
 """Components that are compared with each other: those with the most faces."""
 
 
-def inspect_parts(asset: Asset) -> dict[str, Any]:
+def inspect_parts(asset: Asset, params: ResolvedParams | None = None, source: Source | None = None) -> dict[str, Any]:
     """Return the names that a selection can refer to in an asset, and proposals for `params.control.rigid`, as JSON.
 
+    `params`: give its noun, its front and corrections of its parts; by default nothing; `source`: its file, if the
+    reading is kept.
+
     Beside the named `nodes`, `mesh_names`, `materials` and `joints` there are the `box` of its coordinates, whether it
-    has vertex `colors`, the `parts` that a change in plain words can name, and its `symmetry`: the axes along which
+    has vertex `colors`, its `reading` (`runs.reading.reading_document`; None if it cannot be read), the `parts` that a
+    change in plain words can name (`changes.parts_found`), and its `symmetry`: the axes along which
     `params.control.symmetry` can be kept.
 
     A component has its `number` for `params.control.rigid`, its `triangles`, its `size` as a share of the asset's,
@@ -434,6 +345,9 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
     components = components_of(welded.mesh)
     owners = _owners(welded, parts)
     size = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))
+    params = params or resolve(DeformParams())
+    body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
+    body = corrected(body, asset, params, source)
     return {
         "triangles": len(asset.surface.triangles),
         "vertices": len(asset.surface.positions),
@@ -443,7 +357,8 @@ def inspect_parts(asset: Asset) -> dict[str, Any]:
         "joints": parts.joints,
         "colors": bool(np.isfinite(asset.vertex_colors()).any()),
         "box": {name: bound.tolist() for name, bound in _box(welded).items()},
-        "parts": part_names(body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())),
+        "reading": reading_document(body.reader.reading, params),
+        "parts": parts_found(body, params),
         "symmetry": [name for axis, name in enumerate("xyz") if not find_partners(welded.mesh, axis).unmatched],
         "components": [
             {

@@ -6,41 +6,19 @@ question has a seed of its own, and its key holds all that it depends on.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Generic, TypeVar
 
 from meshdeform.deformation.checkpoint import fingerprint
 from meshdeform.deformation.orientation import Front, Orientation, OrientationSource
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import ResolvedParams
+from meshdeform.runs.recent import Recent
 from meshdeform.runs.verdict import Recognition
 
-_T = TypeVar("_T")
-_MOST = 64
 _LATER = {"steps", "preset", "learning_rate"}
 """Parameters of the optimisation alone: a draft answers for the final run."""
 _ANSWERS = {OrientationSource.FOUND, OrientationSource.UNDECIDED, OrientationSource.UNCONDITIONED}
-
-
-class Recent(Generic[_T]):
-    """The last values by their keys."""
-
-    def __init__(self) -> None:
-        self._values: OrderedDict[str, _T] = OrderedDict()
-
-    def get(self, key: str) -> _T | None:
-        """Return a value, which is the last to be forgotten now."""
-        if key in self._values:
-            self._values.move_to_end(key)
-        return self._values.get(key)
-
-    def put(self, key: str, value: _T) -> None:
-        """Keep a value, and forget the one that was used least recently."""
-        self._values[key] = value
-        while len(self._values) > _MOST:
-            self._values.popitem(last=False)
 
 
 NOUNS: Recent[Recognition] = Recent()

@@ -25,20 +25,23 @@ from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.plain.body import body_of
+from meshdeform.plain.body import Body, body_of
 from meshdeform.plain.change import Done, affine_of, apply_changes, meant
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.words import Sentence
+from meshdeform.reading import Reading
 from meshdeform.rendering.cameras import Frame
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import GuidanceKind, RigMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
 from meshdeform.runs.changes import asked_changes, check_change, is_change, part_names, part_not_found
-from meshdeform.runs.control import SelectableSurface, read_control
+from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
+from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.last_assets import asset_key, front_again, keep_front, recognised_again
 from meshdeform.runs.prompts import read_prompts
+from meshdeform.runs.reading import Source, corrected, made
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import (
     DeformedSurface,
@@ -96,7 +99,7 @@ def start(job_input: RunInput) -> JobRun:
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(file.sha256 or "", asset, params, request.output)
     with log.phase("prepare"):
-        surface = SelectableSurface(asset, welded)
+        surface = WeldedSurface(asset, welded)
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         pictures = [
@@ -157,14 +160,26 @@ def _change(
 ) -> tuple[JobRun | None, Recognition | None]:
     """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked."""
     if is_change(sentence):
-        return start_change(facts, sentence, None, log), None
+        return start_change(facts, _body(facts, job_input.readings), sentence, None, log), None
     if job_input.initial is not None or job_input.checkpoint is not None:
         return None, None
     recognised = recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
-    called = replace(recognised, called=sentence.noun or "")
+    body, called = _body(facts, job_input.readings), replace(recognised, called=sentence.noun or "")
+    if recognised.probability < 1:  # neither given nor told by a skeleton
+        with log.phase("parts"):
+            called = called.with_reading(body.reader.reading)
+    # A prompt goes on with what the judge says: what was read of another prompt must not change its result.
     if not called.sure or called.noun != sentence.noun:
         return None, recognised
-    return start_change(facts, sentence, called, log), recognised
+    return start_change(facts, body, sentence, called, log), recognised
+
+
+def _body(facts: AssetFacts, readings: Readings) -> Body:
+    """Return the source of a change, which can be read."""
+    welded = facts.welded
+    source = Source(facts.file.digest, facts.file.filename, facts.subdivision is not None, readings)
+    body = body_of(facts.asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
+    return corrected(body, facts.asset, facts.params, source)
 
 
 class TextDeformRun(JobRun):
@@ -271,22 +286,29 @@ class TextDeformRun(JobRun):
         )
 
 
-def start_change(facts: AssetFacts, sentence: Sentence, recognised: Recognition | None, log: RunLog) -> PlainChangeRun:
+def start_change(
+    facts: AssetFacts, body: Body, sentence: Sentence, recognised: Recognition | None, log: RunLog
+) -> PlainChangeRun:
     """Make the changes of a sentence, which may describe what the source was recognised as.
 
-    `PartNotFoundError`: a part is missing. No guidance makes up for it: it knows no parts, and spoils the others.
+    `body`: the source. `PartNotFoundError`: a part is missing. No guidance makes up for it: it knows no parts, and
+    spoils the others.
     """
     check_change(facts.params)
-    welded = facts.welded
     with log.phase("change"):
-        body = body_of(facts.asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
         try:
             changed, done = apply_changes(body, meant(body, sentence))
         except PartMissingError as missing:
-            taken_for = recognised.noun if recognised is not None and facts.params.source_noun is None else ""
+            taken_for = _taken_for(made(body), recognised) if facts.params.source_noun is None else ""
             raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
-        verts = welded.mesh.verts + torch.from_numpy(changed.points - body.points)
-    return PlainChangeRun(facts, verts, done, recognised, sentence.notes, log)
+        verts = facts.welded.mesh.verts + torch.from_numpy(changed.points - body.points)
+    return PlainChangeRun(facts, verts, done, recognised, made(body), sentence.notes, log)
+
+
+def _taken_for(reading: Reading | None, recognised: Recognition | None) -> str:
+    if reading is not None:
+        return reading.noun
+    return recognised.noun if recognised is not None else ""
 
 
 class PlainChangeRun(JobRun):
@@ -298,11 +320,13 @@ class PlainChangeRun(JobRun):
         verts: Tensor,
         done: list[Done],
         recognised: Recognition | None,
+        reading: Reading | None,
         notes: tuple[str, ...],
         log: RunLog,
     ) -> None:
         super().__init__(0, 0, log)
         self._facts, self._done, self._recognised, self._notes = facts, done, recognised, notes
+        self._reading = reading
         self._affine = affine_of(done)
         # Of an affine change, the file's own vertices are moved, not those that were welded.
         self._verts = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
@@ -336,7 +360,14 @@ class PlainChangeRun(JobRun):
         outcome = Outcome(self._verts, result, written, shown, self._surface.rebuilt_normals, Held())
         report, picture = side_by_side(
             lambda: change_report(
-                facts, self._done, self._notes, self._recognised, follows=self._follows, outcome=outcome, log=self.log
+                facts,
+                self._done,
+                self._notes,
+                self._recognised,
+                self._reading,
+                follows=self._follows,
+                outcome=outcome,
+                log=self.log,
             ),
             lambda: preview_png(look, *shown.poses),
         )

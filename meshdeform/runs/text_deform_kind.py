@@ -43,6 +43,7 @@ from meshdeform.runs.changes import asked_changes, check_change, check_parts, is
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
     from meshdeform.priors.builtin.grammar import Words
+    from meshdeform.runs.kept_readings import Readings
     from meshdeform.settings import Settings
 
 _PlacedPrompt = tuple[list[str | int], str]
@@ -92,12 +93,13 @@ def check(
     if resolved.guidance is GuidanceKind.SDS:
         model = resolved.model
         check_weights_part(model, [WEIGHTS_PART] if has_weights else [], "guidance")
+        offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
         if _is_change(request, resolved):  # no model is asked
             check_change(resolved)
+            _check_source_noun(resolved, model if offered and is_taught(model) else BUILTIN_MODEL)
             return resolved
         if is_sent(model):  # its words are those of a file, which is checked later
             return resolved
-        offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
         if is_taught(model) and not offered:  # before its words are read
             raise _not_allowed(model, known)
         try:
@@ -252,6 +254,20 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
             raise
 
 
+def _check_source_noun(params: ResolvedParams, model: str) -> None:
+    """Refuse a noun of the source that a builtin model does not know; sent weights may teach any."""
+    from meshdeform.priors.builtin.grammar import parse
+    from meshdeform.priors.builtin.taught import known_words
+
+    if params.source_noun is None or is_sent(params.model):
+        return
+    try:
+        parse(f"a {params.source_noun}", known_words(model))
+    except (PromptError, VocabularyError) as error:
+        error.located(["params", "guidance", "source_noun"])
+        raise
+
+
 def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:
     """Refuse points of handles and landmarks that are absurdly far from the file in whose world they are.
 
@@ -316,6 +332,7 @@ def _check_files(request: JobRequest, params: ResolvedParams, files: Mapping[str
         find_excluded(params.exclude, asset.nodes)
     check_selections(("control", "rigid"), params.rigid, complete, triangles)
     check_selections(("control", "regions"), params.regions, complete, triangles)
+    check_selections(("control", "parts"), params.parts, complete, triangles)
     for number, prompt in enumerate(params.prompts):
         check_selections(("guidance", "prompts", number, "regions"), prompt.regions, complete, triangles)
     check_places(params, {part: file.bounds for part, file in files.items()})
@@ -336,8 +353,10 @@ def check_vertex(path: Sequence[str | int], vertex: int | None, count: int) -> N
         raise ParameterError.at(["params", *path], detail, advice)
 
 
-def _check_asset(request: JobRequest, params: ResolvedParams, asset: Path, filename: str, limits: Limits) -> None:
-    check_parts(asset, filename, request.prompt, params, limits)
+def _check_asset(
+    request: JobRequest, params: ResolvedParams, asset: Path, filename: str, limits: Limits, readings: Readings
+) -> None:
+    check_parts(asset, filename, request.prompt, params, limits, readings)
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:

@@ -35,6 +35,7 @@ from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
 from meshdeform.runs.control import Control, control_report
 from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
+from meshdeform.runs.reading import reading_report
 from meshdeform.runs.surfaces import Shown
 from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.worth import (
@@ -53,6 +54,7 @@ from meshdeform.runs.worth import (
 
 if TYPE_CHECKING:
     from meshdeform.plain.change import Done
+    from meshdeform.reading import Reading
 
 _MOSTLY = 0.5
 _REMEDIES = {
@@ -68,6 +70,7 @@ _HELD = (
     "The safeguard held back {held:.0%} of the surface in the end, because it would have folded or cut itself: these "
     "parts lag behind. Ask for less (a nearer noun, a lower strength), or for a change of one part in plain words."
 )
+_PARTS_UNUSED = "params.control.parts was not used: only changes in plain words know parts."
 _THEN = ", "
 _ROUND = "xz"
 """The mirror planes that were kept of what is alike from all sides."""
@@ -175,6 +178,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
         "precision": facts.precision,
         "carrier": deformation.carrier,
         "source_noun": None if facts.recognised is None else facts.recognised.to_dict(),
+        "reading": None,
         "orientation": deformation.orientation.to_dict(),
         "appearance": _appearance(params, deformation),
         "movement": movement.to_dict(),
@@ -186,6 +190,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
             *measured.warnings(facts),
             *rig_warnings(asset, facts.request.output.rig),
             *_precision_warnings(facts.precision),
+            *([_PARTS_UNUSED] if params.parts else []),
         ],
         "losses": log.losses(),
         "resumed_from_step": first_step,
@@ -205,6 +210,7 @@ def change_report(
     done: Sequence[Done],
     notes: Sequence[str],
     recognised: Recognition | None,
+    reading: Reading | None,
     *,
     follows: bool,
     outcome: Outcome,
@@ -212,8 +218,8 @@ def change_report(
 ) -> bytes:
     """Return `report.json` of a change in plain words.
 
-    `notes`: how misspelt words were read; `recognised`: what the source was taken for, if it was asked; `follows`:
-    whether the rig followed.
+    `notes`: how misspelt words were read; `recognised`: what the source was taken for, if it was asked; `reading`: what
+    it was read as, if that was needed; `follows`: whether the rig followed.
     """
     with log.phase("measure"):
         measured = _measured(facts, outcome)
@@ -232,6 +238,7 @@ def change_report(
         ),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
         "source_noun": None if recognised is None else recognised.to_dict(),
+        "reading": reading_report(reading, facts.params),
         "warnings": [
             *notes,
             *(sentence for each in done for sentence in each.warnings),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,15 +26,16 @@ from meshdeform.judge import Judge
 from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
+from meshdeform.reading import Reading
 from meshdeform.requests.choices import OrientationMode, is_builtin
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.goals import score_distillation
 from meshdeform.runs.prompts import Prompts
 
 _log = logging.getLogger(__name__)
-_SURE, _CALLED = 0.97, 0.5
-"""Probability from which a source counts as recognised, and from which it does if the prompt calls it the same: as of
-19 of 20 real assets it is right (`bench.recognition`)."""
+_SURE, _SURE_READ, _CALLED = 0.97, 0.9, 0.5
+"""Probability from which a source counts as recognised by the judge alone and by its reading, and from which it does if
+the prompt calls it the same: as of 19 of 20 real assets it is right (`bench.recognition`)."""
 
 _LIKELY, _CERTAIN, _MOST = 0.5, 0.8, 3
 """Probabilities from which a source's noun says how it is treated, and from which it alone says where the front is;
@@ -81,11 +82,22 @@ class Recognition:
     nouns: Mapping[str, float] = field(default_factory=dict)
     """The probabilities of all nouns; empty if no judge was asked."""
     called: str = ""  # what the prompt says that it is
+    read: bool = False  # whether the reading decided, not the judge alone
 
     @property
     def sure(self) -> bool:
         """Whether the source counts as recognised."""
-        return self.probability >= (_CALLED if self.called == self.noun else _SURE)
+        by_itself = _SURE_READ if self.read else _SURE
+        return self.probability >= (_CALLED if self.called == self.noun else by_itself)
+
+    def with_reading(self, reading: Reading | None) -> Recognition:
+        """Return what a reading took the source for, which is right more often than the judge alone.
+
+        It has the judge's probabilities of all nouns.
+        """
+        if reading is None:
+            return self
+        return replace(self, noun=reading.noun, probability=reading.probability, read=True)
 
     @property
     def likely_noun(self) -> str:

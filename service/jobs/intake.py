@@ -118,7 +118,7 @@ def check_job(
     meshes = {name: each for name, each in summaries.items() if isinstance(each, AssetSummary)}
     kind.check_files(submission.document, params, meshes)
     first = files[kind.parts[0]]
-    kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits)
+    kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits, app.readings)
     if WEIGHTS_PART in files:
         check_words(submission.document, files[WEIGHTS_PART].path, meshes)
     return params, files, summaries
@@ -247,7 +247,7 @@ async def list_parts(app: AppState, owner_id: str, submission: Submission, glb: 
     params, asset = await app.take_in(owner_id, _with_parts, app, owner_id, replace(submission, document=whole))
     async with app.naming.slot(owner_id):
         limits = app.assets.limits
-        find = partial(parts_of, asset.path, asset.filename, prompt, params, limits, glb=glb)
+        find = partial(parts_of, asset.path, asset.filename, prompt, params, limits, app.readings, glb=glb)
         parts = await to_thread.run_sync(find)
     return FoundParts(**parts)
 

@@ -347,10 +347,11 @@ class AsyncClient:
         filename: str | None = None,
         upload: bool | None = None,
     ) -> FoundParts:
-        """List the parts of an asset that words can name, each with its triangles and what can be asked of it.
+        """Read an asset: what it is, and the parts that words can name, each with its triangles and what can be asked.
 
-        With a prompt that is a change in plain words ("legs longer by 30 %"), only the parts that it names, and as
-        `glb` what it makes of the asset, without a job. Parameters and errors are those of `submit`.
+        `params` correct the noun (`guidance.source_noun`), the front (`guidance.orientation`, in degrees) and the parts
+        (`control.parts`). With a prompt that is a change in plain words ("legs longer by 30 %"), only the parts that it
+        names, and as `glb` what it makes of the asset, without a job. Parameters and errors are those of `submit`.
 
         Parameters
         ----------

@@ -44,7 +44,11 @@ def test_inspect_finds_the_side_that_a_prompt_would_make_the_front(tmp_path: Pat
     assert abs(abs(found["turn_deg"]) - 180) <= 15
     assert found["margin"] > 0.05
     done(*arguments, "--set", "orientation=keep")
-    assert "giraffe" in refused("inspect --prompt", "a giraf", str(path))
+    assert "giraffe" in refused("inspect --source-noun dog --prompt", "a giraf", str(path))
+    assert "xyzzy" in refused("inspect --source-noun xyzzy", str(path))
+    assert "no node named 'Ear'" in refused(
+        "inspect --source-noun dog --front 180 --set", 'parts=[{"name": "ear", "node": "Ear"}]', str(path)
+    )
 
 
 def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None:
@@ -55,9 +59,13 @@ def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None
     cart = join(box(1), *wheels)
     path = tmp_path / "cart.glb"
     path.write_bytes(build_glb(cart.verts.numpy(), cart.faces.numpy(), material="clay"))
-    shown = done("inspect", str(path))
+    shown = done("inspect --source-noun car --front 90", str(path))
+    assert "Given: car; front at 90 degrees (0 is +Z, 90 is +X), as given." in shown.output
     assert "2 congruent round components: 1, 2. Keep them with --rigid component=1 --rigid component=2" in shown.output
-    found = json.loads(done("inspect --json", str(path)).stdout)
+    painted = 'parts=[{"name": "hub", "faces": [[0, 5]]}]'
+    found = json.loads(done("inspect --json --source-noun car --front 90 --set", painted, str(path)).stdout)
+    assert (found["reading"]["noun"], found["reading"]["front_azimuth_deg"]) == ("car", 90.0)
+    assert {"name": "hub", "found_by": "given", "confidence": None} in found["parts"]
     assert [item["triangles"] for item in found["components"]] == [12, 256, 256]
     assert found["symmetry"] == ["x", "z"]
     assert found["box"]["max"] == pytest.approx([0.69, 0.5, 0.5])

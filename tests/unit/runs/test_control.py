@@ -17,7 +17,7 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import Selection, check_selections
-from meshdeform.runs.control import Control, SelectableSurface, read_control
+from meshdeform.runs.control import Control, WeldedSurface, read_control
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.runs.jobs import finished, started
@@ -46,7 +46,7 @@ def figure() -> bytes:
 
 
 ASSET = load_asset(figure())
-SURFACE = SelectableSurface(ASSET, weld(ASSET.surface.positions, ASSET.surface.triangles))
+SURFACE = WeldedSurface(ASSET, weld(ASSET.surface.positions, ASSET.surface.triangles))
 
 
 def selected(**where: Any) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -114,7 +114,7 @@ def controlled(asset: Asset = ASSET, **params: Any) -> Control:
     welded = weld(asset.surface.positions, asset.surface.triangles)
     frame = Frame.around(welded.mesh.verts)
     resolved = resolve(DeformParams.model_validate(grouped(params)))
-    return read_control(resolved, SelectableSurface(asset, welded), frame, RestMesh.of(frame.place(welded.mesh)))
+    return read_control(resolved, WeldedSurface(asset, welded), frame, RestMesh.of(frame.place(welded.mesh)))
 
 
 def test_only_keeps_its_complement_and_keep_wins() -> None:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from meshdeform.assets import Limits
+from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import PartNotFoundError
 from meshdeform.geometry.shapes import join
+from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.plain.body import loose_body
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
+from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.runs import text_deform
+from meshdeform.runs import reading, text_deform
 from meshdeform.runs.base import JobRun, job_input
 from meshdeform.runs.changes import asked_changes, check_parts, is_change
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
@@ -31,8 +37,19 @@ def started(prompt: str, **params: object) -> JobRun:
 
 
 def taken_for(monkeypatch: pytest.MonkeyPatch, noun: str, probability: float) -> None:
+    """Let the judge take the asset for a noun, and nothing read it."""
     found = Recognition(noun, probability, {noun: probability})
     monkeypatch.setattr(text_deform, "recognise", lambda *_: found)
+    monkeypatch.setattr(reading, "read_source", lambda *_: None)
+
+
+def read_as(monkeypatch: pytest.MonkeyPatch, noun: str, probability: float, **others: float) -> None:
+    """Let the asset be read as a noun, which the judge takes for a horse."""
+    taken_for(monkeypatch, "horse", 0.99)
+    body = loose_body(load_asset(DOG))
+    labels = np.where(body.points[body.faces].mean(1)[:, 1] > 2.2, PART_NAMES.index("head"), PART_NAMES.index("body"))
+    found = Reading(noun, {noun: probability, **others}, np.eye(3), 0.5, labels, {"head": 0.8, "body": 0.9}, 0, 0.01)
+    monkeypatch.setattr(reading, "read_source", lambda *_: found)
 
 
 @each_case("prompt", [EARS, GERMAN])
@@ -69,6 +86,24 @@ def test_a_part_that_is_missing_is_refused_where_the_asset_looks_like_what_it_is
         started("a camel with big humps")
 
 
+def test_what_it_is_read_as_decides_and_is_in_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    read_as(monkeypatch, "dog", 0.55, fox=0.3)
+    run = started("a dog with a big head")
+    report = json.loads(run.finish()["report.json"].data)
+    assert report["way"] == "change"
+    assert report["source_noun"] == {"noun": "dog", "probability": 0.55, "recognised": True}
+    assert [each["noun"] for each in report["reading"]["nouns"]] == ["dog", "fox"]
+    assert (report["reading"]["parts"], report["reading"]["sure"]) == ({"head": 0.8, "body": 0.9}, False)
+    assert report["changes"][0]["found_by"] == "shapes"
+    with pytest.raises(PartNotFoundError) as caught:
+        started("a dog with big ears")
+    assert "taken for a dog" in caught.value.advice_text
+    with pytest.raises(RuntimeError, match="no function to load the prior"):  # a prompt like any other
+        started("a horse with a big head")
+    taller = json.loads(started("taller").finish()["report.json"].data)
+    assert taller["reading"] is None
+
+
 @each_case(
     ("source", "called", "sure"),
     [
@@ -78,10 +113,13 @@ def test_a_part_that_is_missing_is_refused_where_the_asset_looks_like_what_it_is
         (Recognition("dog", 0.5), "dog", True),
         (Recognition("dog", 0.49), "dog", False),
         (Recognition("", 0.0), "", False),
+        (Recognition("dog", 0.9, read=True), "", True),
+        (Recognition("dog", 0.89, read=True), "horse", False),
+        (Recognition("dog", 0.5, read=True), "dog", True),
     ],
 )
 def test_what_the_prompt_calls_an_asset_counts_too(source: Recognition, called: str, sure: bool) -> None:
-    assert Recognition(source.noun, source.probability, called=called).sure is sure
+    assert replace(source, called=called).sure is sure
 
 
 def test_every_prompt_with_attributes_describes_changes() -> None:

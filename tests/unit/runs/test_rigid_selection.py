@@ -13,7 +13,7 @@ from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import RigidSelector
-from meshdeform.runs.control import SelectableSurface, inspect_parts, select_bodies
+from meshdeform.runs.control import WeldedSurface, inspect_parts, select_bodies
 from tests.unit.assets.builders import Builder
 from tests.unit.deformation.worlds import moved
 from training.shapes import box, torus
@@ -44,7 +44,7 @@ def cart() -> bytes:
 
 ASSET = load_asset(cart())
 WELDED = weld(ASSET.surface.positions, ASSET.surface.triangles)
-SURFACE = SelectableSurface(ASSET, WELDED)
+SURFACE = WeldedSurface(ASSET, WELDED)
 
 
 def select(*selectors: dict[str, object]) -> list[tuple[int, Rigidity]]:
@@ -78,7 +78,7 @@ def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
     asset = load_asset(alone.glb())
     welded = weld(asset.surface.positions, asset.surface.triangles)
     with pytest.raises(ParameterError, match="nothing is left"):
-        select_bodies([RigidSelector(node="all")], SelectableSurface(asset, welded))
+        select_bodies([RigidSelector(node="all")], WeldedSurface(asset, welded))
     for params in ({"preset": "paper"}, {"carrier": "surface"}):
         with pytest.raises(ParameterError, match="need the lattice"):
             resolve(DeformParams.model_validate(grouped({**params, "rigid": [{"component": 0}]})))

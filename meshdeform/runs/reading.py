@@ -1,0 +1,202 @@
+"""Read the source of a job, its noun, its front and its parts, and lay over it what a request says of them.
+
+The judge proposes nouns and the fits decide among them (`meshdeform.reading`), unless the request gives one. Nothing is
+read until somebody asks, and nothing twice: readings are kept by what they depend on (`kept_readings`). Importing this
+loads no torch.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import meshdeform
+from meshdeform.errors import ShapeError
+from meshdeform.plain.evidence import read_body
+from meshdeform.plain.reader import Reader
+from meshdeform.reading import Reading
+from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
+from meshdeform.runs.parted import given_parts
+from meshdeform.runs.recent import Recent
+from meshdeform.runs.selectable import SelectableSurface
+
+if TYPE_CHECKING:
+    from meshdeform.assets import Asset
+    from meshdeform.plain.body import Body, Flags
+    from meshdeform.requests.document import ResolvedParams
+    from meshdeform.requests.selection import PartCorrection
+
+__all__ = [
+    "Source",
+    "SourceReader",
+    "corrected",
+    "made",
+    "read_source",
+    "reading_document",
+    "reading_report",
+]
+
+_MOST, _DIGITS = 5, 4
+"""How many nouns are told, and digits of a probability."""
+
+_JUDGE = Path(meshdeform.__file__).parent / "judge" / "weights" / "judge.safetensors"
+"""As `meshdeform.judge.WEIGHTS`, which loads torch."""
+
+_log = logging.getLogger(__name__)
+_last: Recent[Reading] = Recent(8)
+
+
+@dataclass(frozen=True)
+class Source:
+    """The file of a job, and where readings of it are kept."""
+
+    digest: str  # SHA-256 of its bytes, hexadecimal; empty: nothing is kept
+    filename: str
+    subdivided: bool = False
+    kept: Readings = field(default_factory=Unkept)
+
+    def key(self, params: ResolvedParams) -> str:
+        """Return the key of its reading."""
+        suffix = PurePath(self.filename).suffix
+        return key_of(self.digest, suffix, params, subdivided=self.subdivided)
+
+
+class SourceReader(Reader):
+    """Reads the source of a job."""
+
+    @property
+    def made(self) -> Reading | None:
+        """What was found, if somebody has asked."""
+        return self._answers[0] if self._answers else None
+
+
+def made(body: Body) -> Reading | None:
+    """Return the reading of a body that `corrected` returned, if somebody has asked for it."""
+    return body.reader.made if isinstance(body.reader, SourceReader) else None
+
+
+def corrected(body: Body, asset: Asset, params: ResolvedParams, source: Source | None = None) -> Body:
+    """Return a body with a reader of it, and with the parts that its file names and the request corrects.
+
+    Raises ParameterError: a correction selects nothing of the surface.
+    """
+    painted, renamed = _corrections(body, asset, params.parts)
+    found = SourceReader(lambda: read_source(body, params, source))
+    return replace(body, reader=found, painted=painted, renamed=renamed)
+
+
+def _corrections(
+    body: Body, asset: Asset, corrections: tuple[PartCorrection, ...]
+) -> tuple[dict[str, Flags], dict[str, str]]:
+    """Return the faces (F,) of each part that the file names or the request paints, and new names.
+
+    What a later correction selects, no other part has.
+    """
+    painted: dict[str, Flags] = given_parts(asset, body)
+    renamed = {old: each.name for each in corrections for old in each.parts or ()}
+    if all(each.parts for each in corrections):
+        return painted, renamed
+    surface = SelectableSurface.of_body(asset, body)
+    for number, each in enumerate(corrections):
+        if each.parts is not None:
+            continue
+        flags, part = surface.faces(("control", "parts"), number, each), each.name
+        before = painted.get(part, np.zeros(len(flags), bool))
+        painted = {name: taken & ~flags for name, taken in painted.items()} | {part: before | flags}
+    return painted, renamed
+
+
+def read_source(body: Body, params: ResolvedParams, source: Source | None = None) -> Reading | None:
+    """Read a body, or return what was kept of it; None if it cannot be read.
+
+    `params`: give the noun or the front; `source`: the file that it is of, else nothing is kept. None: it has no area,
+    or no noun is given and the judge is missing.
+    """
+    key = "" if source is None or not source.digest else source.key(params)
+    if key and (known := _last.get(key) or _unpacked(source.kept.get(key) if source else None)) is not None:
+        if len(known.labels) == len(body.faces):
+            _last.put(key, known)
+            return known
+        _log.warning("a kept reading is of another mesh; it is read anew")
+    reading = _read(body, params, None if source is None else source.kept.samples)
+    if reading is not None and key and source is not None:
+        _last.put(key, reading)
+        source.kept.put(key, _head() + reading.to_bytes())
+    return reading
+
+
+def _read(body: Body, params: ResolvedParams, samples: Path | None) -> Reading | None:
+    try:
+        nouns = _proposed(body, params)
+        return read_body(body, nouns, given_front(params), samples) if nouns else None
+    except (ShapeError, ValueError) as error:
+        _log.info("the asset is not read: %s", error)
+        return None
+
+
+def _proposed(body: Body, params: ResolvedParams) -> Mapping[str, float]:
+    """Return the nouns that a body may be, with their probabilities."""
+    given = given_noun(params)
+    if given is not None:
+        return {given: 1.0}
+    import torch
+
+    from meshdeform.geometry.mesh import TriangleMesh
+    from meshdeform.runs.verdict import recognise
+
+    mesh = TriangleMesh(torch.from_numpy(body.points), torch.from_numpy(body.faces))
+    found = recognise(mesh, None, [joint.name for joint in body.joints])
+    if found.probability == 1.0 or not found.nouns:
+        return {found.noun: 1.0} if found.noun else {}
+    return found.nouns
+
+
+@lru_cache(maxsize=1)
+def _head() -> bytes:
+    """Return what a kept reading begins with: whatever decides it besides its key and the version of readings."""
+    weights = hashlib.sha256(_JUDGE.read_bytes()).hexdigest() if _JUDGE.is_file() else "none"
+    return f"meshdeform {meshdeform.__version__}, judge {weights}\n".encode()
+
+
+def _unpacked(data: bytes | None) -> Reading | None:
+    """Return a kept reading; None if there is none, or it is damaged or another version's."""
+    if data is None or not data.startswith(_head()):
+        return None
+    try:
+        return Reading.from_bytes(data[len(_head()) :])
+    except (ValueError, TypeError, KeyError) as error:
+        _log.info("a kept reading is of no use: %s", error)
+        return None
+
+
+def reading_document(reading: Reading | None, params: ResolvedParams) -> dict[str, Any] | None:
+    """Return what a reading says of the whole, as the API and reports have it; None if there is none."""
+    if reading is None:
+        return None
+    likely = sorted(reading.probabilities.items(), key=lambda item: -item[1])
+    return {
+        "noun": reading.noun,
+        "probability": round(reading.probability, _DIGITS),
+        "sure": reading.sure,
+        "nouns": [{"noun": noun, "probability": round(each, _DIGITS)} for noun, each in likely[:_MOST]],
+        "noun_given": given_noun(params) is not None,
+        "front_azimuth_deg": round(reading.front_azimuth_deg, 1) + 0.0,
+        "front_sure": reading.front_sure,
+        "front_given": given_front(params) is not None,
+    }
+
+
+def reading_report(reading: Reading | None, params: ResolvedParams) -> dict[str, Any] | None:
+    """Return the member `reading` of a report: also what parts were found, and by which member of the noun."""
+    document = reading_document(reading, params)
+    if reading is None or document is None:
+        return None
+    parts = {name: round(confidence, _DIGITS) for name, confidence in reading.confidence.items()}
+    return {**document, "parts": parts, "member": reading.member, "residual": round(reading.residual, 6)}
