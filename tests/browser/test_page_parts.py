@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
 from meshdeform.assets import load_asset
 from tests.acceptance.service import Service, until
@@ -14,17 +15,21 @@ from tests.browser.steps import (
     barriers,
     choose,
     difference,
+    drag,
     expect,
     open_form,
     picture,
+    set_steps,
     start,
     until_drawn,
     until_judged,
+    until_noted,
+    until_shown,
 )
 from tests.unit.plain.shapes import rigged_dog
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Locator, Page
+    from playwright.sync_api import Locator, Page, Route
 
 
 def chip(page: Page, name: str) -> Locator:
@@ -97,3 +102,139 @@ def test_another_prompt_is_the_users_own_and_the_view_shows_the_asset_again(page
     expect(chip(page, "shorter")).to_have_attribute("aria-pressed", "false")
     page.get_by_role("button", name="Cube", exact=True).click()
     expect(chip(page, "tail")).to_be_hidden()
+
+
+FOUND: dict[str, tuple[str, float | None, list[Any]]] = {
+    "legs": ("joints", None, [[768, 2495]]),
+    "horns": ("shapes", 0.3, [[2796, 3095]]),
+    "tail": ("shapes", 0.9, [[2496, 2795]]),
+}
+READING = {"noun": "cow", "probability": 0.52, "sure": False, "noun_given": False, "front_given": False}
+READING |= {"nouns": [{"noun": "cow", "probability": 0.52}, {"noun": "dog", "probability": 0.3}]}
+READING |= {"front_azimuth_deg": 90.0, "front_sure": True}
+
+
+class Reader:
+    """Reads each file as a cow with horns, lays what is asked over it, and knows nothing of a cube."""
+
+    def __init__(self, page: Page) -> None:
+        self.asked: dict[str, Any] = {}
+        page.route("**/v1/jobs:parts", self._answer)
+
+    def _answer(self, route: Route) -> None:
+        body = route.request.post_data_buffer or b""
+        document = json.loads(body.rsplit(b"\r\n\r\n", 1)[-1].split(b"\r\n--")[0])
+        self.asked = {"guidance": {}, "control": {}, **document["params"]}
+        if b"cube.glb" in body:
+            route.fulfill(json={"reading": None, "parts": [], "result": None, "warnings": []})
+            return
+        guidance, entries = self.asked["guidance"], self.asked["control"].get("parts", [])
+        reading: dict[str, Any] = dict(READING)
+        if "source_noun" in guidance:
+            reading |= {"noun": guidance["source_noun"], "noun_given": True, "sure": True}
+        if "orientation" in guidance:
+            reading |= {"front_azimuth_deg": guidance["orientation"], "front_given": True}
+        names = {old: entry["name"] for entry in entries for old in entry.get("parts", [])}
+        given = {name: ("given", None, faces) for name, (_, _, faces) in FOUND.items() if name in names}
+        parts = {names.get(name, name): part for name, part in {**FOUND, **given}.items()}
+        parts |= {entry["name"]: ("given", None, entry["faces"]) for entry in entries if "faces" in entry}
+        listed = [
+            {"name": name, "found_by": by, "confidence": confidence, "faces": faces, "changes": []}
+            for name, (by, confidence, faces) in parts.items()
+        ]
+        route.fulfill(json={"reading": reading, "parts": listed, "result": None, "warnings": []})
+
+
+@pytest.mark.without_pictures
+def test_what_is_read_wrong_is_corrected_and_kept(page: Page, service: Service, axe: str, tmp_path: Path) -> None:
+    reader = Reader(page)
+    asset = tmp_path / "animal.glb"
+    asset.write_bytes(rigged_dog())
+    open_form(page)
+    choose(page, asset)
+    until_shown(page, 3528)
+    noun, front = page.get_by_label("What the asset is", exact=True), page.get_by_label("Side that is the front")
+    line, list_ = page.locator(".reading"), page.get_by_role("list", name="Corrections").get_by_role("listitem")
+    expect(line).to_contain_text("Perhaps a")
+    expect(noun.locator("option:checked")).to_have_text("cow, 52%")
+    expect(front.locator("option:checked")).to_have_text("+X")
+    chip(page, "perhaps horns").click()
+    expect(page.get_by_role("group", name="Correct horns")).to_contain_text("Perhaps: found by its shape, 30% sure.")
+
+    # The noun and the front, which has its place in the form.
+    noun.select_option("else")
+    typed = page.get_by_label("Noun of the asset")
+    expect(typed).to_be_focused()
+    typed.fill("gnu")
+    typed.press("Enter")
+    expect(line).to_contain_text("No noun that is known here")
+    typed.fill("elephant")
+    typed.press("Enter")
+    expect(noun.locator("option:checked")).to_have_text("Elephant, as you said")
+    expect(noun).to_be_focused()
+    with page.expect_response(
+        lambda got: got.url.endswith("jobs:parts") and b'"orientation":180' in (got.request.post_data_buffer or b"")
+    ):
+        front.select_option("180")
+    expect(page.locator("#param-orientation")).to_have_value("180")
+    expect(page.locator(".front-control output")).to_have_text("180°")
+    assert reader.asked["guidance"]["source_noun"] == "elephant"
+
+    # A part: its name, that it is two, its faces; each is seen, and can be taken back.
+    page.get_by_role("button", name="Rename…").press("Enter")
+    page.get_by_role("dialog").get_by_label("Name").fill("ears")
+    page.get_by_role("dialog").get_by_label("Name").press("Enter")
+    expect(chip(page, "ears")).to_have_attribute("aria-pressed", "true")
+    expect(page.get_by_role("button", name="Rename…")).to_be_focused()
+    page.get_by_role("button", name="Join…").click()
+    page.get_by_label("It is one with").select_option("tail")
+    page.get_by_role("dialog").get_by_role("button", name="Join").click()
+    expect(chip(page, "tail")).to_have_count(0)
+    expect(list_).to_have_text(["horns and tail together are “ears”"])
+    list_.get_by_role("button", name="Remove").click()
+    expect(chip(page, "perhaps horns")).to_be_visible()
+    expect(page.get_by_role("button", name="Another part…")).to_be_focused()
+
+    chip(page, "legs").click()
+    page.get_by_role("button", name="Paint", exact=True).click()
+    expect(list_).to_have_text(["“legs”: painted, 0 triangles"])
+    viewer = page.locator(".asset-panel .viewer")
+
+    def painted() -> bool:
+        drag(page, viewer, (0.45, 0.45), (0.5, 0.5))
+        return "painted, 0" not in list_.inner_text()
+
+    until("the brush paints", painted)
+    said = list_.inner_text()
+    assert barriers(page, axe) == []
+    page.get_by_role("button", name="Paint", exact=True).click()
+    expect(page.get_by_role("group", name="Control in the view")).to_be_hidden()
+    page.get_by_role("button", name="Another part…").click()
+    page.get_by_role("dialog").get_by_label("Name").fill("tusks!")
+    page.get_by_role("button", name="Paint it").click()
+    expect(page.get_by_role("dialog")).to_be_visible()  # no name
+    page.keyboard.press("Escape")
+
+    # A draft, a job and what is begun with it have all of it; another file has nothing of it.
+    page.get_by_label("Prompt", exact=True).fill("a tall vase")
+    set_steps(page, 2)
+    page.reload()
+    expect(list_).to_have_text([said])
+    expect(noun.locator("option:checked")).to_have_text("Elephant, as you said")
+    expect(page.locator("#estimate")).to_contain_text("2 steps")
+    job = start(page)
+    params = service.job(job)["params"]
+    assert (params["guidance"]["source_noun"], params["guidance"]["orientation"]) == ("elephant", 180)
+    (part,) = params["control"]["parts"]
+    assert part["name"] == "legs"
+    assert part["faces"] == reader.asked["control"]["parts"][0]["faces"]
+    service.http.post(f"/v1/jobs/{job}/cancel")
+    service.finished(job)
+    expect(page.get_by_text("The asset: elephant")).to_be_visible()
+    page.get_by_role("button", name="Edit and run again").click()
+    expect(list_).to_have_text([said])
+    page.get_by_role("button", name="Cube", exact=True).click()
+    until_noted(page, "belonged to the other file")
+    expect(page.locator(".parts")).to_contain_text("No parts are known for this file.")
+    expect(page.locator(".parts .chips").first.get_by_role("button")).to_have_count(0)
+    assert "source_noun" not in reader.asked["guidance"]

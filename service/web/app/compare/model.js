@@ -14,7 +14,7 @@ import { shownQuality } from "../quality.js";
 import { isWorthLess, verdictTitle } from "../verdict.js";
 
 // Said in rows of their own, or without a bearing on the result.
-const SAID = ["preset", "seed", "model", "prompts", "regions", "handles", "symmetry", "checkpoint_every_steps"];
+const SAID = ["preset", "seed", "model", "prompts", "regions", "handles", "symmetry", "parts", "source_noun", "checkpoint_every_steps"];
 
 /** @param {string} label @param {string} a @param {string} b @returns {Row} */
 function row(label, a, b) {

@@ -31,22 +31,24 @@ export class FrontControl {
     this.search = search;
     /** What the search said about the form as it is now. @type {number | null} */
     this.found = null;
+    /** As the asset is read. @type {import("./parts/reading.js").Reading | null} */
+    this.reading = null;
     /** Whether this server can search: that of a stack may have no torch. */
     this.able = true;
     this.searching = new AbortController();
     this.value = "";
     this.resolved = "auto";
-    const { input, value, row } = slider("front-slider", "Front", 360 - STEP, () => this._choose(input.value));
+    const { input, value, row } = slider("front-slider", "Front", 360 - STEP, () => this.choose(input.value));
     this.input = input;
     this.output = value;
     input.step = String(STEP);
-    this.reset = button("Automatic", () => this._choose(""), { class: "chip chip-small" });
+    this.reset = button("Automatic", () => this.choose(""), { class: "chip chip-small" });
     this.find = button("Find", () => this._find(), { class: "chip chip-small", title: "Ask the model which side it would take" });
     this.note = h("p", { class: "small muted front-note", "aria-live": "polite", hidden: true });
     this.element = h("div", { class: "row front-control", hidden: true }, row, this.find, this.reset, this.note);
     row.hidden = false;
     box.ready.then(() => {
-      box.viewer?.addEventListener("frontchange", (/** @type {CustomEvent<{degrees: number}>} */ event) => this._choose(String(event.detail.degrees)));
+      box.viewer?.addEventListener("frontchange", (/** @type {CustomEvent<{degrees: number}>} */ event) => this.choose(String(event.detail.degrees)));
       this._draw();
     });
   }
@@ -66,6 +68,12 @@ export class FrontControl {
   /** @param {unknown} value Of `orientation`, as the server would take it where the form leaves it open. */
   resolve(value) {
     this.resolved = String(value ?? "keep");
+    this._draw();
+  }
+
+  /** Show the front that the asset is read with, where nobody chose another. @param {import("./parts/reading.js").Reading | null} reading */
+  read(reading) {
+    this.reading = reading;
     this._draw();
   }
 
@@ -105,7 +113,7 @@ export class FrontControl {
   }
 
   /** @param {string} value */
-  _choose(value) {
+  choose(value) {
     this.show(value);
     this.onChange(value);
   }
@@ -119,6 +127,7 @@ export class FrontControl {
     this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: found by what the asset is" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
     this.find.hidden = chosen !== null || !this.able;
-    this.box.viewer?.setFront(this.element.hidden ? null : (angle ?? 0), angle === null);
+    const read = angleOf(this.value) === null && this.found === null ? (this.reading?.front_azimuth_deg ?? null) : null;
+    this.box.viewer?.setFront(this.element.hidden ? null : (read ?? angle ?? 0), read === null ? angle === null : !this.reading?.front_sure);
   }
 }

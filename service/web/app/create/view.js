@@ -14,7 +14,7 @@ import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
-import { isEmpty } from "./control/model.js";
+import { controlParams, isEmpty, readingOf } from "./control/model.js";
 import { ControlPanel } from "./control/panel.js";
 import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
 import { GuidePanel } from "./guide/panel.js";
@@ -64,7 +64,11 @@ export class CreateView {
     this.control = new ControlPanel(this.assets.box, () => this._changed());
     this.assets.addBelow(this.control.toolbar);
     this.prompt = new PromptField(() => this._changed());
-    this.parts = new PartsControl(this.assets.box, this.control.view, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt));
+    const turn = () => {
+      this.more.open = true;
+      this.front.input.focus();
+    };
+    this.parts = new PartsControl(this.assets.box, this.control, this.front, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt), turn);
     this.assets.onShown = () => {
       this._suitParts();
       this._suitRig([]);
@@ -120,8 +124,11 @@ export class CreateView {
     if (draft?.wish.prompt && !this.prompt.value) this.prompt.set(draft.wish.prompt);
     const first = this._firstAsset(draft, from);
     const found = catalogue(await models);
+    const known = found.models.find(({ vocabulary }) => vocabulary)?.vocabulary;
     await this.fields;
     if (this.scope.over) return;
+    this.parts.line.offer(known?.nouns ?? []);
+    this.parts.corrector.known = Object.values(known?.parts ?? {}).flat();
     if (found.models.length) this.settings.offer(found);
     else this.settings.modelRow.hidden = true;
     if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value }, draft.files ?? {});
@@ -246,13 +253,21 @@ export class CreateView {
     const { asset, shown } = this.assets;
     const { model, kept } = this.settings.wish("");
     const of = asset && asset === shown && !this.guide.target ? JSON.stringify([this.assets.choices, asset.name, asset.size, model, kept.params]) : "";
-    this.parts.suit(of, this.prompt.value);
+    const { control, advanced } = this._said();
+    const said = Object.entries({ ...controlParams(control), ...advanced });
+    this.parts.suit(of, said.length ? JSON.stringify(said) : "", this.prompt.value);
+  }
+
+  /** What a person said of what the asset is. @returns {Pick<import("../params.js").Wish, "advanced"> & {control: import("./control/model.js").Control}} */
+  _said() {
+    const front = this.settings.value("orientation");
+    return { control: readingOf(this.control.control), advanced: Number.isFinite(Number(front || NaN)) ? { orientation: front } : {} };
   }
 
   /** @param {string} prompt @param {AbortSignal} signal @returns {Promise<any>} The parts of the asset, or those of the prompt and what it makes. */
   async _parts(prompt, signal) {
     const asset = /** @type {Asset} */ (this.assets.asset);
-    const document = documents({ ...this.settings.wish(prompt), advanced: {}, variations: 1 }, null, "", this.settings.offered)[0];
+    const document = documents({ ...this.settings.wish(prompt), ...this._said(), variations: 1 }, null, "", this.settings.offered)[0];
     return client.parts(...(await asset.submission(document, {}, signal)));
   }
 

@@ -7,6 +7,7 @@
  *   regions, or outside of them. `id` stays the same while others come and go.
  * @typedef {import("./model.js").Region} Region
  */
+import { partOf } from "../parts/naming.js";
 
 export const MOST_PROMPTS = 8;
 const MOST_WEIGHT = 100;
@@ -17,9 +18,9 @@ export function promptAction(id) {
   return ACTION + id;
 }
 
-/** Whether an action is that of a prompt. @param {string | undefined} action */
-export function isPromptAction(action) {
-  return action?.startsWith(ACTION) ?? false;
+/** Whether a region is for a prompt or a part, and says nothing about what may move. @param {string | undefined} action */
+export function isAimed(action) {
+  return (action?.startsWith(ACTION) ?? false) || partOf(action) !== null;
 }
 
 /** @param {Region[]} regions @param {number} id @returns {Region[]} those of a prompt */
@@ -27,9 +28,9 @@ export function regionsOf(regions, id) {
   return regions.filter(({ action }) => action === promptAction(id));
 }
 
-/** @param {Region[]} regions @returns {Region[]} those that say what may move, and not where a prompt pulls */
-export function withoutPrompts(regions) {
-  return regions.filter(({ action }) => !isPromptAction(action));
+/** @param {Region[]} regions @returns {Region[]} those that say what may move */
+export function unaimed(regions) {
+  return regions.filter(({ action }) => !isAimed(action));
 }
 
 /** Those that are sent: an empty row asks for nothing. @param {Further[]} prompts */

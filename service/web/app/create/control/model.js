@@ -1,18 +1,20 @@
 // @ts-check
 /**
- * What a request says about where its asset may deform, as the form edits it: regions, handles and symmetry.
+ * What a request says about where its asset may deform, as the form edits it: regions, handles and symmetry; and what its
+ * asset is, where a person said so.
  * No elements here, so that node can test it.
  *
  * @typedef {Record<string, any>} Region
  * @typedef {{position?: number[], vertex?: number, to: number[], weight?: number}} Handle
- * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string,
- *   prompts: import("./further.js").Further[]}} Control `regions`: those of further prompts, too. `falloff` as it was typed; empty: as the service decides.
+ * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, noun: string, names: import("../parts/naming.js").Naming[],
+ *   prompts: import("./further.js").Further[]}} Control `regions`: those of further prompts and of parts, too. `falloff` as it was typed; empty: as the service decides.
  */
 import { counted, figure } from "../../format.js";
-import { furtherOf, furtherParams, furtherProblem, withoutPrompts } from "./further.js";
+import { namingWords, partOf, partParams, partsAsked } from "../parts/naming.js";
+import { furtherOf, furtherParams, furtherProblem, unaimed } from "./further.js";
 
 /** The parameters that the panel edits. */
-export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "prompts"];
+export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "prompts", "source_noun", "parts"];
 export const AXES = ["x", "y", "z"];
 export const SYMMETRIES = /** @type {[string, string][]} */ ([
   ["none", "Not kept"],
@@ -24,25 +26,39 @@ export const SYMMETRIES = /** @type {[string, string][]} */ ([
 
 /** @returns {Control} */
 export function noControl() {
-  return { regions: [], handles: [], symmetry: "none", falloff: "", prompts: [] };
+  return { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], prompts: [] };
 }
 
-/** Whether nothing is asked but prompts. @param {Control} control */
+/** Whether nothing is asked but prompts, and said but what the asset is. @param {Control} control */
 export function isEmpty(control) {
-  return !Object.keys(controlParams({ ...control, prompts: [], regions: withoutPrompts(control.regions) })).length;
+  return !Object.keys(controlParams({ ...control, ...noReading(), prompts: [], regions: unaimed(control.regions) })).length;
+}
+
+/** Nothing said of what the asset is. */
+export function noReading() {
+  const { noun, names } = noControl();
+  return { noun, names };
+}
+
+/** Only what was said of what the asset is. @param {Control} control @returns {Control} */
+export function readingOf({ regions, noun, names }) {
+  return { ...noControl(), noun, names, regions: regions.filter(({ action }) => partOf(action) !== null) };
 }
 
 /** The parameters of a request. @param {Control} control @returns {Record<string, any>} */
-export function controlParams({ regions, handles, symmetry, falloff, prompts }) {
+export function controlParams({ regions, handles, symmetry, falloff, noun, names, prompts }) {
   // A box or a painted region that is still empty selects nothing.
-  const chosen = withoutPrompts(regions).filter((region) => !region.faces || region.faces.length);
+  const chosen = unaimed(regions).filter((region) => !region.faces || region.faces.length);
   const further = furtherParams(prompts, regions);
+  const parts = partParams(names, regions);
   const local = chosen.length > 0 || further.some((each) => each.regions);
   return {
     ...(chosen.length ? { regions: chosen } : {}),
     ...(handles.length ? { handles } : {}),
     ...(symmetry !== "none" ? { symmetry } : {}),
     ...(local && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
+    ...(noun ? { source_noun: noun } : {}),
+    ...(parts.length ? { parts } : {}),
     ...(further.length ? { prompts: further } : {}),
   };
 }
@@ -50,11 +66,14 @@ export function controlParams({ regions, handles, symmetry, falloff, prompts }) 
 /** @param {Record<string, any>} params Of a job. @returns {Control} */
 export function controlOf(params) {
   const { prompts, regions } = furtherOf(params.prompts ?? []);
+  const parts = partsAsked((params.parts ?? []).map(withoutNulls));
   return structuredClone({
-    regions: [...(params.regions ?? []), ...regions].map(withoutNulls),
+    regions: [...(params.regions ?? []), ...parts.regions, ...regions].map(withoutNulls),
     handles: (params.handles ?? []).map(withoutNulls),
     symmetry: params.symmetry ?? "none",
     falloff: params.falloff === undefined || params.falloff === null ? "" : String(params.falloff),
+    noun: String(params.source_noun ?? ""),
+    names: parts.names,
     prompts,
   });
 }
@@ -88,9 +107,12 @@ export function promptWords(prompts) {
 }
 
 /** All that is asked, in sentences for a list; `promptWords` says the prompts. @param {Control} control @returns {string[]} */
-export function controlWords({ regions, handles, symmetry }) {
+export function controlWords({ regions, handles, symmetry, noun, names }) {
   return [
-    ...withoutPrompts(regions).map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),
+    ...(noun ? [`The asset: ${noun}`] : []),
+    ...names.map((each) => `Part: ${namingWords(each)}`),
+    ...regions.filter(({ action }) => partOf(action) !== null).map((region) => `Part “${partOf(region.action)}”: ${regionWords(region)}`),
+    ...unaimed(regions).map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),
     ...handles.map((handle) => `Handle: ${handle.position ? placeWords(handle.position) : `vertex ${handle.vertex}`} to ${placeWords(handle.to)}`),
     ...(symmetry !== "none" ? [`Symmetry: ${(SYMMETRIES.find(([name]) => name === symmetry) ?? [symmetry, symmetry])[1].toLowerCase()}`] : []),
   ];

@@ -3,9 +3,10 @@
 import { announce, toast } from "../../announce.js";
 import { button, fill, h, labelled, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
-import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, SYMMETRIES } from "./model.js";
-import { isPromptAction, keepWords, promptAction, promptName, withoutPrompts } from "./further.js";
+import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, noReading, SYMMETRIES } from "./model.js";
+import { isAimed, keepWords, promptAction, promptName, unaimed } from "./further.js";
 import { PromptRows } from "./prompt-rows.js";
+import { partAction, partOf } from "../parts/naming.js";
 import { handleRow, named, partOptions, regionRow } from "./rows.js";
 import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
@@ -44,6 +45,8 @@ export class ControlPanel {
     this.chosen = -1;
     /** @type {import("./rows.js").Row[]} */
     this.rows = [];
+    /** What shows how the asset is read. @type {{press: () => void, refuse: (text: string) => void} | null} */
+    this.reader = null;
     this.view = new ControlView(box, this);
     this.further = new PromptRows(this);
     this.lists = h("div", { class: "control-lists" });
@@ -128,13 +131,12 @@ export class ControlPanel {
   _belong() {
     if (!this.asset || this.of === this.asset) return;
     this.of = this.asset;
-    const { regions, handles } = this.control;
-    if (!regions.length && !handles.length) return;
-    this.control.regions = [];
-    this.control.handles = [];
+    const { regions, handles, noun, names } = this.control;
+    if (!regions.length && !handles.length && !noun && !names.length) return;
+    Object.assign(this.control, { ...noReading(), regions: [], handles: [] });
     this.history.reset(this.control);
     this._show();
-    toast("Regions and handles belonged to the other file, and are removed");
+    toast(`${regions.length + handles.length ? "Regions and handles" : "Corrections"} belonged to the other file, and are removed`);
   }
 
   /** @param {Parts} parts What the asset names, as the server lists it. */
@@ -155,7 +157,7 @@ export class ControlPanel {
   use(tool) {
     this.tool = tool;
     this.bar.take(tool);
-    const same = (/** @type {any} */ region) => region?.box && (isPromptAction(this.action) ? region.action === this.action : !isPromptAction(region.action));
+    const same = (/** @type {any} */ region) => region?.box && (isAimed(this.action) ? region.action === this.action : !isAimed(region.action));
     if (tool === "box" && !same(this.control.regions[this.boxed])) {
       this.boxed = this.control.regions.findLastIndex(same);
       if (this.boxed < 0) this.addBox();
@@ -166,8 +168,17 @@ export class ControlPanel {
 
   /** What a region can be for: values of its `action`, and words. @returns {[string, string][]} */
   get purposes() {
-    const { prompts } = this.control;
-    return [["keep", "Keep"], ["only", "Only this moves"], ...prompts.map(({ id }) => /** @type {[string, string]} */ ([promptAction(id), promptName(prompts, id)]))];
+    const { prompts, regions } = this.control;
+    const parts = [...new Set(regions.map(({ action }) => partOf(action)))].filter((name) => name !== null);
+    const pairs = /** @type {[string, string][]} */ ([...prompts.map(({ id }) => [promptAction(id), promptName(prompts, id)]), ...parts.map((name) => [partAction(name), `Part “${name}”`])]);
+    return [["keep", "Keep"], ["only", "Only this moves"], ...pairs];
+  }
+
+  /** Take what was said of what the asset is. @param {Partial<Control>} said */
+  correct(said) {
+    Object.assign(this.control, said);
+    this._aimElsewhere();
+    this._structure();
   }
 
   /** Let new regions be for something. @param {string} action */
@@ -256,8 +267,8 @@ export class ControlPanel {
   }
 
   _clear() {
-    const { prompts, regions } = this.control;
-    this.control = { ...noControl(), prompts, regions: regions.filter(({ action }) => isPromptAction(action)) };
+    const { prompts, noun, names, regions } = this.control;
+    this.control = { ...noControl(), prompts, noun, names, regions: regions.filter(({ action }) => isAimed(action)) };
     this.boxed = this.chosen = -1;
     this.use("turn");
     this._structure();
@@ -314,7 +325,7 @@ export class ControlPanel {
       });
     const handle = (/** @type {any} */ each, /** @type {number} */ at) => handleRow(each, at + 1, () => this.changed(), () => this._remove("handles", at));
     const rows = regions.map(region);
-    const own = [...rows.filter((_, at) => !isPromptAction(regions[at].action)), ...handles.map(handle)];
+    const own = [...rows.filter((_, at) => !isAimed(regions[at].action)), ...handles.map(handle)];
     this.rows = [...rows, ...own.slice(own.length - handles.length)];
     fill(this.lists, own.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, own.map(({ element }) => element)) : null);
     this.further.show((id) => rows.filter((_, at) => regions[at].action === promptAction(id)).map(({ element }) => element));
@@ -329,10 +340,11 @@ export class ControlPanel {
     const { tool } = this;
     this.count.textContent = isEmpty(this.control) ? "" : "· in use";
     this.undoButton.disabled = !this.history.past.length;
-    this.clearButton.disabled = isEmpty(this.control) && !withoutPrompts(regions).length;
+    this.clearButton.disabled = isEmpty(this.control) && !unaimed(regions).length;
     if (this.falloffRow) this.falloffRow.hidden = !regions.length;
     this.bar.show(tool, this.view.numbered, !this.undoButton.disabled);
     this._place();
+    this.reader?.press();
     const further = this.further?.fault ?? "";
     const problem = controlProblem({ ...this.control, prompts: [] }, this.subdivided) || this.view.problem;
     say(this.problem, problem);
@@ -342,7 +354,7 @@ export class ControlPanel {
   /** The tools are there while this panel is open, or the regions of a prompt are edited. */
   _place() {
     const { open } = /** @type {HTMLDetailsElement} */ (this.element ?? {});
-    this.toolbar.hidden = !this.view.possible || !(open || (isPromptAction(this.action) && this.tool !== "turn"));
+    this.toolbar.hidden = !this.view.possible || !(open || (isAimed(this.action) && this.tool !== "turn"));
   }
 
   /** @param {boolean} subdivided Whether the long edges are split first. @returns {boolean} whether it can be sent */
@@ -363,8 +375,12 @@ export class ControlPanel {
       this.further.say(own.map((error) => String(error.msg ?? "Not allowed.")).join(" "));
       return own.length === errors.length;
     }
-    /** @type {HTMLDetailsElement} */ (this.element).open = true;
-    say(this.problem, own.map((error) => String(error.msg ?? "Not allowed.")).join(" "));
+    const said = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
+    if (own.every((error) => ["source_noun", "parts"].includes(placeOf(error)[0]))) this.reader?.refuse(said);
+    else {
+      /** @type {HTMLDetailsElement} */ (this.element).open = true;
+      say(this.problem, said);
+    }
     return own.length === errors.length;
   }
 

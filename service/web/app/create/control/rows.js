@@ -39,7 +39,7 @@ export function placeFields(name, get, set) {
 }
 
 /** @param {string} words @param {() => void} remove @param {...(Node | null)} parts */
-function frame(words, remove, ...parts) {
+export function frame(words, remove, ...parts) {
   const title = h("strong", null, words);
   const element = h(
     "li",

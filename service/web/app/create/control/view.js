@@ -1,7 +1,8 @@
 // @ts-check
 /** The control panel's hand in the 3D view: loads the tools when they are needed, and shows what the panel holds. */
 import { announce } from "../../announce.js";
-import { isPromptAction, promptAction } from "./further.js";
+import { isAimed, promptAction } from "./further.js";
+import { partOf } from "../parts/naming.js";
 import { rounded } from "./rows.js";
 
 /** @typedef {import("../../../viewer/control/tools.js").Box} Box */
@@ -25,6 +26,8 @@ export class ControlView {
     this._brush = 0.05;
     /** Points that are shown beside those of the handles. @type {number[][]} */
     this.extra = [];
+    /** Triangles that are marked, once the tools are here. @type {(number | number[])[] | null} */
+    this.marked = null;
     /** Who is told where the asset is clicked. @type {((place: number[]) => void) | null} */
     this.pointing = null;
     /** Who is told which triangle is clicked while no tool is in hand. @type {((face: number) => void) | null} */
@@ -109,6 +112,7 @@ export class ControlView {
     }
     this.surface = this.box.viewer.atRest(() => this.library.numberedSurface(root, this.excluded));
     this.tools.setSurface(this.surface);
+    this.showPart(this.marked);
     // Until the server has listed them.
     if (this.surface && !this.panel.parts.nodes.length) this.panel.offer(this.library.namedParts(root, this.surface));
     this.panel._show();
@@ -160,6 +164,7 @@ export class ControlView {
 
   /** Mark triangles. @param {(number | number[])[] | null} faces As a region has them. */
   showPart(faces) {
+    this.marked = faces;
     if (this.tools && this.surface) this.tools.showPart(this.library.selectedFaces({ faces: faces ?? [] }, this.surface, this.named));
   }
 
@@ -229,12 +234,14 @@ export class ControlView {
     this.flags = surface ? regions.map((region) => this.library.selectedFaces(region, surface, this.named)) : [];
     const asked = regions
       .map(({ action, faces }, i) => ({ action, flags: faces && !faces.length ? null : this.flags[i], faces }))
-      .filter(({ action, faces }) => !isPromptAction(action) && (!faces || faces.length));
+      .filter(({ action, faces }) => !isAimed(action) && (!faces || faces.length));
     const pulling = prompts.filter(({ where }) => where !== "all").map(({ id, where }) => ({ outside: where === "out", flags: this.flags.filter((_, i) => regions[i].action === promptAction(id)) }));
+    const { action: aim, boxed, tool } = this.panel;
+    // The part that is painted.
+    if (partOf(aim) !== null && tool !== "turn") pulling.push({ outside: false, flags: this.flags.filter((_, i) => regions[i].action === aim) });
     const kept = surface ? this.library.keptFaces(asked, surface.count) : new Uint8Array();
     this.everything = kept.length > 0 && kept.every(Boolean);
     this.tools.showKept(kept, surface ? this.library.pulledFaces(pulling, surface.count) : new Uint8Array());
-    const { boxed, tool } = this.panel;
     const box = tool === "box" ? (regions[boxed]?.box ?? null) : null;
     this.tools.showMarks(box, handles.map(({ position, to }) => ({ position: /** @type {any} */ (position ?? null), to: /** @type {any} */ (to) })), this.panel.chosen, /** @type {any} */ (this.extra));
   }

@@ -5,11 +5,15 @@ import { isAbort, MeshdeformError } from "../../client.js";
 import { fill, h, say } from "../../dom.js";
 import { debounced } from "../../scope.js";
 import { slider } from "../../job/stage-controls.js";
+import { angleOf } from "../front-control.js";
+import { Corrector } from "./corrector.js";
+import { isUnsure, originWords } from "./reading.js";
+import { ReadingLine } from "./reading-line.js";
 import { LEAST, MOST, partAt, sentenceOf, withWanted } from "./sentence.js";
 
 /** @typedef {import("./sentence.js").Part} Part */
 /** @typedef {import("./sentence.js").Change} Change */
-/** @typedef {{parts: Part[], result: string | null, warnings: string[]}} Found */
+/** @typedef {{reading?: import("./reading.js").Reading | null, parts: Part[], result: string | null, warnings: string[]}} Found */
 
 const SHOWN = 8; // or one more, instead of a button for it
 const STEP = 5;
@@ -18,20 +22,28 @@ const USUAL = 30; // percent that a word asks for
 export class PartsControl {
   /**
    * @param {import("../../viewer-box.js").ViewerBox} box
-   * @param {import("../control/view.js").ControlView} view
+   * @param {import("../control/panel.js").ControlPanel} panel Holds what was said of the asset.
+   * @param {import("../front-control.js").FrontControl} front
    * @param {import("../../scope.js").Scope} scope
    * @param {(prompt: string, signal: AbortSignal) => Promise<Found>} ask The server, about the asset in the form.
    * @param {(prompt: string) => void} write The prompt.
+   * @param {() => void} turn Lead to where the front is turned by hand.
    */
-  constructor(box, view, scope, ask, write) {
+  constructor(box, panel, front, scope, ask, write, turn) {
     this.box = box;
-    this.view = view;
+    this.panel = panel;
+    this.view = panel.view;
+    this.front = front;
     this.ask = ask;
     this.write = write;
     /** What the parts were asked for: the asset, and what else they depend on. */
     this.of = "";
+    /** What a person said of it. */
+    this.said = "";
     /** Whether this server can find parts: that of a stack may have no scipy. */
     this.able = true;
+    /** @type {import("./reading.js").Reading | null} */
+    this.reading = null;
     /** @type {Part[]} */
     this.parts = [];
     /** @type {Part | null} */
@@ -46,8 +58,9 @@ export class PartsControl {
     this.shown = [];
     /** Whether all parts are listed. */
     this.all = false;
+    this.finding = new AbortController();
     this.asking = new AbortController();
-    scope.add(() => this.asking.abort());
+    scope.add(() => [this.finding, this.asking].forEach((each) => each.abort()));
     this.find = debounced(() => this._find(), 400, scope);
     this.preview = debounced(() => this._preview(), 200, scope);
     this.chips = h("div", { class: "chips", role: "group", "aria-label": "Parts" });
@@ -59,19 +72,25 @@ export class PartsControl {
     this.output = value;
     this.row = row;
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
-    this.element = h("div", { class: "parts", hidden: true }, this.chips, this.words, row, this.note);
+    this.line = new ReadingLine((noun) => panel.correct({ noun }), (value) => front.choose(value), turn);
+    this.corrector = new Corrector(panel, scope, (parts, name) => this._rename(parts, name));
+    panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, text) };
+    this.element = h("div", { class: "parts", hidden: true }, this.line.element, this.chips, this.words, row, this.corrector.element, this.note);
   }
 
   /**
    * Look again, if what the parts depend on is other than before.
    * @param {string} of Empty: there is nothing to find.
+   * @param {string} said What a person said of it; another asking keeps what is shown.
    * @param {string} prompt As it is in the form.
    */
-  suit(of, prompt) {
-    if (of !== this.of) {
+  suit(of, said, prompt) {
+    if (of !== this.of || said !== this.said) {
+      const other = of !== this.of;
       this.of = of;
-      this._forget();
-      if (of && this.able) this.find();
+      this.said = said;
+      if (other) this._forget();
+      if (of && this.able) this._look();
     }
     if (prompt === this.written) return;
     this.written = prompt;
@@ -81,7 +100,9 @@ export class PartsControl {
   }
 
   _forget() {
-    this.asking.abort();
+    this.finding.abort();
+    this.reading = null;
+    this.front.read(null);
     this.parts = [];
     this.wanted = [];
     this.all = false;
@@ -89,28 +110,42 @@ export class PartsControl {
     this._choose(null);
   }
 
-  async _find() {
-    const found = await this._answer("");
-    if (!found) return;
-    this.parts = found.parts;
-    if (this.parts.length) this.view.touch((face) => this._touched(face));
-    this._choose(null);
+  /** Ask, and say so where nothing is shown yet. */
+  _look() {
+    this.finding.abort();
+    this.element.setAttribute("aria-busy", "true");
+    say(this.note, this.parts.length ? "" : "Reading the asset…");
+    this._draw();
+    this.find();
   }
 
-  /** @param {string} prompt @returns {Promise<Found | null>} Null where there is none, or it is asked for no more. */
-  async _answer(prompt) {
-    this.asking.abort();
-    const asked = (this.asking = new AbortController());
+  async _find() {
+    if (!this.of) return;
+    const asked = (this.finding = new AbortController());
+    const found = await this._answer("", asked);
+    if (asked.signal.aborted) return;
+    this.element.setAttribute("aria-busy", "false");
+    if (!found) return this._draw();
+    this.reading = found.reading ?? null;
+    this.parts = found.parts;
+    this.front.read(this.reading);
+    if (this.parts.length) this.view.touch((face) => this._touched(face));
+    say(this.note, this.parts.length ? "" : "No parts are known for this file.");
+    const chosen = this.corrector.painting ?? this.part?.name;
+    this._choose(this.parts.find(({ name }) => name === chosen) ?? null);
+    if (this.wanted.length) this.preview();
+  }
+
+  /** @param {string} prompt @param {AbortController} asked @returns {Promise<Found | null>} Null where there is none, or it is asked for no more. */
+  async _answer(prompt, asked) {
     try {
       const found = await this.ask(prompt, asked.signal);
       return asked.signal.aborted ? null : found;
     } catch (error) {
       if (asked.signal.aborted || isAbort(error)) return null;
+      this._unshow();
       if (error instanceof MeshdeformError && error.code === "dependency_missing") this.able = false;
-      else if (prompt) {
-        this._unshow();
-        say(this.note, error instanceof Error ? error.message : String(error));
-      }
+      else if (prompt || this.said) say(this.note, error instanceof Error ? error.message : String(error));
       return null;
     }
   }
@@ -125,12 +160,27 @@ export class PartsControl {
     this._draw();
   }
 
+  /** What was asked of parts is asked of them by the name that they have now. @param {string[]} parts @param {string} name */
+  _rename(parts, name) {
+    if (this.part && parts.includes(this.part.name)) this.part = { ...this.part, name };
+    if (!this.wanted.some(({ part }) => parts.includes(part))) return;
+    this.wanted = this.wanted.map((each) => (parts.includes(each.part) ? { ...each, part: name } : each));
+    this.written = sentenceOf(this.wanted);
+    this.write(this.written);
+  }
+
+  /** @param {Part | null} part That a person points at. */
+  _pick(part) {
+    if (this.corrector.painting !== part?.name) this.corrector.rest();
+    this._choose(part);
+  }
+
   /** @param {number} face That was clicked. */
   _touched(face) {
     if (!this.parts.length) return;
     const part = partAt(this.parts, face);
     announce(part ? `${part.name} chosen` : "No part that words can name");
-    this._choose(part);
+    this._pick(part);
   }
 
   /** @param {Change} change @param {number} percent */
@@ -163,7 +213,9 @@ export class PartsControl {
   async _preview() {
     const wanted = this.wanted;
     if (!wanted.length) return;
-    const found = await this._answer(sentenceOf(wanted));
+    this.asking.abort();
+    this.asking = new AbortController();
+    const found = await this._answer(sentenceOf(wanted), this.asking);
     const { viewer } = this.box;
     if (!found?.result || !viewer?.ready || wanted !== this.wanted) return;
     const glb = Uint8Array.from(atob(found.result), (letter) => letter.charCodeAt(0));
@@ -199,10 +251,14 @@ export class PartsControl {
 
   _draw() {
     const { part, change } = this;
-    this.element.hidden = !this.parts.length;
+    const known = this.reading !== null || this.parts.length > 0 || this.corrector.any;
+    this.element.hidden = !this.of || (!known && this.note.hidden);
+    this.line.show(this.reading, this.panel.control.noun, String(angleOf(this.front.value) ?? ""));
+    this.corrector.element.hidden = !known;
+    this.corrector.show(this.parts, part);
     const all = this.parts.filter((each, at) => this.all || at < SHOWN || each === part || this.parts.length === SHOWN + 1);
     const more = this.parts.length - all.length;
-    refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null]);
+    refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null, known ? this.corrector.add : null]);
     this.words.setAttribute("aria-label", `What becomes of the ${part?.name}`);
     refill(this.words, (part?.changes ?? []).flatMap((each) => [this._word(each, 1), this._word(each, -1)]));
     this.words.hidden = this.row.hidden = !change;
@@ -224,8 +280,10 @@ export class PartsControl {
   _chip(part) {
     const glance = () => this.view.showPart(part.faces);
     const leave = () => this.view.showPart(this.shown.length ? null : (this.part?.faces ?? null));
-    const on = { click: () => this._choose(part === this.part ? null : part), pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
-    return h("button", { type: "button", class: "chip", "aria-pressed": String(part === this.part), on }, part.name);
+    const on = { click: () => this._pick(part === this.part ? null : part), pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
+    const unsure = isUnsure(part);
+    const kind = unsure ? " chip-unsure" : part.found_by === "given" ? " chip-given" : "";
+    return h("button", { type: "button", class: `chip${kind}`, "aria-pressed": String(part === this.part), title: originWords(part), on }, unsure ? `perhaps ${part.name}` : part.name);
   }
 
   /** @param {Change} change @param {1 | -1} sign */

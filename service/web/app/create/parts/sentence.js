@@ -3,7 +3,7 @@
  * What is asked of the parts of an asset, as the sentence that a prompt says it with: "legs longer by 30 %".
  *
  * @typedef {{operation: string, more: string, less: string}} Change
- * @typedef {{name: string, found_by: string, faces: (number | number[])[], changes: Change[]}} Part
+ * @typedef {{name: string, found_by: string, confidence?: number | null, faces: (number | number[])[], changes: Change[]}} Part
  * @typedef {{part: string, change: Change, percent: number}} Wanted
  */
 

@@ -1,0 +1,63 @@
+// @ts-check
+/**
+ * What the product reads an asset as, in words. No elements here, so that node can test it.
+ *
+ * @typedef {object} Reading As `POST /v1/jobs:parts` has it.
+ * @property {string} noun
+ * @property {number} probability
+ * @property {boolean} sure
+ * @property {{noun: string, probability: number}[]} nouns The most probable first.
+ * @property {boolean} noun_given
+ * @property {number | null} front_azimuth_deg
+ * @property {boolean} front_sure
+ * @property {boolean} front_given
+ */
+import { percent, titled } from "../../format.js";
+import { withArticle } from "../../vocabulary.js";
+
+/** What a menu has to type a noun, or to turn the front by hand. */
+export const ELSE = "else";
+/** Less confident ones are shown as a guess. */
+const SURE = 0.5;
+const SIDES = /** @type {[string, string][]} */ ([["0", "+Z, as in the file"], ["90", "+X, the left side"], ["180", "−Z, the back"], ["270", "−X, the right side"]]);
+
+/** @param {number} degrees From +Z towards +X. */
+function sideName(degrees) {
+  const angle = ((Math.round(degrees) % 360) + 360) % 360;
+  return SIDES.find(([side]) => Number(side) === angle)?.[1].split(",")[0] ?? `${angle}°`;
+}
+
+/** What stands before the noun and before the front; empty: it is told as sure. @param {Reading} reading @param {boolean} fronted Whether somebody said the front. @returns {[string, string]} */
+export function doubts({ noun, sure, noun_given: given, front_sure, front_given }, fronted) {
+  const article = withArticle(noun).split(" ")[0];
+  return [sure || given ? "" : `Perhaps ${article}`, front_sure || front_given || fronted ? "faces" : "perhaps faces"];
+}
+
+/** The nouns to choose from: values, of which the empty one is as it was read, and words. @param {Reading} reading @param {string} said By a person; empty: nothing. @returns {[string, string][]} */
+export function nounOptions({ noun, probability, sure, nouns, noun_given: given }, said) {
+  const others = nouns.filter((each) => each.noun !== (said || noun)).map((each) => /** @type {[string, string]} */ ([each.noun, `${each.noun}, ${percent(each.probability)}`]));
+  /** @type {[string, string][]} */
+  const read = said ? [[said, `${titled(said)}, as you said`]] : [["", sure || given ? titled(noun) : `${noun}, ${percent(probability)}`]];
+  return [...read, ...(said || sure ? [] : [/** @type {[string, string]} */ ([noun, `Yes, ${withArticle(noun)}`])]), ...others, ...(said ? [/** @type {[string, string]} */ (["", "As it was read"])] : []), [ELSE, "Something else…"]];
+}
+
+/** The fronts to choose from, likewise. @param {Reading} reading @param {string} said In degrees, or empty. @returns {[string, string][]} */
+export function frontOptions({ front_azimuth_deg: front }, said) {
+  const own = said && !SIDES.some(([side]) => side === said) ? [[said, `${said}°, by hand`]] : [];
+  const read = said ? "As it was read" : front === null ? "no side that is the front" : sideName(front);
+  return /** @type {[string, string][]} */ ([["", read], ...SIDES, ...own, [ELSE, "Turn it by hand…"]]);
+}
+
+/** @param {import("./sentence.js").Part} part Whether it is a guess. */
+export function isUnsure({ confidence }) {
+  return typeof confidence === "number" && confidence < SURE;
+}
+
+/** How a part was found, in a sentence. @param {import("./sentence.js").Part} part */
+export function originWords(part) {
+  if (part.found_by === "given") return "As you said.";
+  if (part.found_by === "joints") return "By the joints of the file.";
+  if (part.found_by === "names") return "By a name in the file.";
+  const share = typeof part.confidence === "number" ? `, ${percent(part.confidence)} sure` : "";
+  return `${isUnsure(part) ? "Perhaps: found" : "Found"} by its shape${share}.`;
+}
