@@ -148,7 +148,7 @@ class Reader:
 @pytest.mark.without_pictures
 def test_what_is_read_wrong_is_corrected_and_kept(page: Page, service: Service, axe: str, tmp_path: Path) -> None:
     reader = Reader(page)
-    asset = tmp_path / "animal.glb"
+    asset = tmp_path / "beast.glb"
     asset.write_bytes(rigged_dog())
     open_form(page)
     choose(page, asset)

@@ -296,7 +296,8 @@ export class PartsControl {
 
 /** Fill a list of buttons anew; the one with the focus keeps it. @param {HTMLElement} list @param {(HTMLElement | null)[]} buttons */
 function refill(list, buttons) {
-  const at = [...list.children].indexOf(/** @type {Element} */ (document.activeElement));
+  const focused = /** @type {HTMLElement} */ (document.activeElement);
+  const at = [...list.children].indexOf(focused);
   fill(list, buttons);
-  if (at >= 0) /** @type {HTMLElement | undefined} */ (list.children[at])?.focus();
+  if (at >= 0) /** @type {HTMLElement | undefined} */ (buttons.includes(focused) ? focused : list.children[at])?.focus();
 }

@@ -129,6 +129,7 @@ export class Corrector {
     if (!panel.control.regions.some((each) => each.action === action)) panel.addRegion({ faces: [], action });
     panel.aim(action);
     panel.use("paint");
+    panel.view.box.element.scrollIntoView({ block: "nearest" });
   }
 
   /** Lay the brush down. */
