@@ -35,7 +35,8 @@ const READING = {
 };
 
 test("an asset is told as what it is read as, and as no surer than that", () => {
-  assert.deepEqual(doubts(READING, false), ["Perhaps an", "faces"]);
+  assert.deepEqual(doubts(READING, false), ["Perhaps an", "perhaps faces"], "the front of a guess is a guess");
+  assert.deepEqual(doubts({ ...READING, front_given: true }, false), ["Perhaps an", "faces"]);
   assert.deepEqual(nounOptions(READING, "").map(([value]) => value), ["", "elephant", "cow", ELSE]);
   assert.equal(nounOptions(READING, "")[0][1], "elephant, 52%");
   const sure = { ...READING, sure: true, front_sure: false };
@@ -57,9 +58,12 @@ test("the front is one of four sides, or an angle", () => {
 
 test("how a part was found is said, and a guess is a guess", () => {
   const part = (found_by, confidence = null) => ({ name: "ears", found_by, confidence, faces: [], changes: [] });
-  assert.deepEqual([part("given"), part("joints"), part("names"), part("shapes", 0.87)].map(originWords), ["As you said.", "By the joints of the file.", "By a name in the file.", "Found by its shape, 87% sure."]);
-  assert.deepEqual([part("shapes", 0.2), part("shapes", 0.5), part("given")].map(isUnsure), [true, false, false]);
-  assert.equal(originWords(part("shapes", 0.2)), "Perhaps: found by its shape, 20% sure.");
+  assert.deepEqual([part("given"), part("joints"), part("names"), part("shapes", 0.87)].map((each) => originWords(each, READING)), ["As you said.", "By the joints of the file.", "By a name in the file.", "Found by its shape, 87% sure."]);
+  assert.deepEqual([part("shapes", 0.2), part("shapes", 0.5), part("given")].map((each) => isUnsure(each, READING)), [true, false, false]);
+  const guess = { ...READING, probability: 0.3 };
+  assert.deepEqual([part("shapes", 0.9), part("joints")].map((each) => isUnsure(each, guess)), [true, false]);
+  assert.equal(isUnsure(part("shapes", 0.9), { ...guess, noun_given: true }), false);
+  assert.equal(originWords(part("shapes", 0.2), null), "Perhaps: found by its shape, 20% sure.");
 });
 
 test("parts get names and become one, and what is called as it was found is no correction", () => {

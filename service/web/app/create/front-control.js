@@ -4,6 +4,7 @@ import { announce } from "../announce.js";
 import { isAbort, MeshdeformError } from "../client.js";
 import { button, h, say } from "../dom.js";
 import { slider } from "../job/stage-controls.js";
+import { isFrontSure } from "./parts/reading.js";
 
 const STEP = 5;
 
@@ -128,6 +129,6 @@ export class FrontControl {
     this.reset.hidden = this.value === "";
     this.find.hidden = chosen !== null || !this.able;
     const read = angleOf(this.value) === null && this.found === null ? (this.reading?.front_azimuth_deg ?? null) : null;
-    this.box.viewer?.setFront(this.element.hidden ? null : (read ?? angle ?? 0), read === null ? angle === null : !this.reading?.front_sure);
+    this.box.viewer?.setFront(this.element.hidden ? null : (read ?? angle ?? 0), read === null ? angle === null : !(this.reading && isFrontSure(this.reading)));
   }
 }

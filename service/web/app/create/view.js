@@ -215,10 +215,13 @@ export class CreateView {
   }
 
   _changed() {
+    const { asset } = this.assets;
+    const key = asset ? fileKey(asset.name, asset.size) : "";
+    // The angle that was said of another file.
+    if (this.begun && key && this.control.asset && key !== this.control.asset && this._said().advanced.orientation) this.settings.setValue("orientation", "");
     this.front.forget();
     this.front.show(this.settings.value("orientation"));
-    const { asset } = this.assets;
-    if (asset) this.control.assetIs(fileKey(asset.name, asset.size));
+    if (key) this.control.assetIs(key);
     this._suitParts();
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
     if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });

@@ -73,9 +73,9 @@ export class PartsControl {
     this.row = row;
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
     this.line = new ReadingLine((noun) => panel.correct({ noun }), (value) => front.choose(value), turn);
-    this.corrector = new Corrector(panel, scope, (parts, name) => this._rename(parts, name));
+    this.corrector = new Corrector(panel, scope, (part) => originWords(part, this.reading), (parts, name) => this._rename(parts, name));
     panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, text) };
-    this.element = h("div", { class: "parts", hidden: true }, this.line.element, this.chips, this.words, row, this.corrector.element, this.note);
+    this.element = h("div", { class: "parts", hidden: true }, h("div", { class: "read" }, this.line.element, this.chips), this.words, row, this.corrector.element, this.note);
   }
 
   /**
@@ -281,9 +281,9 @@ export class PartsControl {
     const glance = () => this.view.showPart(part.faces);
     const leave = () => this.view.showPart(this.shown.length ? null : (this.part?.faces ?? null));
     const on = { click: () => this._pick(part === this.part ? null : part), pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
-    const unsure = isUnsure(part);
+    const unsure = isUnsure(part, this.reading);
     const kind = unsure ? " chip-unsure" : part.found_by === "given" ? " chip-given" : "";
-    return h("button", { type: "button", class: `chip${kind}`, "aria-pressed": String(part === this.part), title: originWords(part), on }, unsure ? `perhaps ${part.name}` : part.name);
+    return h("button", { type: "button", class: `chip${kind}`, "aria-pressed": String(part === this.part), title: originWords(part, this.reading), on }, unsure ? `perhaps ${part.name}` : part.name);
   }
 
   /** @param {Change} change @param {1 | -1} sign */

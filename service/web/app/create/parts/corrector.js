@@ -6,7 +6,6 @@ import { button, fill, h, labelled } from "../../dom.js";
 import { controlParams, readingOf, regionWords } from "../control/model.js";
 import { frame } from "../control/rows.js";
 import { joined, moved, NAME, namingWords, partAction, partOf } from "./naming.js";
-import { originWords } from "./reading.js";
 
 /** @typedef {import("./sentence.js").Part} Part */
 
@@ -14,9 +13,11 @@ export class Corrector {
   /**
    * @param {import("../control/panel.js").ControlPanel} panel
    * @param {import("../../scope.js").Scope} scope
+   * @param {(part: Part) => string} origin How a part was found, in words.
    * @param {(parts: string[], name: string) => void} renamed Told of parts that have a name from now on.
    */
-  constructor(panel, scope, renamed) {
+  constructor(panel, scope, origin, renamed) {
+    this.originOf = origin;
     this.panel = panel;
     this.scope = scope;
     this.renamed = renamed;
@@ -56,7 +57,7 @@ export class Corrector {
     this.part = part;
     this.tools.hidden = !part;
     this.tools.setAttribute("aria-label", `Correct ${part?.name}`);
-    this.origin.textContent = part ? originWords(part) : "";
+    this.origin.textContent = part ? this.originOf(part) : "";
     this.join.hidden = parts.length < 2;
     this.press();
   }

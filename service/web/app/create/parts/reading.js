@@ -27,10 +27,15 @@ function sideName(degrees) {
   return SIDES.find(([side]) => Number(side) === angle)?.[1].split(",")[0] ?? `${angle}°`;
 }
 
-/** What stands before the noun and before the front; empty: it is told as sure. @param {Reading} reading @param {boolean} fronted Whether somebody said the front. @returns {[string, string]} */
-export function doubts({ noun, sure, noun_given: given, front_sure, front_given }, fronted) {
-  const article = withArticle(noun).split(" ")[0];
-  return [sure || given ? "" : `Perhaps ${article}`, front_sure || front_given || fronted ? "faces" : "perhaps faces"];
+/** Whether the front is more than a guess: that of a guessed noun is one. @param {Reading} reading */
+export function isFrontSure({ sure, noun_given: given, front_sure, front_given }) {
+  return front_given || (front_sure && (sure || given));
+}
+
+/** What stands before the noun, empty where it is sure, and before the front. @param {Reading} reading @param {boolean} fronted Whether somebody said the front. @returns {[string, string]} */
+export function doubts(reading, fronted) {
+  const article = withArticle(reading.noun).split(" ")[0];
+  return [reading.sure || reading.noun_given ? "" : `Perhaps ${article}`, fronted || isFrontSure(reading) ? "faces" : "perhaps faces"];
 }
 
 /** The nouns to choose from: values, of which the empty one is as it was read, and words. @param {Reading} reading @param {string} said By a person; empty: nothing. @returns {[string, string][]} */
@@ -48,16 +53,17 @@ export function frontOptions({ front_azimuth_deg: front }, said) {
   return /** @type {[string, string][]} */ ([["", read], ...SIDES, ...own, [ELSE, "Turn it by hand…"]]);
 }
 
-/** @param {import("./sentence.js").Part} part Whether it is a guess. */
-export function isUnsure({ confidence }) {
-  return typeof confidence === "number" && confidence < SURE;
+/** Whether a part is a guess: also by the shapes of a noun that is rather another one. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
+export function isUnsure({ found_by: by, confidence }, reading) {
+  const guessed = by === "shapes" && reading !== null && !reading.noun_given && reading.probability < SURE;
+  return guessed || (typeof confidence === "number" && confidence < SURE);
 }
 
-/** How a part was found, in a sentence. @param {import("./sentence.js").Part} part */
-export function originWords(part) {
+/** How a part was found, in a sentence. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
+export function originWords(part, reading) {
   if (part.found_by === "given") return "As you said.";
   if (part.found_by === "joints") return "By the joints of the file.";
   if (part.found_by === "names") return "By a name in the file.";
   const share = typeof part.confidence === "number" ? `, ${percent(part.confidence)} sure` : "";
-  return `${isUnsure(part) ? "Perhaps: found" : "Found"} by its shape${share}.`;
+  return `${isUnsure(part, reading) ? "Perhaps: found" : "Found"} by its shape${share}.`;
 }
