@@ -23,7 +23,7 @@ export function partOf(action) {
 }
 
 /** The names under which a part was found. @param {Naming[]} names @param {string} name */
-export function foundAs(names, name) {
+function foundAs(names, name) {
   return names.find((each) => each.name === name)?.parts ?? [name];
 }
 
