@@ -63,6 +63,7 @@ test("how a part was found is said, and a guess is a guess", () => {
   const guess = { ...READING, probability: 0.3 };
   assert.deepEqual([part("shapes", 0.9), part("joints")].map((each) => isUnsure(each, guess)), [true, false]);
   assert.equal(isUnsure(part("shapes", 0.9), { ...guess, noun_given: true }), false);
+  assert.equal(originWords(part("shapes", 0.9), guess), "If it is an elephant: found by its shape, 90% sure.");
   assert.equal(originWords(part("shapes", 0.2), null), "Perhaps: found by its shape, 20% sure.");
 });
 

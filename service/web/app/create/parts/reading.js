@@ -53,10 +53,14 @@ export function frontOptions({ front_azimuth_deg: front }, said) {
   return /** @type {[string, string][]} */ ([["", read], ...SIDES, ...own, [ELSE, "Turn it by hand…"]]);
 }
 
-/** Whether a part is a guess: also by the shapes of a noun that is rather another one. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
-export function isUnsure({ found_by: by, confidence }, reading) {
-  const guessed = by === "shapes" && reading !== null && !reading.noun_given && reading.probability < SURE;
-  return guessed || (typeof confidence === "number" && confidence < SURE);
+/** The noun by whose shapes a part was found, where it is rather another one; empty: it is not. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
+function guessedNoun({ found_by: by }, reading) {
+  return by === "shapes" && reading && !reading.noun_given && reading.probability < SURE ? reading.noun : "";
+}
+
+/** Whether a part is a guess. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
+export function isUnsure(part, reading) {
+  return guessedNoun(part, reading) !== "" || (typeof part.confidence === "number" && part.confidence < SURE);
 }
 
 /** How a part was found, in a sentence. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
@@ -65,5 +69,7 @@ export function originWords(part, reading) {
   if (part.found_by === "joints") return "By the joints of the file.";
   if (part.found_by === "names") return "By a name in the file.";
   const share = typeof part.confidence === "number" ? `, ${percent(part.confidence)} sure` : "";
-  return `${isUnsure(part, reading) ? "Perhaps: found" : "Found"} by its shape${share}.`;
+  const noun = guessedNoun(part, reading);
+  const found = isUnsure(part, null) ? "Perhaps: found" : "Found";
+  return `${noun ? `If it is ${withArticle(noun)}: ${found.toLowerCase()}` : found} by its shape${share}.`;
 }
