@@ -1,7 +1,7 @@
 """Carry out the changes of a sentence on a body, one after the other, and measure what came of each.
 
 What is affine is exactly that. Elsewhere, a face that flips is smoothed with its neighbours; where that does not help,
-the change is halved, and a warning says so. The result is as symmetric as the source, unless a side was asked for, and
+less of the change is made, and a warning says so. The result is as symmetric as the source, unless a side was asked for, and
 stands where it stood. A vertex on an edge of another face follows that edge.
 """
 
@@ -26,7 +26,7 @@ from meshdeform.plain.table import SHAPES, WHOLE
 from meshdeform.plain.words import Change, Sentence, check_factor
 
 _ROUNDS = 12
-_SHARES = (1.0, 0.5, 0.25, 0.125)
+_SHARES = (1.0, 0.75, 0.5, 0.35, 0.25, 0.125)
 """Which share of a change is made, until no face flips."""
 _MOST_CORRECTED = 1.7
 """Greatest share of what was asked for that a map may be given, so that its result is what was asked for."""
@@ -58,7 +58,7 @@ class Done:
 
     change: Change
     found_by: str  # how its part was found: `given`, `joints`, `names` or `shapes`; empty for the whole
-    factor: float  # the factor of the map, halved where faces would have flipped
+    factor: float  # the factor of the map, less where faces would have flipped
     got: float  # how much of what it measures grew
     flips: int  # faces that it flipped all the same
     effect: Effect

@@ -175,3 +175,24 @@ def test_a_part_of_a_member_grows_and_the_rest_stays(noun: str, part: str) -> No
     rest = np.unique(body.faces[~found])
     moved = np.linalg.norm(after.points - body.points, axis=1)
     assert moved[rest[stays[rest]]].max() < 0.01 * body.diagonal
+
+
+def test_names_within_a_part_are_parts_and_those_of_stuffs_are_none() -> None:
+    body = painted(head="Head")
+    above, low = body.points[:, 1] > 2.5, body.points[:, 1] < 1.9
+    named = replace(body, names={"Helmet_01": above, "Dark Wood": low, "Coat": body.points[:, 1] < 2.3, "HatTop": above})
+    listed = {part.name: part for part in find_parts(named, read_changes)}
+    # What people painted goes before what the file names.
+    assert set(listed) == {"head", "coat"}
+    told = {part.name for part in find_parts(replace(named, painted={}), read_changes)}
+    assert "helmet" in told or "hat top" in told
+    assert not {"top", "dark wood", "wood"} & told
+
+
+def test_many_loose_pieces_are_groups_where_they_are_near() -> None:
+    at = np.random.default_rng(3).uniform(-0.1, 0.1, (100, 3))
+    pieces = [_box(tuple(p), tuple(p + 0.03), 1) for p in at + np.repeat([[0, 0, 0], [3, 0, 0]], 50, axis=0)]
+    body = body_of(plain_glb(join(*pieces)))
+    groups = body.groups(np.ones(len(body.points), bool))
+    assert sorted(len(rows) for rows in groups) == [400, 400]
+    assert {float(np.sign(body.points[rows, 0].mean() - 1.5)) for rows in groups} == {-1.0, 1.0}
