@@ -29,6 +29,7 @@ __all__ = ["FRONTS", "PROPOSED", "Decision", "decide"]
 FRONTS = (0.0, 90.0, 180.0, -90.0)
 PROPOSED = 5
 _SHARE, _FAR_GRADE, _NEAR_GRADE, _NONE = 0.6, 1.9, 0.05, 1.4
+_STANDING = 5.0
 _LEAST, _LEAST_NAMED, _NAMED, _NEAR = 1e-4, 0.01, 300.0, 8.0
 _CONVENTION = 0.03
 """By which share other fronts must be better than +Z, which is where assets face by glTF's convention."""
@@ -39,12 +40,17 @@ _HELD = frozenset(_HELD_NAMES.split())
 
 @dataclass(frozen=True)
 class Decision:
-    """The noun, the probabilities of all that were proposed, the frame, and by how much the second front is worse."""
+    """The noun, the probabilities of all that were proposed, the frame, and by how much the second front is worse.
+
+    `merit` tells how well an asset stands that may stand otherwise: the largest p^0.6 times what names give, by the
+    fifth power of the grade, as a logarithm.
+    """
 
     noun: str
     probabilities: dict[str, float]
     frame: Frame
     margin: float | None
+    merit: float
 
 
 def decide(
@@ -61,32 +67,34 @@ def decide(
     `near`: those near to words in it; `front_deg`: the azimuth of its front if that is known; `folder` as in `banks`.
     """
     frames = _Frames(surface, front_deg)
+    told = {**dict.fromkeys(near, _NEAR), **dict.fromkeys(named, _NAMED)} if len(nouns) > 1 else {}
+    first = sorted(nouns, key=lambda noun: -nouns[noun])[:PROPOSED]
+    graded = {noun: frames.graded(noun, folder) for noun in dict.fromkeys([*first, *told])}
+    factors = {noun: _factor(nouns.get(noun, 0.0), told.get(noun)) for noun in graded}
+    grades = {noun: min(own for _, own, _ in fronts) for noun, fronts in graded.items()}
+    probabilities = _probabilities(grades, factors, _NONE * (1 - min(max(nouns.values()), 1.0)))
     if len(nouns) == 1:
-        (noun,), probabilities = nouns, {next(iter(nouns)): 1.0}
-        if len(frames.of(noun)) == 1:
-            return Decision(noun, probabilities, frames.of(noun)[0], None)
-        graded = {noun: frames.graded(noun, folder)}
-    else:
-        first = sorted(nouns, key=lambda noun: -nouns[noun])[:PROPOSED]
-        graded = {noun: frames.graded(noun, folder) for noun in dict.fromkeys([*first, *named, *near])}
-        grades = {noun: min(own for _, own, _ in fronts) for noun, fronts in graded.items()}
-        probabilities = _probabilities(grades, nouns, {**dict.fromkeys(near, _NEAR), **dict.fromkeys(named, _NAMED)})
-        noun = max(probabilities, key=probabilities.__getitem__)
+        probabilities = dict.fromkeys(nouns, 1.0)
+    noun = max(probabilities, key=probabilities.__getitem__)
     best = graded[noun]
-    return Decision(noun, probabilities, best[0][2], best[1][0] / best[0][0] - 1 if len(best) > 1 else None)
+    margin = best[1][0] / best[0][0] - 1 if len(best) > 1 else None
+    merit = max(np.log(factors[noun]) - _STANDING * np.log(max(grade, _NEAR_GRADE)) for noun, grade in grades.items())
+    return Decision(noun, probabilities, best[0][2], margin, float(merit))
 
 
-def _probabilities(
-    grades: Mapping[str, float], nouns: Mapping[str, float], told: Mapping[str, float]
-) -> dict[str, float]:
-    """Return the probability of each graded noun, by the equation at the head."""
+def _factor(proposed: float, told: float | None) -> float:
+    """Return what a noun weighs before its shape counts."""
+    return float((proposed + _LEAST) ** _SHARE if told is None else told * (proposed + _LEAST_NAMED) ** _SHARE)
+
+
+def _probabilities(grades: Mapping[str, float], factors: Mapping[str, float], none: float) -> dict[str, float]:
+    """Return the probability of each graded noun, by the equation at the head; `none`: the weight of none of them."""
     least = min(grades.values())
-    weights = {}
-    for noun, grade in grades.items():
-        proposed = nouns.get(noun, 0.0)
-        factor = told.get(noun, 1.0) * (proposed + (_LEAST_NAMED if noun in told else _LEAST)) ** _SHARE
-        weights[noun] = factor * float(np.exp(-_FAR_GRADE * (grade - least) / max(least, _NEAR_GRADE)))
-    total = sum(weights.values()) + _NONE * (1 - min(max(nouns.values()), 1.0))
+    weights = {
+        noun: factors[noun] * float(np.exp(-_FAR_GRADE * (grade - least) / max(least, _NEAR_GRADE)))
+        for noun, grade in grades.items()
+    }
+    total = sum(weights.values()) + none
     return {noun: weight / total for noun, weight in sorted(weights.items(), key=lambda item: -item[1])}
 
 

@@ -18,10 +18,12 @@ from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.version import VERSION
 
-__all__ = ["GROUND", "NO_PART", "Reading"]
+__all__ = ["GROUND", "NO_PART", "UP_TURNS", "Reading"]
 
 GROUND, NO_PART = -1, -2
 """The labels of a plate on which an asset stands, and of faces that are of no known part."""
+UP_TURNS: dict[str, Floats] = {"+Y": np.eye(3), "+Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])}
+"""The rotations that turn what points up to +Y: (x, y, z) to (x, z, -y) for +Z."""
 _SURE, _FRONT_SURE = 0.9, 0.1
 """Probability of the noun, and margin of the front, from which they count as sure."""
 _HEAD = f"meshdeform reading {VERSION}\n".encode()
@@ -38,7 +40,7 @@ class Reading:
     front's grade is larger, None where the front was given or the noun has none. `probabilities` are those of the nouns
     that came into question, the greatest first; what is missing to 1 is that of something else. `member` is the number
     of the member that fits best, `residual` the mean distance between its surface and the asset's, a share of the
-    diagonal.
+    diagonal. `up`: the axis of the asset that points up, `+Y` or `+Z`.
     """
 
     noun: str
@@ -49,11 +51,13 @@ class Reading:
     confidence: Mapping[str, float]
     member: int
     residual: float
+    up: str = "+Y"
 
     @property
     def front_azimuth_deg(self) -> float:
-        """Where it faces, from +Z toward +X, -180 to 180."""
-        return float(np.degrees(np.arctan2(self.turn[2, 0], self.turn[2, 2]))) + 0.0
+        """Where it faces, from +Z toward +X, -180 to 180; where +Z is up, from -Y toward +X."""
+        front = self.turn[2] @ UP_TURNS[self.up].T
+        return float(np.degrees(np.arctan2(front[0], front[2]))) + 0.0
 
     @property
     def probability(self) -> float:
@@ -92,6 +96,7 @@ class Reading:
             "confidence": dict(self.confidence),
             "member": self.member,
             "residual": self.residual,
+            "up": self.up,
         }
         body = json.dumps(told).encode() + b"\n" + self.labels.astype("<i2").tobytes()
         packed = zlib.compress(body)

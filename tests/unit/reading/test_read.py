@@ -12,6 +12,7 @@ from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading import GROUND, Evidence, Reading, read_asset
 from meshdeform.reading.choice import facing
+from meshdeform.reading.result import UP_TURNS
 from tests.cases import each_case
 
 pytestmark = pytest.mark.slow
@@ -135,6 +136,17 @@ def test_a_hammer_that_lies_is_stood_up() -> None:
     reading = read_asset(lying, {"hammer": 1.0})
     assert np.ptp(lying.verts @ reading.turn.T, axis=0).argmax() == 1
     assert _share(hammer, reading.labels == hammer.labels) >= 0.95
+
+
+def test_the_axis_that_points_up_is_found(horse: LabelledMember, horse_reading: Reading) -> None:
+    nouns = {"horse": 0.6, "table": 0.2}
+    lying = Part(horse.verts @ UP_TURNS["+Z"], horse.faces)
+    reading = read_asset(lying, nouns, z_up=nouns)
+    assert reading.up == "+Z"
+    np.testing.assert_allclose(reading.turn, UP_TURNS["+Z"], atol=1e-12)
+    assert reading.front_azimuth_deg == pytest.approx(0)
+    assert _share(horse, reading.labels == horse_reading.labels) >= 0.98
+    assert read_asset(Part(horse.verts, horse.faces), nouns, z_up=nouns, z_share=0.8).up == "+Y"
 
 
 def test_a_posed_animal_is_read(horse: LabelledMember) -> None:

@@ -22,6 +22,7 @@ READING = Reading(
     {"head": 0.75, "tail": 1 / 3},
     41,
     0.0125,
+    "+Y",
 )
 
 
@@ -67,6 +68,7 @@ def test_what_is_sure() -> None:
     assert not replace(READING, probabilities={"dog": 0.8, "wolf": 0.2}).sure
     assert [replace(READING, front_margin=margin).front_sure for margin in (None, 0.11, 0.05)] == [True, True, False]
     assert READING.front_azimuth_deg == pytest.approx(-90)
+    assert replace(READING, up="+Z", turn=np.eye(3)[[0, 2, 1]] * [[1], [1], [-1]]).front_azimuth_deg == pytest.approx(0)
 
 
 def test_the_faces_of_a_part() -> None:
