@@ -159,7 +159,7 @@ def test_what_is_read_wrong_is_corrected_and_kept(page: Page, service: Service, 
     expect(noun.locator("option:checked")).to_have_text("cow, 52%")
     expect(front.locator("option:checked")).to_have_text("+X")
     chip(page, "perhaps horns").click()
-    expect(page.get_by_role("group", name="Correct horns")).to_contain_text("Perhaps: found by its shape, 30% sure.")
+    expect(page.get_by_role("group", name="Correct horns")).to_contain_text("Perhaps found by its shape, 30% sure.")
 
     # The noun and the front, which has its place in the form.
     noun.select_option("else")

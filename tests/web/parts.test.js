@@ -58,13 +58,14 @@ test("the front is one of four sides, or an angle", () => {
 
 test("how a part was found is said, and a guess is a guess", () => {
   const part = (found_by, confidence = null) => ({ name: "ears", found_by, confidence, faces: [], changes: [] });
-  assert.deepEqual([part("given"), part("joints"), part("names"), part("shapes", 0.87)].map((each) => originWords(each, READING)), ["As you said.", "By the joints of the file.", "By a name in the file.", "Found by its shape, 87% sure."]);
+  assert.deepEqual([part("given"), part("joints"), part("names"), part("shapes", 0.87)].map((each) => originWords(each, READING, true)), ["As you said.", "By the joints of the file.", "By a name in the file.", "Found by its shape, 87% sure."]);
   assert.deepEqual([part("shapes", 0.2), part("shapes", 0.5), part("given")].map((each) => isUnsure(each, READING)), [true, false, false]);
   const guess = { ...READING, probability: 0.3 };
   assert.deepEqual([part("shapes", 0.9), part("joints")].map((each) => isUnsure(each, guess)), [true, false]);
+  assert.equal(originWords(part("given"), READING, false), "As the file says.");
   assert.equal(isUnsure(part("shapes", 0.9), { ...guess, noun_given: true }), false);
-  assert.equal(originWords(part("shapes", 0.9), guess), "If it is an elephant: found by its shape, 90% sure.");
-  assert.equal(originWords(part("shapes", 0.2), null), "Perhaps: found by its shape, 20% sure.");
+  assert.equal(originWords(part("shapes", 0.9), guess, false), "If it is an elephant: found by its shape, 90% sure.");
+  assert.equal(originWords(part("shapes", 0.2), null, false), "Perhaps found by its shape, 20% sure.");
 });
 
 test("parts get names and become one, and what is called as it was found is no correction", () => {

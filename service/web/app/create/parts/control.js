@@ -73,7 +73,7 @@ export class PartsControl {
     this.row = row;
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
     this.line = new ReadingLine((noun) => panel.correct({ noun }), (value) => front.choose(value), turn);
-    this.corrector = new Corrector(panel, scope, (part) => originWords(part, this.reading), (parts, name) => this._rename(parts, name));
+    this.corrector = new Corrector(panel, scope, (part) => this._origin(part), (parts, name) => this._rename(parts, name));
     panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, text) };
     this.element = h("div", { class: "parts", hidden: true }, h("div", { class: "read" }, this.line.element, this.chips), this.words, row, this.corrector.element, this.note);
   }
@@ -276,6 +276,11 @@ export class PartsControl {
     /** @type {HTMLElement | undefined} */ (this.chips.children[SHOWN])?.focus();
   }
 
+  /** @param {Part} part @returns {string} */
+  _origin(part) {
+    return originWords(part, this.reading, this.corrector.corrects(part));
+  }
+
   /** @param {Part} part */
   _chip(part) {
     const glance = () => this.view.showPart(part.faces);
@@ -283,7 +288,7 @@ export class PartsControl {
     const on = { click: () => this._pick(part === this.part ? null : part), pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
     const unsure = isUnsure(part, this.reading);
     const kind = unsure ? " chip-unsure" : part.found_by === "given" ? " chip-given" : "";
-    return h("button", { type: "button", class: `chip${kind}`, "aria-pressed": String(part === this.part), title: originWords(part, this.reading), on }, unsure ? `perhaps ${part.name}` : part.name);
+    return h("button", { type: "button", class: `chip${kind}`, "aria-pressed": String(part === this.part), title: this._origin(part), on }, unsure ? `perhaps ${part.name}` : part.name);
   }
 
   /** @param {Change} change @param {1 | -1} sign */

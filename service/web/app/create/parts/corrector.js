@@ -51,6 +51,12 @@ export class Corrector {
     return Object.keys(controlParams(readingOf(this.panel.control))).length > 0;
   }
 
+  /** Whether anything was said of a part. @param {Part} part */
+  corrects({ name }) {
+    const { names, regions } = this.panel.control;
+    return names.some((each) => each.name === name) || regions.some(({ action }) => action === partAction(name));
+  }
+
   /** @param {Part[]} parts @param {Part | null} part That is chosen. */
   show(parts, part) {
     this.parts = parts;
@@ -69,7 +75,7 @@ export class Corrector {
     this.add.hidden = this.paint.hidden = !possible;
     this.paint.setAttribute("aria-pressed", String(this.painting !== null && this.painting === this.part?.name));
     const painted = regions.filter(({ action }) => partOf(action) !== null);
-    this.back.hidden = ![...names.map(({ name }) => name), ...painted.map(({ action }) => partOf(action))].includes(this.part?.name ?? null);
+    this.back.hidden = !this.part || !this.corrects(this.part);
     const rows = [
       ...names.map((each) => ({ words: namingWords(each), remove: () => this.panel.correct({ names: names.filter((other) => other !== each) }) })),
       ...painted.map((each) => ({ words: `“${partOf(each.action)}”: ${regionWords(each).toLowerCase()}`, remove: () => this.panel.correct({ regions: regions.filter((other) => other !== each) }) })),

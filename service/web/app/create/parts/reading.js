@@ -63,13 +63,13 @@ export function isUnsure(part, reading) {
   return guessedNoun(part, reading) !== "" || (typeof part.confidence === "number" && part.confidence < SURE);
 }
 
-/** How a part was found, in a sentence. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
-export function originWords(part, reading) {
-  if (part.found_by === "given") return "As you said.";
+/** How a part was found, in a sentence. @param {import("./sentence.js").Part} part @param {Reading | null} reading @param {boolean} said Whether the form says something of it. */
+export function originWords(part, reading, said) {
+  if (part.found_by === "given") return said ? "As you said." : "As the file says.";
   if (part.found_by === "joints") return "By the joints of the file.";
   if (part.found_by === "names") return "By a name in the file.";
   const share = typeof part.confidence === "number" ? `, ${percent(part.confidence)} sure` : "";
   const noun = guessedNoun(part, reading);
-  const found = isUnsure(part, null) ? "Perhaps: found" : "Found";
+  const found = isUnsure(part, null) ? "Perhaps found" : "Found";
   return `${noun ? `If it is ${withArticle(noun)}: ${found.toLowerCase()}` : found} by its shape${share}.`;
 }
