@@ -210,8 +210,12 @@ class FoundReading(Document):
     sure: bool = Field(description="Whether the noun can be told without a question.", examples=[True])
     nouns: list[LikelyNoun] = Field(description="The likeliest first: at most five, or the one that was given.")
     noun_given: bool = Field(description="Whether params.guidance.source_noun says it.", examples=[False])
+    up: Literal["+Y", "+Z"] = Field(
+        description="The axis that points up: +Y in glTF; found of formats that leave it open.", examples=["+Y"]
+    )
     front_azimuth_deg: float = Field(
-        description="Where it faces, from +Z (0) towards +X (90), -180 to 180.", examples=[90.0]
+        description="Where it faces, from +Z (0) towards +X (90), -180 to 180; with +Z up, from -Y towards +X.",
+        examples=[90.0],
     )
     front_sure: bool = Field(
         description="Whether the front can be told without a question; also of what is alike from all sides.",

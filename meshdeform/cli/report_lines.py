@@ -241,7 +241,8 @@ def reading_lines(reading: Mapping[str, Any] | None) -> list[str]:
     """Return a line about what an asset was read as; none if it could not be read."""
     if reading is None:
         return []
-    noun, front = reading["noun"], f"{reading['front_azimuth_deg']:g} degrees (0 is +Z, 90 is +X)"
+    noun, zero = reading["noun"], "+Z" if reading["up"] == "+Y" else "-Y"
+    front = f"{reading['front_azimuth_deg']:g} degrees (0 is {zero}, 90 is +X)"
     if reading["noun_given"]:
         read = f"Given: {noun}"
     else:
@@ -250,7 +251,8 @@ def reading_lines(reading: Mapping[str, Any] | None) -> list[str]:
         read = f"Read as: {noun} ({percent(reading['probability'])}{instead}; --source-noun NOUN corrects it)"
     given = ", as given" if reading["front_given"] else ""
     sure = given if given or reading["front_sure"] else ", which is not sure; its azimuth in degrees corrects it"
-    return [f"{read}; front at {front}{sure}."]
+    lies = "" if reading["up"] == "+Y" else f" {reading['up']} counts as up: the format leaves that open."
+    return [f"{read}; front at {front}{sure}.{lies}"]
 
 
 def change_lines(changes: Sequence[Mapping[str, Any]]) -> Iterator[str]:

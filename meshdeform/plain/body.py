@@ -21,6 +21,7 @@ from meshdeform.assets import Asset
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.plain.names import sides_of, tokens
 from meshdeform.plain.reader import Reader
+from meshdeform.reading.result import UP_TURNS
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -81,10 +82,20 @@ class Body:
     """Mapping of str to (F,) bool: the faces that somebody said belong to a part."""
     renamed: Mapping[str, str] = field(default_factory=dict)
     """The name that somebody gave to a part which was found under another one; two may get the same."""
+    turn: Floats | None = None  # (3, 3) float64: the rotation that stood it up; None if it stands as in its file
 
     def moved(self, points: Floats) -> Body:
         """Return the body with its vertices at other places."""
         return replace(self, points=points)
+
+    def upright(self) -> Body:
+        """Return the body with +Y up, if its format leaves open what is up and it was read to have +Z up."""
+        if self.turn is not None or self.unit is not None or self.reader.reading is None:
+            return self
+        turn = UP_TURNS[self.reader.reading.up]
+        if np.array_equal(turn, np.eye(3)):
+            return self
+        return replace(self, points=self.points @ turn.T, turn=turn)
 
     def without_joints(self) -> Body:
         """Return the body as if it had no skeleton."""
@@ -237,7 +248,8 @@ class Body:
         reading = self.reader.reading
         if reading is None or not reading.front_sure:
             return None
-        level = reading.turn[2] * [1, 0, 1]
+        forward = reading.turn[2] if self.turn is None else self.turn @ reading.turn[2]
+        level = forward * [1, 0, 1]
         axis = int(np.argmax(np.abs(level)))
         return axis, int(np.sign(level[axis]))
 

@@ -1,8 +1,8 @@
 """Carry out the changes of a sentence on a body, one after the other, and measure what came of each.
 
 What is affine is exactly that. Elsewhere, a face that flips is smoothed with its neighbours; where that does not help,
-less of the change is made, and a warning says so. The result is as symmetric as the source, unless a side was asked for, and
-stands where it stood. A vertex on an edge of another face follows that edge.
+less of the change is made, and a warning says so. The result is as symmetric as the source, unless a side was asked
+for, and stands where it stood. A vertex on an edge of another face follows that edge.
 """
 
 from __future__ import annotations
@@ -86,6 +86,10 @@ class Done:
             return []
         return self.effect.doubts(change.name, change.factor, _WORDS[change.operation])
 
+    def turned_back(self, turn: Floats) -> Self:
+        """Return it for a body that was stood up by a rotation (3, 3) before it was changed."""
+        return self if self.affine is None else replace(self, affine=turn.T @ self.affine @ _with_shift(turn))
+
     def to_dict(self) -> dict[str, str | float | int | None]:
         """Return its entry in the report."""
         grown = self.effect.grown
@@ -103,6 +107,13 @@ class Done:
         }
 
 
+def _with_shift(turn: Floats) -> Floats:
+    """Return a rotation as (4, 4)."""
+    whole = np.eye(4)
+    whole[:3, :3] = turn
+    return whole
+
+
 def _phrase(change: Change) -> str:
     return change.operation if change.part == WHOLE else f"{change.operation} ({change.name})"
 
@@ -114,11 +125,15 @@ def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Don
     has no unit, or one that is too far from what is there.
     """
     done = []
-    junctions = Junctions.of(body.points, body.faces)
+    standing = after = body.upright()
+    junctions = Junctions.of(standing.points, standing.faces)
     for change in changes:
-        body, each = _apply(body, change, junctions)
+        after, each = _apply(after, change, junctions)
         done.append(each)
-    return body, done
+    if standing.turn is None:
+        return after, done
+    moved = (after.points - standing.points) @ standing.turn
+    return body.moved(body.points + moved), [each.turned_back(standing.turn) for each in done]
 
 
 def affine_of(done: Sequence[Done]) -> Floats | None:
@@ -136,7 +151,7 @@ def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
 
     Raises PartMissingError: a skeleton shows that the asset is not what the sentence calls it.
     """
-    parts, noun = Parts(body), sentence.noun
+    parts, noun = Parts(body.upright()), sentence.noun
     if noun is None or not sentence.compared:
         return tuple(
             replace(each, part=parts.spelled(each.part)) if each.part != WHOLE else each for each in sentence.changes
@@ -164,7 +179,7 @@ def missing_part(body: Body, sentence: Sentence) -> str | None:
 
     Raises PromptError: as `apply_changes`.
     """
-    parts = Parts(body)
+    parts = Parts(body.upright())
     try:
         for change in meant(body, sentence):
             calibrated(parts, _in_factors(parts, change))

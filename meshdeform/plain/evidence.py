@@ -20,12 +20,26 @@ def evidence_of(body: Body) -> Evidence:
 
 
 def read_body(
-    body: Body, nouns: Mapping[str, float], front_azimuth_deg: float | None = None, cache: Path | None = None
+    body: Body,
+    nouns: Mapping[str, float],
+    front_azimuth_deg: float | None = None,
+    cache: Path | None = None,
+    *,
+    z_up: Mapping[str, float] | None = None,
+    z_share: float = 0.2,
 ) -> Reading:
     """Read a body that may be one of several nouns, with their probabilities (`reading.read_asset`).
 
-    `front_azimuth_deg`: where it faces, from +Z toward +X, if that is known; `cache`: a folder for samples of nouns.
-    Raises ValueError: it has no area.
+    `front_azimuth_deg`: where it faces, from +Z toward +X, if that is known; `cache`: a folder for samples of nouns;
+    `z_up`: what it may be if +Z is up, where that is open, and `z_share` of how many files it is. Raises ValueError: it
+    has no area.
     """
-    asked = Part(body.points, body.faces)
-    return read_asset(asked, nouns, evidence=evidence_of(body), front_azimuth_deg=front_azimuth_deg, cache=cache)
+    return read_asset(
+        Part(body.points, body.faces),
+        nouns,
+        z_up=z_up,
+        z_share=z_share,
+        evidence=evidence_of(body),
+        front_azimuth_deg=front_azimuth_deg,
+        cache=cache,
+    )

@@ -74,6 +74,7 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
     `read`: reads a sentence: a name is left out that is not read as the name of its part; `sentence`: only parts in it.
     No two of all parts share a face.
     """
+    body = body.upright()
     parts = Parts(body)
     most = min(_MOST_NAMES, max(_FEWEST_NAMES, _MOST_TRIED // len(body.points)))
     telling = [name for name in parts.own_names() if not set(name.split()) <= STUFFS]

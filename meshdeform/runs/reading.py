@@ -22,6 +22,7 @@ from meshdeform.errors import ShapeError
 from meshdeform.plain.evidence import read_body
 from meshdeform.plain.reader import Reader
 from meshdeform.reading import Reading
+from meshdeform.reading.result import UP_TURNS
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
 from meshdeform.runs.parted import given_parts
 from meshdeform.runs.recent import Recent
@@ -29,7 +30,7 @@ from meshdeform.runs.selectable import SelectableSurface
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
-    from meshdeform.plain.body import Body, Flags
+    from meshdeform.plain.body import Body, Flags, Floats
     from meshdeform.requests.document import ResolvedParams
     from meshdeform.requests.selection import PartCorrection
 
@@ -48,6 +49,10 @@ _MOST, _DIGITS = 5, 4
 
 _JUDGE = Path(meshdeform.__file__).parent / "judge" / "weights" / "judge.safetensors"
 """As `meshdeform.judge.WEIGHTS`, which loads torch."""
+
+_Z_UP, _Z_UP_ELSE = {".stl": 0.8}, 0.2
+"""Share of files of a format in which +Z is up: printers and CAD have it so, and most of what writes the others has
+not."""
 
 _log = logging.getLogger(__name__)
 _last: Recent[Reading] = Recent(8)
@@ -125,24 +130,30 @@ def read_source(body: Body, params: ResolvedParams, source: Source | None = None
             _last.put(key, known)
             return known
         _log.warning("a kept reading is of another mesh; it is read anew")
-    reading = _read(body, params, None if source is None else source.kept.samples)
+    reading = _read(body, params, source)
     if reading is not None and key and source is not None:
         _last.put(key, reading)
         source.kept.put(key, _head() + reading.to_bytes())
     return reading
 
 
-def _read(body: Body, params: ResolvedParams, samples: Path | None) -> Reading | None:
+def _read(body: Body, params: ResolvedParams, source: Source | None) -> Reading | None:
+    samples, suffix = (None, "") if source is None else (source.kept.samples, PurePath(source.filename).suffix.lower())
     try:
-        nouns = _proposed(body, params)
-        return read_body(body, nouns, given_front(params), samples) if nouns else None
+        nouns = _proposed(body.points, body, params)
+        if not nouns:
+            return None
+        # A format without a unit has no axis that is up, either.
+        z_up = None if body.unit is not None else _proposed(body.points @ UP_TURNS["+Z"].T, body, params)
+        share = _Z_UP.get(suffix, _Z_UP_ELSE)
+        return read_body(body, nouns, given_front(params), samples, z_up=z_up, z_share=share)
     except (ShapeError, ValueError) as error:
         _log.info("the asset is not read: %s", error)
         return None
 
 
-def _proposed(body: Body, params: ResolvedParams) -> Mapping[str, float]:
-    """Return the nouns that a body may be, with their probabilities."""
+def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str, float]:
+    """Return the nouns that a body with its vertices at these points may be, with their probabilities."""
     given = given_noun(params)
     if given is not None:
         return {given: 1.0}
@@ -151,7 +162,7 @@ def _proposed(body: Body, params: ResolvedParams) -> Mapping[str, float]:
     from meshdeform.geometry.mesh import TriangleMesh
     from meshdeform.runs.verdict import recognise
 
-    mesh = TriangleMesh(torch.from_numpy(body.points), torch.from_numpy(body.faces))
+    mesh = TriangleMesh(torch.from_numpy(points), torch.from_numpy(body.faces))
     found = recognise(mesh, None, [joint.name for joint in body.joints])
     if found.probability == 1.0 or not found.nouns:
         return {found.noun: 1.0} if found.noun else {}
@@ -187,6 +198,7 @@ def reading_document(reading: Reading | None, params: ResolvedParams) -> dict[st
         "sure": reading.sure,
         "nouns": [{"noun": noun, "probability": round(each, _DIGITS)} for noun, each in likely[:_MOST]],
         "noun_given": given_noun(params) is not None,
+        "up": reading.up,
         "front_azimuth_deg": round(reading.front_azimuth_deg, 1) + 0.0,
         "front_sure": reading.front_sure,
         "front_given": given_front(params) is not None,

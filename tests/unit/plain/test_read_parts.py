@@ -180,7 +180,8 @@ def test_a_part_of_a_member_grows_and_the_rest_stays(noun: str, part: str) -> No
 def test_names_within_a_part_are_parts_and_those_of_stuffs_are_none() -> None:
     body = painted(head="Head")
     above, low = body.points[:, 1] > 2.5, body.points[:, 1] < 1.9
-    named = replace(body, names={"Helmet_01": above, "Dark Wood": low, "Coat": body.points[:, 1] < 2.3, "HatTop": above})
+    names = {"Helmet_01": above, "Dark Wood": low, "Coat": body.points[:, 1] < 2.3, "HatTop": above}
+    named = replace(body, names=names)
     listed = {part.name: part for part in find_parts(named, read_changes)}
     # What people painted goes before what the file names.
     assert set(listed) == {"head", "coat"}
