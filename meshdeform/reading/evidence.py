@@ -57,6 +57,8 @@ _MOST_NEAR = 4
 _MOST_OF_IT = 0.45
 """Share of the area that what is named as a noun has at least: a helmet is no person."""
 _MOST_NAMES = 40
+_NEVER_FINS = frozenset(JOINT_PARTS) - {"arm", "leg"}
+"""Classes of joints that move parts of that name alone: what a dolphin calls arms are fins."""
 _MOVED = 0.5
 """Share from which a joint moves something at all."""
 _LACKING = 0.2
@@ -135,7 +137,7 @@ def parts_told(evidence: Evidence, faces: Index, noun: str, present: Index) -> I
     They are parts that nouns of its group have; `present`: the parts of the members.
     """
     names = {PART_NAMES[number] for number in present}
-    moved = {part for part, shares in evidence.joints.items() if shares.max() > _MOVED and part in JOINT_PARTS}
+    moved = {part for part, shares in evidence.joints.items() if shares.max() > _MOVED and part in _NEVER_FINS}
     told = {part for part in moved if not JOINT_PARTS[part] & names} | set(evidence.told(faces))
     return np.array([code(part) for part in sorted(told & _PARTS_OF_GROUP[noun])], np.int64)
 

@@ -73,6 +73,8 @@ def test_what_joints_and_names_tell_is_found_although_no_member_has_it() -> None
     told = parts_told(evidence, faces, "person", body)
     assert [PART_NAMES[number] for number in told] == ["foot", "neck"]
     assert code("neck") not in parts_told(evidence, faces, "person", np.array([code("body"), code("neck")]))
+    arms = Evidence(joints={"arm": top.astype(float)})
+    assert not len(parts_told(arms, faces, "dolphin", np.array([code("body"), code("fin")])))
     parts = np.union1d(body, told)
     even = (parts == body)[None].repeat(len(cells), 0).astype(float)
     found = weighed(even, parts, evidence, faces, cells, np.ones(len(faces))).argmax(1)
