@@ -56,6 +56,8 @@ _OF_EDITORS = frozenset(_EDITORS.split())
 _MOST_NEAR = 4
 _MOST_OF_IT = 0.45
 """Share of the area that what is named as a noun has at least: a helmet is no person."""
+_BESIDE = {"head": "neck"}
+"""What a piece of a file that is named after a part may hold besides."""
 _MOST_NAMES = 40
 _NEVER_FINS = frozenset(JOINT_PARTS) - {"arm", "leg"}
 """Classes of joints that move parts of that name alone: what a dolphin calls arms are fins."""
@@ -161,7 +163,7 @@ def weighed(
     for part, flags in evidence.told(faces).items():
         if part not in names:
             continue
-        own = np.array([name == part or carrier(name, names) == part for name in names])
+        own = np.array([name in (part, _BESIDE.get(part)) or carrier(name, names) == part for name in names])
         there = (cells.mean(flags.astype(float), areas) > 0.5)[:, None]
         _raise(weighed_in, names.index(part), there[:, 0].astype(float), own)
         weighed_in *= np.where(there & ~own[None], _OTHERS, 1.0)
