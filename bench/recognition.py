@@ -28,7 +28,7 @@ from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import Source, read_source
-from meshdeform.runs.verdict import recognise
+from meshdeform.runs.recognition import recognise
 
 LISTED = Path(__file__).with_suffix(".json")
 FROM = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.96, 0.97, 0.98, 0.99)

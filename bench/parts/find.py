@@ -24,7 +24,7 @@ from meshdeform.plain.reader import Reader
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.changes import asked_changes
-from meshdeform.runs.verdict import recognise
+from meshdeform.runs.recognition import recognise
 
 _PROPOSED = 5
 

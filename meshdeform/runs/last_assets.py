@@ -14,7 +14,7 @@ from meshdeform.deformation.orientation import Front, Orientation, OrientationSo
 from meshdeform.priors.base import Prior
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.recent import Recent
-from meshdeform.runs.verdict import Recognition
+from meshdeform.runs.recognition import Recognition
 
 _LATER = {"steps", "preset", "learning_rate"}
 """Parameters of the optimisation alone: a draft answers for the final run."""

@@ -160,7 +160,7 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
     import torch
 
     from meshdeform.geometry.mesh import TriangleMesh
-    from meshdeform.runs.verdict import recognise
+    from meshdeform.runs.recognition import recognise
 
     mesh = TriangleMesh(torch.from_numpy(points), torch.from_numpy(body.faces))
     found = recognise(mesh, None, [joint.name for joint in body.joints])

@@ -42,6 +42,7 @@ from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.last_assets import asset_key, front_again, keep_front, recognised_again
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.reading import Source, corrected, made
+from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import (
     DeformedSurface,
@@ -67,7 +68,6 @@ from meshdeform.runs.text_report import (
     provenance,
     sees_colours,
 )
-from meshdeform.runs.verdict import Recognition, front_of, known_source, recognise
 from meshdeform.support.threads import side_by_side
 
 _GLB = "model/gltf-binary"

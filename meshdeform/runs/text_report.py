@@ -36,8 +36,9 @@ from meshdeform.runs.control import Control, control_report
 from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
+from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.surfaces import Shown
-from meshdeform.runs.verdict import Recognition, kept_structure, likeness, likeness_and_before, prompt_reports
+from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.worth import (
     HELD_BACK,
     UNMOVED,

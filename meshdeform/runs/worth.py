@@ -22,7 +22,8 @@ from typing import Any
 
 from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
-from meshdeform.runs.verdict import CROOKED, broken
+from meshdeform.runs.recognition import CROOKED
+from meshdeform.runs.verdict import broken
 from meshdeform.verdicts import Verdict
 
 _SHOWN = 0.8

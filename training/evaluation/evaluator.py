@@ -27,7 +27,7 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame
 from meshdeform.runs.goals import score_distillation
-from meshdeform.runs.verdict import front_of, known_source
+from meshdeform.runs.recognition import front_of, known_source
 from meshdeform.support.files import write_files
 from training.evaluation.ablations import deformation_of
 from training.evaluation.clip_judge import ClipJudge

@@ -21,8 +21,8 @@ from meshdeform.requests.groups import grouped
 from meshdeform.runs import reading, text_deform
 from meshdeform.runs.base import JobRun, job_input
 from meshdeform.runs.changes import asked_changes, check_parts, is_change
+from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
-from meshdeform.runs.verdict import Recognition
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.unit.plain.shapes import dog, plain_glb

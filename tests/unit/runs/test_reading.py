@@ -15,7 +15,7 @@ from meshdeform.plain.body import Body, loose_body
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.runs import reading, verdict
+from meshdeform.runs import reading, recognition
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import Source, corrected, made, read_source, reading_document, reading_report
 from meshdeform.runs.recent import Recent
@@ -107,10 +107,10 @@ def test_the_judge_proposes_nouns_and_a_skeleton_of_a_person_is_one(
 ) -> None:
     nouns = {f"noun{number}": 0.3 - number / 100 for number in range(9)}
 
-    def recognise(_mesh: object, _given: None, joints: list[str]) -> verdict.Recognition:
-        return verdict.Recognition("person", 1.0, nouns) if joints else verdict.Recognition("noun0", 0.3, nouns)
+    def recognise(_mesh: object, _given: None, joints: list[str]) -> recognition.Recognition:
+        return recognition.Recognition("person", 1.0, nouns) if joints else recognition.Recognition("noun0", 0.3, nouns)
 
-    monkeypatch.setattr(verdict, "recognise", recognise)
+    monkeypatch.setattr(recognition, "recognise", recognise)
     for front in ("auto", "keep"):
         read_source(BODY, params(source_noun=None, orientation=front))
     read_source(loose_body(load_asset(rigged_dog())), params(source_noun="taught", orientation=-90))
@@ -126,7 +126,7 @@ def test_what_cannot_be_read_has_no_reading(monkeypatch: pytest.MonkeyPatch) -> 
     def missing() -> None:
         raise ModelError("The judge's weights are missing.")
 
-    monkeypatch.setattr(verdict, "Judge", missing)
+    monkeypatch.setattr(recognition, "Judge", missing)
     assert read_source(BODY, params(source_noun=None)) is None
     assert reading_document(None, params()) is reading_report(None, params()) is None
 

@@ -14,17 +14,8 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.nouns.families import member
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.verdict import (
-    Recognition,
-    before,
-    front_of,
-    kept_structure,
-    known_source,
-    likeness,
-    recognise,
-    summarize,
-    worse_than_source,
-)
+from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
+from meshdeform.runs.verdict import before, kept_structure, likeness, summarize, worse_than_source
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
 from training.judge.members import HELD_OUT, seeded
