@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,9 @@ def readings_made(monkeypatch: pytest.MonkeyPatch, read_dog: Reading) -> list[tu
     """What was asked of each reading that was made, of a process that remembers none."""
     asked: list[tuple[dict[str, float], float | None]] = []
 
-    def read(_body: Body, nouns: dict[str, float], front: float | None, _cache: Path | None = None) -> Reading:
+    def read(
+        _body: Body, nouns: dict[str, float], front: float | None, _cache: Path | None = None, **_up: object
+    ) -> Reading:
         asked.append((dict(nouns), front))
         return read_dog
 
@@ -187,3 +190,22 @@ def test_a_correction_that_selects_nothing_is_refused() -> None:
         with pytest.raises(ParameterError) as caught:
             corrected(BODY, ASSET, params(parts=[{"name": "a", "faces": [1]}, {"name": "ears", **entry}]))
         assert caught.value.extra["errors"][0]["loc"][:4] == ["params", "control", "parts", 1]
+
+
+@each_case(
+    "filename, unit, expected",
+    [("a.glb", 1.0, (None, 0.2)), ("a.obj", None, ({"dog": 1.0}, 0.2)), ("a.STL", None, ({"dog": 1.0}, 0.8))],
+)
+def test_what_is_up_is_asked_of_formats_that_leave_it_open(
+    filename: str, unit: float | None, expected: object, monkeypatch: pytest.MonkeyPatch, read_dog: Reading
+) -> None:
+    asked: list[object] = []
+
+    def read(*_given: object, z_up: object, z_share: float) -> Reading:
+        asked.append((z_up, z_share))
+        return read_dog
+
+    monkeypatch.setattr(reading, "read_body", read)
+    monkeypatch.setattr(reading, "_last", Recent(8))
+    read_source(replace(BODY, unit=unit), params(), Source("ab", filename))
+    assert asked == [expected]
