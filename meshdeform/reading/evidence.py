@@ -157,7 +157,7 @@ def weighed(
             continue
         share = cells.mean(shares[faces].mean(1), areas)[:, None]
         moved_most = share[:, 0] > _MOVED
-        if joint_class in names and weighed_in[moved_most][:, own].sum(1).mean() < _LACKING:
+        if joint_class in names and moved_most.any() and weighed_in[moved_most][:, own].sum(1).mean() < _LACKING:
             _raise(weighed_in, names.index(joint_class), share[:, 0], own)
         weighed_in *= np.where(own[None], 0.05 + share, 1.05 - share)
     for part, flags in evidence.told(faces).items():

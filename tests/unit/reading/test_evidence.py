@@ -42,6 +42,19 @@ def test_joints_and_names_move_probabilities_where_they_stand() -> None:
     np.testing.assert_allclose(weighed(even, parts, Evidence(), faces, cells, areas), even)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_joint_that_moves_a_single_vertex_says_nothing_of_any_face() -> None:
+    mesh = box()
+    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    cells, areas = cells_of(verts, faces), np.ones(len(faces))
+    parts = np.array(sorted(code(name) for name in ("body", "head")))
+    even = np.full((len(cells), 2), 0.5)
+    one = (np.arange(len(verts)) == 0).astype(float)
+    weighed_in = weighed(even, parts, Evidence(joints={"head": one}), faces, cells, areas)
+    assert np.isfinite(weighed_in).all()
+    assert (weighed_in[:, parts.tolist().index(code("head"))] < 0.5).all()
+
+
 def test_the_parts_of_joints_are_parts() -> None:
     assert set().union(*JOINT_PARTS.values()) <= set(PART_NAMES)
 
