@@ -35,10 +35,11 @@ def chair(tmp_path: Path) -> Path:
 
 def test_the_file_has_the_parts_that_are_listed(chair: Path, tmp_path: Path) -> None:
     output = tmp_path / "parts.glb"
-    shown = json.loads(done("inspect --json --parts-glb", str(output), str(chair)).stdout)
+    given = "inspect --json --source-noun chair --front 0 --parts-glb"
+    shown = [part["name"] for part in json.loads(done(given, str(output), str(chair)).stdout)["parts"]]
     asset = load_asset(output.read_bytes())
     found = parts_of(asset)
-    assert sorted(found) == sorted(shown["parts"]) != []
+    assert sorted(found) == sorted(shown) != []
     nodes = {each["name"]: each["index"] for each in asset.parts().nodes}
     np.testing.assert_array_equal(found["back"], asset.parts().in_node(nodes["Back"]))
     legs = sum(asset.parts().in_node(nodes[name]) for name in nodes if name.startswith("Leg"))
@@ -48,7 +49,8 @@ def test_the_file_has_the_parts_that_are_listed(chair: Path, tmp_path: Path) -> 
 @each_case("form", ["materials", "nodes"])
 def test_parts_have_their_names_in_each_form(chair: Path, tmp_path: Path, form: str) -> None:
     output = tmp_path / f"{form}.glb"
-    said = done("inspect --parts-as", form, "--parts-glb", str(output), str(chair)).stderr
+    given = "inspect --source-noun chair --front 0 --parts-as"
+    said = done(given, form, "--parts-glb", str(output), str(chair)).stderr
     root = unpack(output.read_bytes())[0]
     assert {"legs", "back"} <= {each.get("name") for each in root[form]}
     assert f"as {form}: " in said
@@ -61,7 +63,7 @@ def test_a_file_is_not_replaced_and_must_be_a_glb(chair: Path, tmp_path: Path) -
     assert output.read_bytes() == b"mine"
     assert "input" in refused("inspect --force --parts-glb", str(chair), str(chair))
     assert ".glb" in refused("inspect --parts-glb", str(tmp_path / "parts.obj"), str(chair))
-    done("inspect --force --parts-glb", str(output), str(chair))
+    done("inspect --force --source-noun chair --front 0 --parts-glb", str(output), str(chair))
     assert output.read_bytes()[:4] == b"glTF"
 
 
@@ -69,5 +71,6 @@ def test_an_asset_without_parts_is_refused(tmp_path: Path) -> None:
     path, output = tmp_path / "box.glb", tmp_path / "parts.glb"
     solid = box(2)
     path.write_bytes(build_glb(solid.verts.numpy(), solid.faces.numpy()))
-    assert "No part" in refused("inspect --parts-glb", str(output), str(path))
+    # A crate is a single part, which is all of it.
+    assert "No part" in refused("inspect --source-noun crate --front 0 --parts-glb", str(output), str(path))
     assert not output.exists()
