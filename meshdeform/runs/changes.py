@@ -194,9 +194,10 @@ def _ask(
     with asset.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     key = key_of(digest, suffix, params)
-    beside = asset.absolute().with_name("reading")
-    kept = readings.get(key)
-    if kept is not None:
+    beside, kept = asset.absolute().with_name(f"{key}.reading"), readings.get(key)
+    if kept is None:
+        beside.unlink(missing_ok=True)  # of an earlier question about the same file
+    else:
         beside.write_bytes(kept)
     task = {
         "filename": f"asset{suffix}",

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
+from typing import Any
 
+import pytest
+
+from meshdeform.assets.limits import Limits
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.groups import grouped
+from meshdeform.runs import changes
 from meshdeform.runs.kept_readings import MOST_BYTES, FolderReadings, Several, Unkept, key_of
 
 
@@ -72,3 +78,23 @@ def test_what_one_place_has_all_get(tmp_path: Path) -> None:
     assert near.get("b") == far.get("b") == both.get("b") == b"b"
     assert both.get("c") is None
     assert both.samples == near.samples != far.samples
+
+
+def test_a_child_is_handed_what_was_kept_of_just_this_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    handed: list[bytes | None] = []
+
+    class Child:
+        @staticmethod
+        def ask_about(_asset: Path, task: dict[str, Any], _timeout_s: float) -> dict[str, Any]:
+            path = Path(task["reading"])
+            handed.append(path.read_bytes() if path.is_file() else None)
+            path.write_bytes(task["params"]["source_noun"].encode())
+            return {"missing": None, "parts": []}
+
+    monkeypatch.setattr(changes, "_QUESTION", Child)
+    file, kept = tmp_path / "a.glb", FolderReadings(tmp_path / "cache")
+    file.write_bytes(b"any")
+    for readings, noun in ((None, "dog"), (None, "dog"), (kept, "dog"), (kept, "cat"), (kept, "dog")):
+        changes.parts_of(file, "a.glb", "", params(source_noun=noun), Limits(), readings)
+    assert handed == [None, None, None, None, b"dog"]
+    assert kept.get(key_of(hashlib.sha256(b"any").hexdigest(), ".glb", params(source_noun="cat"))) == b"cat"
