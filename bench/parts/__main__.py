@@ -69,10 +69,12 @@ def _told(each: Listed, what: Found) -> dict[str, object]:
     reading = what.reading
     return {
         "nouns": {noun: round(reading.probabilities[noun], 3) for noun in what.nouns[:5]},
+        "sure": reading.sure,
         "noun": each.is_noun(reading.noun),
         "among_three": any(each.is_noun(noun) for noun in what.nouns[:3]),
         "front_azimuth_deg": round(reading.front_azimuth_deg, 1),
         "front": each.faces(reading.turn),
+        "front_sure": reading.front_sure,
         "up": each.stands(reading.turn),
         "margin": None if reading.front_margin is None else round(reading.front_margin, 3),
         "residual": round(reading.residual, 4),

@@ -70,13 +70,12 @@ def _measured(folder: Path, name: str, splits: int, *, given: bool) -> dict[str,
 
 def _reader(each: Listed, body: Body, *, given: bool) -> Callable[[], object]:
     """Return what reads a body; what it imports is in memory before it is called."""
-    from meshdeform.plain.evidence import read_body
+    from bench.parts.find import said
+    from meshdeform.runs.reading import read_source
 
-    if given:
-        return lambda: read_body(body, {each.noun: 1.0}, each.front)
-    from bench.parts.find import proposed  # with torch
-
-    return lambda: read_body(body, proposed(body))
+    if not given:
+        import meshdeform.runs.verdict  # noqa: F401  # with torch
+    return lambda: read_source(body, said(each, given=given))
 
 
 def _megabytes() -> float:
