@@ -16,7 +16,7 @@ from meshdeform.rendering.rasterizer import rasterize
 SIDE = 250
 _AZIMUTHS = (35.0, 35.0, 215.0)
 _GREY = (205, 205, 205)
-_PAINTS = (
+PAINTS = (
     (220, 50, 50), (60, 110, 230), (245, 190, 40), (40, 160, 70), (150, 70, 190), (30, 180, 190), (245, 130, 40),
     (235, 110, 180), (120, 80, 40), (130, 200, 60), (30, 50, 120), (110, 110, 110), (180, 160, 240), (90, 20, 50),
     (0, 90, 60), (250, 160, 140), (170, 170, 20), (90, 60, 160), (200, 0, 120), (110, 170, 170), (60, 40, 20),
@@ -28,39 +28,45 @@ def drawn(
     verts: NDArray[np.float64], faces: NDArray[np.int64], parts: Mapping[str, NDArray[np.bool_]], title: str
 ) -> Image.Image:
     """Draw a mesh that faces +Z; `parts`: mapping of str to (F,) bool, of which `body` stays grey."""
-    paint, names = np.zeros(len(faces), np.int64), [name for name in parts if name != "body"]
-    for number, name in enumerate(names):
-        paint[parts[name]] = 1 + number % len(_PAINTS)
-    views = _views(verts, faces, np.array([_GREY, *_PAINTS], float), paint)
+    names, grey = [name for name in parts if name != "body"], np.tile(np.array(_GREY, float), (len(faces), 1))
+    colours = painted(len(faces), parts)
+    views = [
+        shaded(verts, faces, colours if number else grey, azimuth, SIDE) for number, azimuth in enumerate(_AZIMUTHS)
+    ]
     image = Image.new("RGB", (len(views) * SIDE, SIDE + _LINE), "white")
     for place, view in enumerate(views):
         image.paste(view, (place * SIDE, _LINE))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(_LETTERS)
     draw.text((2, 0), title, "black", font)
     for number, name in enumerate(names):
-        draw.text((SIDE + 2, _LINE * (1 + number)), name, _PAINTS[number % len(_PAINTS)], font)
+        draw.text((SIDE + 2, _LINE * (1 + number)), name, PAINTS[number % len(PAINTS)], font)
     return image
 
 
-def _views(
-    verts: NDArray[np.float64], faces: NDArray[np.int64], paints: NDArray[np.float64], paint: NDArray[np.int64]
-) -> list[Image.Image]:
-    """Return a picture from each azimuth, the first in grey."""
+def painted(faces: int, parts: Mapping[str, NDArray[np.bool_]]) -> NDArray[np.float64]:
+    """Return colours (F, 3), 0 to 255: `PAINTS` of the parts in their order, `body` and the rest grey."""
+    colours = np.tile(np.array(_GREY, float), (faces, 1))
+    for number, name in enumerate(name for name in parts if name != "body"):
+        colours[parts[name]] = PAINTS[number % len(PAINTS)]
+    return colours
+
+
+def shaded(
+    verts: NDArray[np.float64], faces: NDArray[np.int64], colours: NDArray[np.float64], azimuth: float, side: int
+) -> Image.Image:
+    """Draw a mesh from one side, `side` pixels square, twice as fine at first; `colours` (F, 3): 0 to 255."""
     centred = torch.tensor(verts - (verts.min(0) + verts.max(0)) / 2)
-    cameras = fixed_cameras(_AZIMUTHS, 18.0, fitting_radius=0.93 * float(centred.norm(dim=1).max()))
-    matrices = cameras.view_proj.double()
-    clip = centred @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
-    ids = rasterize(clip.float(), torch.tensor(faces), 2 * SIDE, 2 * SIDE).face_ids.numpy()
+    cameras = fixed_cameras((azimuth,), 18.0, fitting_radius=0.93 * float(centred.norm(dim=1).max()))
+    matrix = cameras.view_proj[0].double()
+    clip = centred @ matrix[:, :3].mT + matrix[:, 3]
+    ids = rasterize(clip[None].float(), torch.tensor(faces), 2 * side, 2 * side).face_ids[0].numpy()
     a, b, c = verts[faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    images = []
-    for view, back in enumerate(cameras.view.double().numpy()[:, :3, :3]):
-        light = 0.5 + 0.5 * np.abs(normals @ (back.T @ np.array([0.25, 0.5, 0.83])))
-        colours = paints[paint if view else np.zeros_like(paint)] * light[:, None]
-        shown = np.where(ids[view][..., None] >= 0, colours[ids[view]], 255.0)
-        images.append(Image.fromarray(shown.clip(0, 255).astype(np.uint8)).resize((SIDE, SIDE), Image.Resampling.BOX))
-    return images
+    back = cameras.view[0].double().numpy()[:3, :3]
+    light = 0.5 + 0.5 * np.abs(normals @ (back.T @ np.array([0.25, 0.5, 0.83])))
+    shown = np.where(ids[..., None] >= 0, (colours * light[:, None])[ids], 255.0)
+    return Image.fromarray(shown.clip(0, 255).astype(np.uint8)).resize((side, side), Image.Resampling.BOX)
 
 
 def write_sheets(images: Sequence[Image.Image], folder: Path, columns: int = 2, rows: int = 6) -> list[Path]:
