@@ -151,7 +151,12 @@ def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
 
     Raises PartMissingError: a skeleton shows that the asset is not what the sentence calls it.
     """
-    parts, noun = Parts(body.upright()), sentence.noun
+    return meant_of(Parts(body.upright()), sentence)
+
+
+def meant_of(parts: Parts, sentence: Sentence) -> tuple[Change, ...]:
+    """Return the changes of a sentence as `meant`, of a body that stands."""
+    noun = sentence.noun
     if noun is None or not sentence.compared:
         return tuple(
             replace(each, part=parts.spelled(each.part)) if each.part != WHOLE else each for each in sentence.changes
@@ -181,7 +186,7 @@ def missing_part(body: Body, sentence: Sentence) -> str | None:
     """
     parts = Parts(body.upright())
     try:
-        for change in meant(body, sentence):
+        for change in meant_of(parts, sentence):
             calibrated(parts, _in_factors(parts, change))
     except PartMissingError as error:
         return str(error)

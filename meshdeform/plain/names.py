@@ -66,6 +66,11 @@ def tokens(name: str) -> tuple[str, ...]:
     return tuple(found)
 
 
+def is_word(token: str) -> bool:
+    """Return whether a token of a name is a word, and no "Sm" or "Btn"."""
+    return len(token) > 2 and bool(set(token) & set("aeiouy"))
+
+
 def noun_part(word: str) -> str | None:
     """Return the part that a word of a name means, or None."""
     return JOINTS.get(singular(word)) or PART_OF.get(singular(word))

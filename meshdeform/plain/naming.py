@@ -12,7 +12,7 @@ import numpy as np
 
 from meshdeform.errors import PromptError
 from meshdeform.plain.body import Body, Flags, Floats, Index
-from meshdeform.plain.change import calibrated, meant
+from meshdeform.plain.change import calibrated, meant_of
 from meshdeform.plain.maps import move
 from meshdeform.plain.moved import Moved
 from meshdeform.plain.parts import Parts
@@ -30,11 +30,11 @@ _FEWEST_NAMES, _MOST_NAMES, _MOST_TRIED = 16, 64, 2_000_000
 _ONE_TRIAL = 50_000
 """Vertices from which one operation of a part is tried, and the others are taken from the table."""
 _INSIDE = 0.5
-_LEFT, _LEFT_OF_KNOWN, _WITHIN = 0.5, 0.15, 0.8
+_LEFT, _LEFT_OF_KNOWN, _WITHIN = 0.5, 0.05, 0.8
 """Shares of the area of a name of the file, and of a part that everybody knows, that others must leave of it; share of
 what a name has of other parts, from which it lies within one of them."""
 _EVERYBODYS = frozenset(PART_NAMES.values())
-_LAST = frozenset({PART_NAMES["belly"], PART_NAMES["body"]})
+_LAST = frozenset({PART_NAMES["body"]})
 _DETAILS = {
     "thigh": "leg", "shin": "leg", "toe": "leg", "forearm": "arm", "finger": "hand", "hip": "leg", "shoulder": "arm",
 }  # fmt: skip
@@ -77,11 +77,11 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
     body = body.upright()
     parts = Parts(body)
     most = min(_MOST_NAMES, max(_FEWEST_NAMES, _MOST_TRIED // len(body.points)))
-    telling = [name for name in parts.own_names() if not set(name.split()) <= STUFFS]
+    telling = [name for name in parts.own_names() if _is_telling(name)]
     own = [name for name in [*parts.read.names, *telling[:most]] if name not in PART_NAMES]
     named = {**PART_NAMES, **{name: name for name in own}}
     if sentence is not None:
-        named = {each.part: named.get(each.part, each.part) for each in meant(body, sentence) if each.part != WHOLE}
+        named = {each.part: named.get(each.part, each.part) for each in meant_of(parts, sentence) if each.part != WHOLE}
     else:
         named = {part: name for part, name in named.items() if not _is_hidden(parts, part)}
     results: list[NamedPart] = []
@@ -92,15 +92,20 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
     return results if sentence is not None else _apart(body, results)
 
 
+def _is_telling(name: str) -> bool:
+    """Return whether a name of the file says what something is: words, and none of what things are made of."""
+    return not STUFFS & set(name.split())
+
+
 def _is_hidden(parts: Parts, part: str) -> bool:
-    """Return whether a part is not listed, though words may name it: a lowest end, a top by another name, a belly."""
+    """Return whether a part is not listed, though words may name it: a lowest end, a belly, a wing of a dolphin."""
+    if part == "belly" or (parts.read.is_sure and not parts.read.is_given(part) and parts.foreign(part)):
+        return True
     if part in ("base", "seat", "top", "neck"):
         # A body has a neck by its joints, and its lower and its upper side are none of the others.
         return (not parts.has(part) or parts.is_living) if part != "neck" else not (parts.has(part) or parts.rigged)
     if parts.read.by_another_name(part):
         return not parts.is_told(part)
-    if part == "belly" and not parts.rigged:
-        return not parts.read.names
     if part in _DETAILS:
         return parts.has(_DETAILS[part]) and not parts.read.is_given(part)
     return part == "body" and parts.is_living and not parts.is_told("body")
@@ -110,8 +115,8 @@ def _apart(body: Body, named: list[NamedPart]) -> list[NamedPart]:
     """Return parts that share no face.
 
     What several have belongs to what people gave, else to the smallest: a nose takes its faces from a head. Names that
-    the file alone knows, such as those of materials, count likewise within a part, and last across several; so do the
-    body and its belly, which are what is left. What others leave too little of is left out.
+    the file alone knows, such as those of materials, count likewise within a part, and last across several; so does the
+    body, which is what is left. What others leave too little of is left out.
     """
     areas = np.linalg.norm(body.crosses, axis=1)
     sizes = [float(areas[each.inside].sum()) for each in named]
@@ -171,11 +176,19 @@ def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentenc
     inside = parts.faces(part)
     if inside is None:
         inside = np.asarray(first.weight[body.faces].mean(1) > _INSIDE)
-    if inside.all() or not inside.any():
+    if inside.all() or not inside.any() or (part in ("base", "top") and _is_most(body, inside)):
+        return None
+    if first.found_by == "joints" and parts.is_of_legs(part, inside):
         return None
     suits = tuple(each for each in OF_PARTS if each in operations)
     confidence = parts.read.confidence(part) if first.found_by == READ else None
     return NamedPart(name, first.found_by, inside, suits, confidence)
+
+
+def _is_most(body: Body, inside: Flags) -> bool:
+    """Return whether faces are most of the surface: a node "base" of a van is no foot of it."""
+    areas = np.linalg.norm(body.crosses, axis=1)
+    return bool(areas[inside].sum() > 0.5 * areas.sum())
 
 
 def _unchangeable(parts: Parts, part: str, name: str) -> NamedPart | None:
@@ -192,5 +205,5 @@ def _is_read(parts: Parts, text: str, change: Change, read: Callable[[str], Sent
         sentence = read(text)
     except PromptError:  # a name with words for opposites
         return False
-    changes = () if sentence is None else meant(parts.body, sentence)
+    changes = () if sentence is None else meant_of(parts, sentence)
     return [(each.operation, each.part) for each in changes] == [(change.operation, change.part)]

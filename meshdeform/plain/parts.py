@@ -19,7 +19,7 @@ from meshdeform.plain.body import UP, Body, Flags, Floats, Index
 from meshdeform.plain.carried import touching
 from meshdeform.plain.heads import Head, Tail, head_of_joints, head_of_reading, tail_of_joints, tail_of_reading
 from meshdeform.plain.joints import OF_BODIES, JointParts
-from meshdeform.plain.names import tokens
+from meshdeform.plain.names import is_word, tokens
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece, attachment
 from meshdeform.plain.read_parts import TOLD_APART, ReadParts
 from meshdeform.plain.vocabulary import PART_NAMES, PART_OF
@@ -38,6 +38,18 @@ _ENDS = (2.0, 98.0)
 """Percentiles of the heights of a slab or a neck that are its ends: a few faces may be taken for it."""
 LIVING = frozenset({*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]})
 """Nouns of what has a belly and may have a skeleton."""
+_KNOWN_WELL, _AGREED = 0.7, 0.35
+"""Confidence of a part of the reading, and the share of it that joints must tell, with and without what belongs to it,
+or else the reading counts: a robot whose joints are called "Foot" has legs above them."""
+_OF_LEGS, _MOSTLY = frozenset({"leg", "foot", "thigh", "shin", "toe", "hip"}), 0.7
+_LIMBS_OF = {
+    **dict.fromkeys(("arm", "hand", "forearm", "finger"), frozenset({"arm", "hand", "wing", "claw"})),
+    "wing": frozenset({"wing", "arm"}),
+    "neck": frozenset({"neck", "head"}),
+    "head": frozenset({"head"}),
+    "tail": frozenset({"tail"}),
+}
+"""The parts of which a noun has one, if it has such a limb."""
 _Part = TypeVar("_Part")
 
 
@@ -93,7 +105,7 @@ class Parts:
     def own_names(self) -> list[str]:
         """Return the names, as words without sides, of nodes and materials that are parts of their own."""
         own = (name for name, each in self.body.names.items() if _is_part(each) and names.part_of(name) is None)
-        named = (part_and_sides(list(tokens(name)))[1] for name in own)
+        named = (part_and_sides([word for word in tokens(name) if is_word(word)])[1] for name in own)
         return list(dict.fromkeys(name for name in named if name))
 
     @property
@@ -122,12 +134,46 @@ class Parts:
 
     def faces(self, word: str) -> Flags | None:
         """Return the faces (F,) of a part that people or the reading told of, and of a neck of joints; else None."""
+        if self.is_overruled(word):
+            return self.read.faces(word)
         joints = self.joints.of_class(word) if word == "neck" else None
         if joints is not None and not self.read.is_given(word):
             return np.asarray(joints[self.body.faces].mean(1) > _INSIDE)
         if not self.read.is_given(word) and (self.is_told(word) or not self.read.has(word)):
             return None
         return self.read.faces(word)
+
+    def foreign(self, word: str) -> bool:
+        """Return whether joints tell a part that living things of its noun lack: a bear with the rig of a person."""
+        ways = _LIMBS_OF.get(word)
+        return ways is not None and self.read.noun in LIVING and not self.read.of_noun & ways
+
+    def is_overruled(self, word: str) -> bool:
+        """Return whether joints tell a part that the reading knows well, and elsewhere."""
+        if self.read.is_given(word) or not self.is_told(word):
+            return False
+        told = self._named_in_file(word)
+        return told.found_by == "joints" and self._overruled(word, np.asarray(told.weight > _INSIDE))
+
+    def is_of_legs(self, word: str, inside: Flags) -> bool:
+        """Return whether joints tell a part, by its faces (F,), where the reading knows well that legs are."""
+        confidence = self.read.confidence("leg") if self.read.has("leg") else None
+        if confidence is None or confidence < _KNOWN_WELL or word in _OF_LEGS:
+            return False
+        areas = np.linalg.norm(self.body.crosses, axis=1)
+        return bool(areas[inside & self.read.faces("leg")].sum() > _MOSTLY * areas[inside].sum())
+
+    def _overruled(self, word: str, told: Flags) -> bool:
+        """Return whether the reading knows a part well, of which what joints tell, (V,), has little."""
+        confidence = self.read.confidence(word) if self.read.has(word) else None
+        if confidence is None or confidence < _KNOWN_WELL:
+            return False
+        read, areas = self.read.faces(word), np.linalg.norm(self.body.crosses, axis=1)
+        joints = told[self.body.faces].mean(1) > _INSIDE
+        itself = self.read.itself(word)
+        common = areas[read & joints].sum() / areas[read | joints].sum()
+        covered = areas[itself & joints].sum() / max(float(areas[itself].sum()), 1e-300)
+        return bool(min(common, covered) < _AGREED)
 
     # ---------------------------------------------------------------- limbs
 
@@ -139,8 +185,11 @@ class Parts:
         """
         if not self.read.is_given("leg"):
             standing = self.joints.standing_chains()
-            if standing:
+            told = np.asarray(sum((share for _, share in standing), np.zeros(len(self.body.points))) > _INSIDE)
+            if standing and not self._overruled("leg", told):
                 return self._legs_of_joints(standing)
+            if standing:
+                return self._legs_of_pieces(self.read.limb("leg"))
         return self._legs_of_pieces(self._limb("leg"))
 
     def _legs_of_joints(self, chains: list[tuple[int, Floats]]) -> Legs:
@@ -196,7 +245,8 @@ class Parts:
             weight = body.smooth(share, 2)
             if (weight > _INSIDE).sum() >= _FEWEST:
                 pieces.append(Piece(body, weight, attachment(body, weight), body.joints[number].name))
-        return Limb(body, pieces, "joints") if pieces else self._limb("arm")
+        limb = Limb(body, pieces, "joints")
+        return limb if pieces and not self._overruled("arm", limb.weight > _INSIDE) else self._limb("arm")
 
     @_once
     def head(self) -> Head:
@@ -204,7 +254,8 @@ class Parts:
 
         Raises PartMissingError: there is none.
         """
-        head = None if self.read.is_given("head") else head_of_joints(self.body, self.joints)
+        others = self.read.is_given("head") or self.is_overruled("head")
+        head = None if others else head_of_joints(self.body, self.joints)
         return head or head_of_reading(self.body, self.read)
 
     @_once
@@ -213,7 +264,8 @@ class Parts:
 
         Raises PartMissingError: there is none.
         """
-        tail = None if self.read.is_given("tail") else tail_of_joints(self.body, self.joints)
+        others = self.read.is_given("tail") or self.is_overruled("tail")
+        tail = None if others else tail_of_joints(self.body, self.joints)
         return tail or tail_of_reading(self.body, self.read)
 
     # ---------------------------------------------------------------- things
@@ -295,11 +347,12 @@ class Parts:
         if word == "back" and self.rigged:
             raise PartMissingError("The back of a body is no part that can be changed.")
         try:
-            return self._named_in_file(word)
+            told = self._named_in_file(word)
         except PartMissingError:
             if word not in TOLD_APART:
                 raise
             return self.read.limb(word)
+        return self.read.limb(word) if self.is_overruled(word) else told
 
     def _named_in_file(self, word: str) -> Limb:
         """Return the part that joints, nodes or materials with this name make."""

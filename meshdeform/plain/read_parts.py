@@ -7,6 +7,7 @@ torn off.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -15,7 +16,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES
+from meshdeform.nouns.solids import CARRIED_BY, LAYOUTS, PART_NAMES
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
 from meshdeform.plain.carried import NEAR, carried_by, on_ground, touching
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece
@@ -30,7 +31,7 @@ _HOLDS = frozenset({"head", "arm", "leg", "door", "tower", "turret", "sleeve"})
 """Parts to which those that they carry belong."""
 _ALSO = {
     "nose": ("beak",), "beak": ("nose",), "hair": ("mane",), "crown": ("canopy", "leaf"), "tower": ("turret",),
-    "fin": ("wing",), "arm": ("wing",), "horn": ("tusk",),
+    "fin": ("wing",), "exhaust": ("chimney",), "arm": ("wing",), "horn": ("tusk",),
 }  # fmt: skip
 """Other names under which a noun has a part."""
 TOLD_APART = frozenset({*PART_NAMES, *_ALSO})
@@ -72,6 +73,17 @@ class ReadParts:
         reading = self.body.reader.reading
         return "" if reading is None else reading.noun
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether the body was read, and the noun can be told without a question."""
+        reading = self.body.reader.reading
+        return reading is not None and reading.sure
+
+    @cached_property
+    def of_noun(self) -> frozenset[str]:
+        """The parts that things of its noun have; empty if it was not read."""
+        return frozenset(re.findall("[a-z]+", LAYOUTS.get(self.noun, "")))
+
     @cached_property
     def _coded(self) -> tuple[Index, tuple[str, ...]]:
         """The number (F,) of the part of each face among names; negative without one."""
@@ -111,6 +123,12 @@ class ReadParts:
         called = self._called(part)
         own = [number for number, name in enumerate(names) if self._belongs(name, called)]
         return np.isin(codes, own)
+
+    def itself(self, part: str) -> Flags:
+        """Return the faces (F,) of a part without what belongs to it."""
+        codes, names = self._coded
+        called = self._called(part)
+        return np.isin(codes, [number for number, name in enumerate(names) if name in called])
 
     def by_another_name(self, part: str) -> bool:
         """Return whether a part was found under another name than its own."""

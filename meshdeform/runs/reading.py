@@ -50,7 +50,7 @@ _MOST, _DIGITS = 5, 4
 _JUDGE = Path(meshdeform.__file__).parent / "judge" / "weights" / "judge.safetensors"
 """As `meshdeform.judge.WEIGHTS`, which loads torch."""
 
-_Z_UP, _Z_UP_ELSE = {".stl": 0.8}, 0.2
+_Z_UP, _Z_UP_ELSE = {".stl": 0.8, ".ply": 0.5}, 0.1
 """Share of files of a format in which +Z is up: printers and CAD have it so, and most of what writes the others has
 not."""
 

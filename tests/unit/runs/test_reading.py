@@ -194,7 +194,7 @@ def test_a_correction_that_selects_nothing_is_refused() -> None:
 
 @each_case(
     "filename, unit, expected",
-    [("a.glb", 1.0, (None, 0.2)), ("a.obj", None, ({"dog": 1.0}, 0.2)), ("a.STL", None, ({"dog": 1.0}, 0.8))],
+    [("a.glb", 1.0, (None, 0.1)), ("a.obj", None, ({"dog": 1.0}, 0.1)), ("a.STL", None, ({"dog": 1.0}, 0.8))],
 )
 def test_what_is_up_is_asked_of_formats_that_leave_it_open(
     filename: str, unit: float | None, expected: object, monkeypatch: pytest.MonkeyPatch, read_dog: Reading
