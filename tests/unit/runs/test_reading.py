@@ -17,7 +17,7 @@ from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import reading, recognition
-from meshdeform.runs.kept_readings import FolderReadings
+from meshdeform.runs.kept_readings import FolderReadings, key_of
 from meshdeform.runs.reading import Source, corrected, made, read_source, reading_document, reading_report
 from meshdeform.runs.recent import Recent
 from tests.cases import each_case
@@ -75,6 +75,12 @@ def test_nothing_is_read_before_somebody_asks_and_nothing_twice(
     read_source(BODY, params(orientation=90), source)
     read_source(BODY, params(), Source("", "dog.glb", kept=FolderReadings(tmp_path)))
     assert [front for _, front in readings_made] == [0.0, 90.0, 0.0]
+
+
+def test_the_job_finds_what_was_read_at_the_door() -> None:
+    at_the_door = key_of("ab", ".glb", params())
+    assert Source("ab", "any name.GLB").key(params()) == Source("ab", "asset.glb").key(params()) == at_the_door
+    assert Source("ab", "asset.glb", subdivided=True).key(params()) != at_the_door
 
 
 @each_case("damage", ["cut", "other bytes", "another version", "another judge", "nothing", "another mesh"])
