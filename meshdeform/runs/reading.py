@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import meshdeform
+from meshdeform import plain
 from meshdeform.errors import ShapeError
 from meshdeform.plain.evidence import read_body
 from meshdeform.plain.reader import Reader
@@ -53,6 +54,9 @@ _JUDGE = Path(meshdeform.__file__).parent / "judge" / "weights" / "judge.safeten
 _Z_UP, _Z_UP_ELSE = {".stl": 0.8, ".ply": 0.5}, 0.1
 """Share of files of a format in which +Z is up: printers and CAD have it so, and most of what writes the others has
 not."""
+
+_EVIDENCE = tuple(Path(plain.__file__).with_name(name) for name in ("evidence.py", "joints.py", "names.py"))
+"""What says what joints and names tell: `meshdeform.reading.VERSION` does not know it."""
 
 _log = logging.getLogger(__name__)
 _last: Recent[Reading] = Recent(8)
@@ -173,7 +177,8 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
 def _head() -> bytes:
     """Return what a kept reading begins with: whatever decides it besides its key and the version of readings."""
     weights = hashlib.sha256(_JUDGE.read_bytes()).hexdigest() if _JUDGE.is_file() else "none"
-    return f"meshdeform {meshdeform.__version__}, judge {weights}\n".encode()
+    evidence = hashlib.sha256(b"".join(path.read_bytes() for path in _EVIDENCE)).hexdigest()
+    return f"meshdeform {meshdeform.__version__}, judge {weights}, evidence {evidence}\n".encode()
 
 
 def _unpacked(data: bytes | None) -> Reading | None:
