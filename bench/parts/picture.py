@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageChops, ImageDraw, ImageFont, ImageOps
 
 from bench.parts.assets import Listed, files, listed
 from bench.parts.find import found
@@ -16,12 +16,11 @@ from bench.parts.sheets import PAINTS, painted, shaded
 
 _DRAWN = (
     "a_elephant", "k_husky", "spot", "a_bear",
-    "k_suit", "p_mannequin", "k_robotexpressive", "a_duck",
-    "k_vehicle-truck-red", "n_helicopter", "k_house", "k_dolphin",
-    "f_chair", "p_glass_table", "o_hammer", "p_lumberjack",
+    "k_suit", "p_lumberjack", "k_robotexpressive", "a_duck",
+    "k_vehicle-truck-red", "n_helicopter", "k_house", "f_chair",
 )  # fmt: skip
-_COLUMNS, _SIDE, _LINE, _LETTERS, _LINES = 4, 300, 20, 15, 3
-_AZIMUTH_DEG, _SWATCH, _GAP = 35.0, 12, 12
+_COLUMNS, _WIDTH, _HEIGHT, _LINE, _LETTERS, _LINES = 4, 300, 250, 22, 17, 3
+_AZIMUTH_DEG, _FINE, _SWATCH, _GAP = 35.0, 600, 14, 10
 _QUALITY = 88
 
 
@@ -45,15 +44,22 @@ def _tile(each: Listed, path: Path, *, given: bool) -> Image.Image:
     """Return an asset in the colours of its parts, what it is read as above and their names below."""
     what = found(each, path, given=given)
     verts, faces = what.body.points @ each.turn.T, what.body.faces
-    image = Image.new("RGB", (_SIDE, _SIDE + (1 + _LINES) * _LINE), "white")
-    image.paste(shaded(verts, faces, painted(len(faces), what.parts), _AZIMUTH_DEG, _SIDE), (0, _LINE))
+    image = Image.new("RGB", (_WIDTH, _HEIGHT + (1 + _LINES) * _LINE + _GAP), "white")
+    shown = _trimmed(shaded(verts, faces, painted(len(faces), what.parts), _AZIMUTH_DEG, _FINE))
+    image.paste(shown, ((_WIDTH - shown.width) // 2, _LINE + (_HEIGHT - shown.height) // 2))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(_LETTERS)
-    draw.text((_SIDE / 2, 2), what.reading.noun, "black", font, anchor="mt")
+    draw.text((_WIDTH / 2, 2), what.reading.noun, "black", font, anchor="mt")
     names = [name for name in what.parts if name != "body"]
     for number, (name, (x, y)) in enumerate(zip(names, _places(names, font), strict=False)):
-        draw.rectangle((x, y + 3, x + _SWATCH, y + 3 + _SWATCH), PAINTS[number % len(PAINTS)])
+        draw.rectangle((x, y + 4, x + _SWATCH, y + 4 + _SWATCH), PAINTS[number % len(PAINTS)])
         draw.text((x + _SWATCH + 4, y), name, "black", font)
     return image
+
+
+def _trimmed(image: Image.Image) -> Image.Image:
+    """Return what is not white of a picture, as large as fits."""
+    inside = ImageChops.difference(image, Image.new("RGB", image.size, "white")).getbbox()
+    return ImageOps.contain(image.crop(inside), (_WIDTH - 2 * _GAP, _HEIGHT - 2 * _GAP))
 
 
 def _places(names: list[str], font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> list[tuple[float, float]]:
@@ -62,11 +68,11 @@ def _places(names: list[str], font: ImageFont.FreeTypeFont | ImageFont.ImageFont
     x, line = float(_GAP), 0
     for name in names:
         width = _SWATCH + 4 + font.getlength(name)
-        if x > _GAP and x + width > _SIDE:
+        if x > _GAP and x + width > _WIDTH:
             x, line = float(_GAP), line + 1
         if line == _LINES:
             break
-        places.append((x, _SIDE + (1 + line) * _LINE))
+        places.append((x, _HEIGHT + (1 + line) * _LINE))
         x += width + _GAP
     return places
 

@@ -56,7 +56,7 @@ def shaded(
 ) -> Image.Image:
     """Draw a mesh from one side, `side` pixels square, twice as fine at first; `colours` (F, 3): 0 to 255."""
     centred = torch.tensor(verts - (verts.min(0) + verts.max(0)) / 2)
-    cameras = fixed_cameras((azimuth,), 18.0, fitting_radius=0.93 * float(centred.norm(dim=1).max()))
+    cameras = fixed_cameras((azimuth,), 18.0, fitting_radius=float(centred.norm(dim=1).max()))
     matrix = cameras.view_proj[0].double()
     clip = centred @ matrix[:, :3].mT + matrix[:, 3]
     ids = rasterize(clip[None].float(), torch.tensor(faces), 2 * side, 2 * side).face_ids[0].numpy()
