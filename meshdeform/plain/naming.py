@@ -176,7 +176,9 @@ def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentenc
     inside = parts.faces(part)
     if inside is None:
         inside = np.asarray(first.weight[body.faces].mean(1) > _INSIDE)
-    if inside.all() or not inside.any() or (part in ("base", "top") and _is_most(body, inside)):
+    if inside.all() or not inside.any():
+        return None
+    if first.found_by == "names" and part in ("base", "top") and _is_most(body, inside):
         return None
     if first.found_by == "joints" and parts.is_of_legs(part, inside):
         return None
