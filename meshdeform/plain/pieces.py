@@ -19,6 +19,8 @@ _SLENDER = 1.5
 """How many times as long as wide a piece is from which its own axis is told by its shape."""
 _HANGS = 0.1
 """Distance of a piece's middle from where it is attached, as a share of its size, from which it hangs there."""
+_ALONG = 0.5
+"""Cosine between that axis and the way from where it hangs, above which the axis counts: a muzzle is also high."""
 _NEARLY = 0.95
 """Cosine from which the axis of a stout piece counts as that of the asset beside it."""
 _AT_AN_END = 0.2
@@ -59,8 +61,10 @@ class Piece:
         middle = own.mean(0)
         sides, spread = np.linalg.svd(own - middle, full_matrices=False)[1:]
         axis = middle - self.pivot
-        slender = sides[0] > _SLENDER * sides[1]
-        if slender or np.linalg.norm(axis) < _HANGS * np.linalg.norm(np.ptp(own, axis=0)):
+        reach = float(np.linalg.norm(axis))
+        hangs = reach >= _HANGS * np.linalg.norm(np.ptp(own, axis=0))
+        slender = sides[0] > _SLENDER * sides[1] and (not hangs or abs(spread[0] @ axis) > _ALONG * reach)
+        if slender or not hangs:
             axis = spread[0] if slender else self._level_axis(own)
         axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
         if not slender and np.abs(axis).max() > _NEARLY:
