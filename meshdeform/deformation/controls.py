@@ -252,14 +252,21 @@ class Level:
         return cls(None, len(centres), [partner.astype(np.int64) for _, partner in matches], structure)
 
     def least(self, of_element: _Floats) -> _Floats:
-        """Return the least of 1 and the values (E,) of the elements that each control reaches, (K,)."""
+        """Return the least of 1 and the values (E,) of the elements that each control reaches, (K,).
+
+        Of a control that reaches none with a tenth of its weight, the greatest: else it would never be held, and a step
+        that is to be taken back in whole would not be.
+        """
         if self._basis is None:
             return of_element
         reached = sparse.coo_matrix(self._basis)
         near = reached.data > _REACHED
         least = np.ones(len(self.controls))
         np.minimum.at(least, reached.col[near], of_element[reached.row[near]])
-        return least
+        weak = np.bincount(reached.col[near], minlength=len(least)) == 0
+        greatest = np.full(len(least), of_element.min())
+        np.maximum.at(greatest, reached.col[reached.data > 0], of_element[reached.row[reached.data > 0]])
+        return np.where(weak, np.minimum(greatest, 1.0), least)
 
     def jacobians(self) -> Tensor:
         """Return the level's part of the Jacobians, (E, 3, 3), differentiable in `controls`."""

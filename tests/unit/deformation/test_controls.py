@@ -178,6 +178,16 @@ def test_what_holds_an_element_holds_every_control_that_reaches_it() -> None:
     assert (coarse < 0.75).mean() > (held < 0.75).mean(), "a control has the least of its elements"
 
 
+def test_all_controls_are_held_if_all_elements_are() -> None:
+    """Also those that reach each element with less than a tenth of their weight, at the corners of the box."""
+    for field in (surface(structure=Structure(planes=(0,))), lattice(structure=Structure())):
+        count = len(field.elements)
+        for rows in field.rows(np.zeros(count)).values():
+            assert not rows.any()
+        for rows in field.rows(np.ones(count)).values():
+            assert (rows == 1).all()
+
+
 def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
     mesh = sled()
     field = LatticeField(mesh, structure=Structure())
