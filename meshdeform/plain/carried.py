@@ -14,12 +14,14 @@ from scipy.spatial import cKDTree
 
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index
 
-__all__ = ["NEAR", "carried_by", "on_ground", "touching"]
+__all__ = ["NEAR", "carried_by", "contacts", "on_ground", "touching"]
 
 NEAR = 0.01
 _ON_GROUND = 0.02
 """Height over the lowest point, as a share of the asset's, up to which something is on the ground."""
 _SAMPLES = 6000
+_CONTACT = 0.02
+"""Distance from samples of a surface, as a share of the diagonal, up to which a vertex is in contact with it."""
 _FEWEST = 1e-3
 """Share of the samples below which a piece is not asked whether it is the largest."""
 
@@ -84,6 +86,20 @@ def _staying(body: Body, node: Index, groups: list[Index], masses: Floats, insid
     sizes = [float(masses[group].sum()) for group in groups]
     largest = int(np.argmax(sizes))
     return {largest} if sizes[largest] > masses[np.unique(node[inside])].sum() else set()
+
+
+def contacts(body: Body, rows: Index, other: Flags) -> Floats:
+    """Return the vertices (N, 3) of a piece that are near the surface of other vertices (V,); else as `touching`."""
+    places, _, faces = body.sampled(_SAMPLES)
+    surface = places[other[body.faces[faces]].all(1)]
+    if len(surface):
+        own = body.points[rows]
+        near = np.asarray(own[cKDTree(surface).query(own)[0] <= _CONTACT * body.diagonal])
+        if len(near):
+            return near
+    inside = np.zeros(len(other), bool)
+    inside[rows] = True
+    return touching(body, inside, other)
 
 
 def touching(body: Body, one: Flags, other: Flags) -> Floats:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.nouns.solids import CARRIED_BY, LAYOUTS, PART_NAMES
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
-from meshdeform.plain.carried import NEAR, carried_by, on_ground, touching
+from meshdeform.plain.carried import NEAR, carried_by, contacts, on_ground, touching
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece
 from meshdeform.plain.vocabulary import PART_OF, singular
 from meshdeform.plain.words import part_and_sides
@@ -48,6 +48,8 @@ _APART = 0.4
 """Distance between places where a piece touches the rest, as a share of its extent, from which it hangs at both."""
 _END = 0.35
 """Extent of such a place, likewise, up to which it is an end: a cushion lies along what it touches."""
+_HARDLY = 0.01
+"""Share of a piece's vertices beside the rest, below which it only touches it."""
 _UNREAD = -2
 
 
@@ -214,6 +216,9 @@ class ReadParts:
         carried = carried_by(body, inside)
         stays = ~inside & ~np.logical_or.reduce([inside, *carried])
         hangs_at = touching(body, inside, stays)
+        if self._is_loose(rows, stays):
+            ends = contacts(body, rows, stays)
+            hangs_at = ends if self._hangs_at_both_ends(rows, ends) else hangs_at
         own = np.where(self._near(inside), share, 0.0)
         weight = self._inner(own, rows, stays, hangs_at) if part != "wheel" else inside.astype(float)
         at = hangs_at.mean(0) if len(hangs_at) else body.points[rows].mean(0)
@@ -222,6 +227,11 @@ class ReadParts:
         elif not stays.any() or on_ground(body, rows):  # what stands grows from the ground
             at[UP] = body.points[rows, UP].min()
         return Piece(body, weight, at, carried=tuple(flags.astype(float) for flags in carried))
+
+    def _is_loose(self, rows: Index, stays: Flags) -> bool:
+        """Return whether a piece only touches the rest, as a handle may: it shares hardly an edge with it."""
+        beside = (self.body.edges @ stays.astype(float)) > 0
+        return bool(beside[rows].mean() < _HARDLY)
 
     def _near(self, inside: Flags) -> Flags:
         """Return a part's vertices (V,) and their neighbours."""
