@@ -43,6 +43,8 @@ def main() -> None:
 
 def _run(asked: argparse.Namespace) -> None:
     """Read the assets whose files are there, print a line for each, and draw them."""
+    # Of the code that was loaded: the files may change while it runs.
+    code = code_digest()
     here, images, results = files(asked.folder), [], {}
     for each in listed(asked.split, asked.only):
         if each.sha256 not in here:
@@ -60,7 +62,7 @@ def _run(asked: argparse.Namespace) -> None:
         images.append(drawn(what.body.points @ each.turn.T, what.body.faces, what.parts, title))
     if images:
         write_sheets(images, asked.sheets)
-        document = {"code": code_digest(), "given": asked.given, "assets": results}
+        document = {"code": code, "given": asked.given, "assets": results}
         (asked.sheets / "found.json").write_text(json.dumps(document, indent=1) + "\n")
         print(_summary(results))
 

@@ -132,6 +132,12 @@ class Body:
         a, b, c = self.corners.transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
+    def flipped(self, points: Floats) -> Flags:
+        """Return which faces (F,) with an area turn over if the vertices are at other places (V, 3)."""
+        a, b, c = points[self.faces].transpose(1, 0, 2)
+        thick = np.linalg.norm(self.crosses, axis=1) > 1e-9 * self.diagonal**2
+        return np.asarray(thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), self.crosses) < 0))
+
     @cached_property
     def edges(self) -> sparse.csr_matrix:
         """Which vertices are neighbours, (V, V) of 0 and 1."""

@@ -335,9 +335,7 @@ def _flipped(body: Body, points: Floats, change: Change) -> Flags:
     """Return which faces (F,) turned over; those of a turning map turn with it."""
     if change.operation in _TURNING:
         return np.zeros(len(body.faces), bool)
-    a, b, c = points[body.faces].transpose(1, 0, 2)
-    thick = np.linalg.norm(body.crosses, axis=1) > 1e-9 * body.diagonal**2
-    return np.asarray(thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), body.crosses) < 0))
+    return body.flipped(points)
 
 
 def _relaxed(body: Body, points: Floats, flipped: Flags, change: Change, junctions: Junctions) -> tuple[Floats, Flags]:

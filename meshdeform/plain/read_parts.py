@@ -107,7 +107,7 @@ class ReadParts:
         return tuple(names[number] for number in np.unique(codes) if number >= 0)
 
     def confidence(self, part: str) -> float | None:
-        """Return the mean probability of a part over its faces; None if nothing but people told of it."""
+        """Return how likely a part is right, as the reading says; None if people told of it, or nothing was read."""
         reading = self.body.reader.reading
         if reading is None or part in self._painted:
             return None

@@ -51,7 +51,8 @@ def wheels(parts: Parts, operation: str, direction: str, factor: float, sides: t
             by[:, UP] += near * (factor - 1) * float(np.ptp(body.points[piece.rows, UP])) / 2
         points += np.where((piece.weight > 0)[:, None], by, 0.0)
         farther = ~others & (np.linalg.norm(by, axis=1) > np.linalg.norm(shift, axis=1))
-        if not _is_loose(body, piece) or not _folds(body, np.where(farther[:, None], by, shift)):
+        wider = body.points + np.where(farther[:, None], by, shift)
+        if not _is_loose(body, piece) or not body.flipped(wider).any():
             shift[farther] = by[farther]
         along = (factor - 1) * (body.points[:, axle] - piece.pivot[axle])
         points[:, axle] += body.smooth(piece.weight, _SMOOTHED) * along
@@ -68,13 +69,6 @@ def _is_loose(body: Body, piece: Piece) -> bool:
     """Return whether a wheel shares no face with the rest, so that the rest may also stay where it is."""
     own = piece.weight > 0
     return bool((np.bincount(body.components, ~own)[body.components[own]] == 0).all())
-
-
-def _folds(body: Body, shift: Floats) -> bool:
-    """Return whether displacements (V, 3) turn a face over."""
-    a, b, c = (body.points + shift)[body.faces].transpose(1, 0, 2)
-    thick = np.linalg.norm(body.crosses, axis=1) > 1e-9 * body.diagonal**2
-    return bool((thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), body.crosses) < 0)).any())
 
 
 def _away_from_axle(body: Body, piece: Piece, factor: float) -> tuple[Floats, Floats]:
