@@ -164,7 +164,12 @@ class Parts:
         return bool(areas[inside & self.read.faces("leg")].sum() > _MOSTLY * areas[inside].sum())
 
     def _overruled(self, word: str, told: Flags) -> bool:
-        """Return whether the reading knows a part well, of which what joints tell, (V,), has little."""
+        """Return whether the reading knows a part well, of which what joints tell, (V,), has little.
+
+        Never if it is not sure of the noun: the head of a bird that is read backwards is its tail.
+        """
+        if not self.read.is_sure:
+            return False
         confidence = self.read.confidence(word) if self.read.has(word) else None
         if confidence is None or confidence < _KNOWN_WELL:
             return False

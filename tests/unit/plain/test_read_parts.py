@@ -19,10 +19,11 @@ from meshdeform.plain.change import Done, apply_changes
 from meshdeform.plain.naming import faces_among, find_parts
 from meshdeform.plain.parts import Parts
 from meshdeform.plain.pieces import PartMissingError
+from meshdeform.plain.reader import Reader
 from meshdeform.plain.words import read_changes
 from tests.cases import each_case
 from tests.unit.plain.reading import body_of
-from tests.unit.plain.shapes import _box, dog, plain_glb
+from tests.unit.plain.shapes import _box, dog, plain_glb, rigged_dog
 from training.shapes import torus
 
 BOXES = join(*dog().values())
@@ -197,3 +198,15 @@ def test_many_loose_pieces_are_groups_where_they_are_near() -> None:
     groups = body.groups(np.ones(len(body.points), bool))
     assert sorted(len(rows) for rows in groups) == [400, 400]
     assert {float(np.sign(body.points[rows, 0].mean() - 1.5)) for rows in groups} == {-1.0, 1.0}
+
+
+@each_case("probability, found_by", [(0.6, "joints"), (1.0, "shapes")])
+def test_joints_are_overruled_by_a_reading_that_is_sure_alone(probability: float, found_by: str) -> None:
+    body = body_of(rigged_dog())
+    reading = body_of(plain_glb(BOXES), "dog").reader.reading
+    assert reading is not None
+    head, tail = PART_NAMES.index("head"), PART_NAMES.index("tail")
+    labels = np.where(faces_of("Tail"), head, np.where(reading.labels == head, tail, reading.labels))
+    known = {**reading.confidence, "head": 0.9}
+    turned = replace(reading, labels=labels, confidence=known, probabilities={"dog": probability})
+    assert Parts(replace(body, reader=Reader(lambda: turned))).head.found_by == found_by
