@@ -5,7 +5,7 @@ intervals of the longest side of the box, in turn, each level starting from the 
 diagonal of the source's box, q goes from 0 to 1 over all rounds, what has two values goes from one to the other as
 a (b / a)^q. A round:
 
-1. 800 samples of the source, with the normals that the cofactors of the nearest of 400 Jacobians give, and 1600 of
+1. 1200 samples of the source, with the normals that the cofactors of the nearest of 400 Jacobians give, and 1200 of
    the goal are paired both ways by (place / D, 0.1 normal, code). A pair of one code counts if its normals have a
    product above 0.1 and its length r is below d; its weight is 1 / sqrt(1 + (2 r / d)^2), twice that on the way back.
    Pairs back to one sample of the source are merged into their mean.
@@ -51,7 +51,9 @@ LEVELS = ((3, 6), (6, 6), (12, 5))
 LIMITS = (0.5, 0.2)
 """Greatest length of a pair in the first and in the last round, a share of the diagonal."""
 
-_SAMPLES, _GOAL_SAMPLES, _JACOBIANS = 800, 1600, 400
+_SAMPLES, _JACOBIANS = 1200, 400
+_SEED = 0
+"""Of the samples of both surfaces, so that equal ones have equal samples and nothing moves."""
 _NORMAL, _COSINE = 0.1, 0.1
 _APART = 4.0
 """Distance between codes among the features: more than any places have."""
@@ -151,10 +153,10 @@ class _Goal:
             self.places, self.normals = np.zeros((0, 3)), np.zeros((0, 3))
             self.codes, self.reach, self.middle = np.zeros(0, np.int64), np.zeros(0), np.zeros(3)
             return
-        samples = spread(verts, faces, _GOAL_SAMPLES, 1)
+        samples = spread(verts, faces, _SAMPLES, _SEED)
         self.places, self.normals = samples.places, samples.normals
         self.codes = codes[samples.faces]
-        self.reach = np.ones(_GOAL_SAMPLES) if reach is None else reach[samples.faces]
+        self.reach = np.ones(_SAMPLES) if reach is None else reach[samples.faces]
         used = verts[np.unique(faces)]
         self.middle = (used.min(0) + used.max(0)) / 2
 
@@ -288,7 +290,7 @@ class _Fit:
         margin = _MARGIN * float((high - low).max())
         self._low, self._high, self._planes, self._built = low - margin, high + margin, planes, built
         self._diagonal = max(float(np.linalg.norm(high - low)), _TINY)
-        samples = spread(verts, faces, _SAMPLES, 0)
+        samples = spread(verts, faces, _SAMPLES, _SEED)
         self._rest, self._rest_normals = samples.places, samples.normals
         self._codes = codes[samples.faces]
         self._chosen = np.random.default_rng(5).permutation(_SAMPLES)[:_JACOBIANS]
