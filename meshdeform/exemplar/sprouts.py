@@ -1,0 +1,230 @@
+"""Where parts that a surface lacks sprout from it, and how their patches come to lie on them.
+
+A limb is what is seen of a part of the goal: its root is where it leaves the others, and each of its places has a
+height t, the distance from the root over the surface relative to the greatest, and an angle about its middle line, in
+a frame that turns with the line as little as it can. Its patch is a disc of the surface about the root's place. The
+two are laid on each other so that areas keep their ratio: a vertex inside whose distance r from the middle lies the
+share s of the patch goes to the height beyond which lies the share s of the limb, at its own angle about the axis. So
+two ears get two patches with a strip of head between them, and nothing is pulled out that would web them.
+
+A patch has the share of its carrier's area that the limb has of the goal's, but is no smaller than the root and
+leaves more than a quarter of the way between two roots free.
+
+Sources: Sheffer, Praun and Rose 2006, Mesh parameterization methods and their applications (area-preserving maps
+between discs); Wang et al. 2008, Computation of rotation minimizing frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.spatial import cKDTree
+
+from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.reading.samples import Samples
+
+__all__ = ["Ground", "Limb", "Sprout", "limb_of", "sprouted"]
+
+_NEIGHBOURS = 8
+_AT_ROOT, _FEWEST = 0.06, 30
+_BINS = 10
+_FREE = 0.36
+"""Share of the way to the next root that a patch may cover."""
+_LARGEST = 0.14
+"""Greatest radius of a patch, unless the root is larger."""
+_FACING = 0.1
+"""Least cosine between the normal where a limb grows and the direction in which it does."""
+_TURN = 0.6
+"""Weight of angles beside heights where the nearest places of a limb are looked up."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """What is seen of a part of the goal.
+
+    `places` (N, 3); `heights` (N,) from 0 at the root to 1; `turns` (N, 2): cosine and sine of the angle
+    about the middle line. `root` (3,), `axis` (3,) unit: where and in which direction it leaves; `across` (2, 3): the
+    directions of the angle 0 and of a right angle, there. `radius`: of the root. `area`: of all that is seen.
+    """
+
+    places: Floats
+    heights: Floats
+    turns: Floats
+    root: Floats
+    axis: Floats
+    across: Floats
+    radius: float
+    area: float
+
+    def at(self, heights: Floats, turns: Floats) -> Floats:
+        """Return places (P, 3) at heights (P,) and angles (P, 2)."""
+
+        def key(height: Floats, turn: Floats) -> Floats:
+            return np.column_stack([height, _TURN * turn])
+
+        far, near = cKDTree(key(self.heights, self.turns)).query(key(heights, turns), k=4)
+        weights = 1 / (far + 1e-3) ** 2
+        weights /= weights.sum(1, keepdims=True)
+        return np.asarray(np.einsum("pk,pkj->pj", weights, self.places[near]))
+
+
+def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> Limb | None:
+    """Return the limb of the samples `own` (N,) of a goal; None if too little of it is seen.
+
+    `inside` (N,): samples that lie within another part; `area` of each sample.
+    """
+    seen = np.flatnonzero(own & ~inside)
+    if len(seen) < _FEWEST:
+        return None
+    places = samples.places[seen]
+    anchor = _anchors(samples, own, inside)
+    to_anchor = cKDTree(anchor).query(places)[0]
+    at_root = np.argsort(to_anchor, kind="stable")[: max(6, int(_AT_ROOT * len(seen)))]
+    heights = _distances(places, at_root)
+    heights /= max(float(heights.max()), 1e-9)
+    root = places[at_root].mean(0)
+    centres, axes = _middle_line(places, heights, root)
+    turns, across = _turns(places, heights, centres, axes)
+    radius = float(np.linalg.norm(places[at_root] - root, axis=1).mean())
+    return Limb(places, heights, turns, root, axes[0], across, radius, area * len(seen))
+
+
+def _anchors(samples: Samples, own: Flags, inside: Flags) -> Floats:
+    """Return the places at which a part hangs: what of it lies within others, or what of others is nearest."""
+    hidden = own & inside
+    if hidden.sum() >= 3:
+        return samples.places[hidden]
+    others = samples.places[~own & ~inside]
+    near = np.argsort(cKDTree(samples.places[own]).query(others)[0], kind="stable")[:6]
+    return np.asarray(others[near])
+
+
+def _distances(places: Floats, start: Index) -> Floats:
+    """Return the distances (N,) of places from some of them, over the nearest neighbours of each."""
+    far, near = cKDTree(places).query(places, k=min(_NEIGHBOURS + 1, len(places)))
+    rows = np.repeat(np.arange(len(places)), near.shape[1] - 1)
+    graph = sparse.csr_matrix((far[:, 1:].ravel() + 1e-9, (rows, near[:, 1:].ravel())), (len(places),) * 2)
+    found = csgraph.dijkstra(graph, directed=False, indices=start, min_only=True)
+    known = np.isfinite(found)
+    # Islands of samples count by their distance in space.
+    islands = cKDTree(places[known]).query(places[~known])
+    found[~known] = found[known][islands[1]] + islands[0]
+    return np.asarray(found)
+
+
+def _middle_line(places: Floats, heights: Floats, root: Floats) -> tuple[Floats, Floats]:
+    """Return the centres (B, 3) of slices of a limb by height, from the root on, and the line's directions there."""
+    edges = np.quantile(heights, np.linspace(0, 1, _BINS + 1))
+    slices = np.clip(np.searchsorted(edges, heights, side="right") - 1, 0, _BINS - 1)
+    count = np.maximum(np.bincount(slices, minlength=_BINS), 1)
+    centres = np.stack([np.bincount(slices, places[:, axis], _BINS) for axis in range(3)], 1) / count[:, None]
+    line = np.concatenate([root[None], centres])
+    for _ in range(2):
+        line[1:-1] = 0.25 * line[:-2] + 0.5 * line[1:-1] + 0.25 * line[2:]
+    ahead = np.gradient(line, axis=0)
+    return line, ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
+
+
+def _turns(places: Floats, heights: Floats, centres: Floats, axes: Floats) -> tuple[Floats, Floats]:
+    """Return cosine and sine (N, 2) of the places' angles about the line, and the frame (2, 3) at its start."""
+    first = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
+    frames = [np.stack([first, np.cross(axes[0], first)]) / np.linalg.norm(first)]
+    for before, after in pairwise(axes):
+        frames.append(frames[-1] @ _least_turn(before, after).T)
+    middles = np.concatenate([[0.0], np.quantile(heights, (np.arange(len(centres) - 1) + 0.5) / (len(centres) - 1))])
+    at = np.interp(heights, middles, np.arange(len(centres)))
+    below = np.minimum(at.astype(np.int64), len(centres) - 2)
+    share = (at - below)[:, None]
+    offset = places - ((1 - share) * centres[below] + share * centres[below + 1])
+    nearest = np.stack(frames)[np.minimum(np.rint(at).astype(np.int64), len(centres) - 1)]
+    turned = np.einsum("nkj,nj->nk", nearest, offset)
+    return turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12), frames[0]
+
+
+def _least_turn(one: Floats, two: Floats) -> Floats:
+    """Return the least rotation (3, 3) that takes a unit vector to another."""
+    across, cosine = np.cross(one, two), float(one @ two)
+    cross = np.array([[0, -across[2], across[1]], [across[2], 0, -across[0]], [-across[1], across[0], 0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / max(1 + cosine, 1e-6))
+
+
+@dataclass(frozen=True)
+class Sprout:
+    """The patch of a limb: its vertices (P,) int64, and where they start (P, 3)."""
+
+    verts: Index
+    start: Floats
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The surface on which limbs grow: vertices (V, 3), unit normals, areas (V,) about them, edges (E, 2)."""
+
+    verts: Floats
+    normals: Floats
+    areas: Floats
+    edges: Index
+
+    @classmethod
+    def of(cls, verts: Floats, faces: Index) -> Ground:
+        """Return the ground that faces (F, 3) make."""
+        a, b, c = verts[faces].transpose(1, 0, 2)
+        doubled = np.cross(b - a, c - a)
+        normals, areas = np.zeros_like(verts), np.zeros(len(verts))
+        for corner in range(3):
+            np.add.at(normals, faces[:, corner], doubled)
+            np.add.at(areas, faces[:, corner], np.linalg.norm(doubled, axis=1) / 6)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1)
+        return cls(verts, normals, areas, np.unique(edges, axis=0))
+
+
+def sprouted(limb: Limb, ground: Ground, carrier: Index, share: float, room: float) -> Sprout | None:
+    """Lay the patch of a limb on it; None where the carrier has no place for it.
+
+    Parameters
+    ----------
+    carrier : array (C,) int64
+        Vertices of the part on which the limb grows.
+    share : float
+        Area of the patch relative to that of the carrier.
+    room : float
+        Distance from the root to the next one.
+    """
+    verts = ground.verts
+    facing = carrier[ground.normals[carrier] @ limb.axis > _FACING]
+    if not len(facing):
+        return None
+    middle = int(facing[np.linalg.norm(verts[facing] - limb.root, axis=1).argmin()])
+    normal = ground.normals[middle]
+    shift = normal * float((verts[middle] - limb.root) @ normal)
+    centre = limb.root + shift
+    distance = np.linalg.norm(verts[carrier] - centre, axis=1)
+    order = np.argsort(distance, kind="stable")
+    covered = np.cumsum(ground.areas[carrier][order])
+    wanted = float(distance[order][min(int(np.searchsorted(covered, share * covered[-1])), len(order) - 1)])
+    radius = min(max(min(wanted, _LARGEST), limb.radius), _FREE * room)
+    patch = _piece(carrier[distance < radius], middle, ground.edges, len(verts))
+    apart = verts[patch] - centre
+    order = np.argsort(np.linalg.norm(apart, axis=1), kind="stable")
+    beyond = np.empty(len(patch))
+    whole = np.cumsum(ground.areas[patch][order])
+    beyond[order] = (whole - ground.areas[patch][order]) / max(float(whole[-1]), 1e-30)
+    turned = apart @ limb.across.T
+    turns = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
+    return Sprout(patch, limb.at(np.quantile(limb.heights, 1 - beyond), turns) + shift)
+
+
+def _piece(patch: Index, middle: int, edges: Index, count: int) -> Index:
+    """Return the vertices of a patch that hang together with its middle one."""
+    within = np.zeros(count, bool)
+    within[patch] = True
+    within[middle] = True
+    links = edges[within[edges].all(1)]
+    graph = sparse.csr_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), (count, count))
+    piece = csgraph.connected_components(graph, directed=False)[1]
+    return np.flatnonzero(within & (piece == piece[middle]))
