@@ -22,7 +22,7 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
-from meshdeform.geometry.mesh import area_vectors
+from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.places import SurfaceTree, even_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.collapse import base_of

@@ -48,6 +48,9 @@ _LISTED, _LISTED_OF_FACE = 1_000_000, 10
 _BOXES_OF_TEST = 250
 """Comparisons of two boxes that take as long as the test of a pair."""
 
+_TOUCHING = 1e-6
+"""Distance, as a share of the bounding box's diagonal, up to which faces touch at rest."""
+
 _Flags = NDArray[np.bool_]
 
 
@@ -378,3 +381,21 @@ def touching_pairs(verts: _Floats, faces: _Index, reach: _Floats) -> _Index:
     Raises TooManyPairsError.
     """
     return _pairs(verts, faces, reach)
+
+
+def newly_cutting_pairs(rest: _Floats, verts: _Floats, faces: _Index) -> _Index:
+    """Find the pairs of faces that cut each other and at rest neither did nor touched.
+
+    `rest` and `verts` are (V, 3) float64; `faces` is (F, 3) int64. Returns (P, 2) int64: each pair once, smaller index
+    first, in ascending order. Raises TooManyPairsError.
+
+    Faces that touch without cutting cut each other, by rounding, as soon as they are turned.
+    """
+    pairs = cutting_pairs(verts, faces)
+    if not len(pairs):
+        return pairs
+    cutting = np.unique(pairs)
+    reach = _TOUCHING * float(np.linalg.norm(np.ptp(rest, axis=0)))
+    touching = cutting[touching_pairs(rest, faces[cutting], np.full(len(cutting), reach))]
+    keys, known = (pair[:, 0] * len(faces) + pair[:, 1] for pair in (pairs, touching))
+    return np.asarray(pairs[~np.isin(keys, known)])

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import RestMesh, area_vectors
+from meshdeform.geometry.mesh import RestMesh
 
 _BLOCK = 1_000_000
 """Points of a block, but for a face that has more by itself."""

@@ -44,24 +44,15 @@ from scipy.spatial import cKDTree
 
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
+from meshdeform.geometry.folds import FaceNeighbours, longest_squared, without_rounding
+from meshdeform.geometry.intersections import TooManyPairsError, intersecting_faces, newly_cutting_pairs
 from meshdeform.geometry.junctions import opened
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh, area_vectors
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
 _COLLAPSED_SHARE = 1e-6
-
-_UNMOVED = 1e-7
-"""Displacement, as a share of the bounding box's diagonal, that counts as none: about what 32-bit floats resolve.
-Rounding would otherwise flip needles and make sheets that touch cut each other."""
-
-_TOUCHING = 1e-6
-"""Distance, as a share of the bounding box's diagonal, up to which faces touch."""
-
-_ROUNDING = 1e-15
-"""Of the largest coordinate: what entering and leaving another frame may change."""
 
 _RESIZED = 1.5
 """Factor by which lengths in a face may differ from the overall scale before the face counts as reshaped. Furniture and
@@ -163,19 +154,19 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     unmoved, so that a result equal to its source has no flipped face and no added self-intersection.
     """
     diagonal_sq = float((np.ptp(rest_verts, axis=0) ** 2).sum()) if len(rest_verts) else 0.0
-    verts = _without_rounding(rest_verts, verts, diagonal_sq**0.5)
+    verts = without_rounding(rest_verts, verts)
     area_old, area_new = _areas(rest_verts[faces]), _areas(verts[faces])
-    solid = area_old > COLLAPSED_SHAPE * _longest_sq(rest_verts, faces)
+    solid = area_old > COLLAPSED_SHAPE * longest_squared(rest_verts, faces)
     f, a, b = faces[solid], area_old[solid], area_new[solid]
     scale = float(b.sum() / a.sum()) if len(a) else 1.0
-    collapsed = (b <= _COLLAPSED_SHARE * scale * a) | (b <= COLLAPSED_SHAPE * _longest_sq(verts, f))
+    collapsed = (b <= _COLLAPSED_SHARE * scale * a) | (b <= COLLAPSED_SHAPE * longest_squared(verts, f))
     total, product = _squared_stretches(rest_verts, verts, f[~collapsed], scale or 1.0)
     energy = (total + total / product) / 4
     weights = a[~collapsed]
     volume = _volume(rest_verts, faces)
     ratio = np.log(np.maximum(b, 1e-300) / a)[~collapsed]
     folded = FaceNeighbours(f, rest_verts).folded(verts)
-    cuts_before, cuts_after, cuts_added = _self_intersections(rest_verts, verts, faces, diagonal_sq**0.5)
+    cuts_before, cuts_after, cuts_added = _self_intersections(rest_verts, verts, faces)
     return MeshQuality(
         flipped_faces=int((folded & ~collapsed).sum()),
         collapsed_faces=int(collapsed.sum()),
@@ -194,42 +185,18 @@ def measure(rest_verts: _Floats, faces: _Faces, verts: _Floats) -> MeshQuality:
     )
 
 
-def _without_rounding(rest: _Floats, verts: _Floats, diagonal: float) -> _Floats:
-    """Return the positions with those of vertices that hardly moved replaced by their rest positions."""
-    limit = _UNMOVED * diagonal + _ROUNDING * float(np.abs(rest).max(initial=0.0))
-    still = np.linalg.norm(verts - rest, axis=1) <= limit
-    return np.where(still[:, None], rest, verts)
-
-
-def _self_intersections(
-    rest: _Floats, verts: _Floats, faces: _Faces, diagonal: float
-) -> tuple[int, int, int] | tuple[None, None, None]:
+def _self_intersections(rest: _Floats, verts: _Floats, faces: _Faces) -> tuple[int, int, int] | tuple[None, None, None]:
     """Count the faces that cut another before, those after, and the added ones; None if too many pairs meet."""
     try:
         before, after = int(intersecting_faces(rest, faces).sum()), int(intersecting_faces(verts, faces).sum())
-        return before, after, _added(rest, verts, faces, diagonal) if after else 0
+        return before, after, len(np.unique(newly_cutting_pairs(rest, verts, faces))) if after else 0
     except TooManyPairsError:
         return None, None, None
-
-
-def _added(rest: _Floats, verts: _Floats, faces: _Faces, diagonal: float) -> int:
-    """Count the faces in pairs that cut each other now, and at rest neither did nor touched."""
-    pairs = cutting_pairs(verts, faces)
-    cutting = np.unique(pairs)
-    touching = cutting[touching_pairs(rest, faces[cutting], np.full(len(cutting), _TOUCHING * diagonal))]
-    keys, known = (pair[:, 0] * len(faces) + pair[:, 1] for pair in (pairs, touching))
-    return len(np.unique(pairs[~np.isin(keys, known)]))
 
 
 def _cross(verts: _Floats, faces: _Faces) -> _Floats:
     a, b, c = verts[faces[:, 0]], verts[faces[:, 1]], verts[faces[:, 2]]
     return np.cross(b - a, c - a)
-
-
-def _longest_sq(verts: _Floats, faces: _Faces) -> _Floats:
-    """Return the squared length (F,) of each face's longest edge."""
-    corners = verts[faces]
-    return np.asarray(((corners - corners[:, [1, 2, 0]]) ** 2).sum(2).max(1, initial=0.0))
 
 
 def _volume(verts: _Floats, faces: _Faces) -> float:
@@ -270,64 +237,6 @@ def _kept_area(total: _Floats, growth: _Floats, areas: _Floats) -> float:
     largest = (total + np.sqrt(np.maximum(total**2 - 4 * growth**2, 0.0))) / 2
     kept = (largest <= _RESIZED**2 * middle) & (growth**2 / largest >= middle / _RESIZED**2)
     return float(areas[kept].sum())
-
-
-class FaceNeighbours:
-    """Neighbours of each face and their relative winding, to detect folds in any shape of the same faces.
-
-    A face is folded if its area vector points against the sum of its neighbours' and, where the shape at rest is given,
-    if the creases to them were bent by more than a right angle since::
-
-        sum_g A_f . A_g < 0    and    sum_g |A_f| |A_g| cos(theta_fg - theta_fg at rest) < 0
-
-    with the dihedral angle theta_fg, 0 where two faces are in one plane. The second sum makes bending a crease of the
-    asset a little further no fold: a narrow strip beside a large face points against it once their crease has 91
-    degrees. At rest nothing is folded.
-
-    Neighbours are two faces at an edge of no other face. Faces of the same three vertices count as one face, whatever
-    their winding, and neighbours may have inconsistent winding: folds do not depend on orientation, so a Moebius strip,
-    a double-sided sheet and inconsistent winding have none at rest. `faces` is (F, 3) int64. `rest`, (V, 3) float64:
-    the shape whose creases are no folds; without it, a surface that is smooth there.
-    """
-
-    def __init__(self, faces: _Faces, rest: _Floats | None = None) -> None:
-        ordered, self._same = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
-        self._faces = ordered
-        count, n = len(ordered), int(faces.max(initial=0)) + 1
-        # With corners a < b < c, the edges a b and b c run upwards and c a downwards.
-        key = np.concatenate([ordered[:, i] * n + ordered[:, j] for i, j in ((0, 1), (1, 2), (0, 2))])
-        owner, upward = np.tile(np.arange(count), 3), np.repeat([True, True, False], count)
-        order = np.argsort(key, kind="stable")
-        _, first, counts = np.unique(key[order], return_index=True, return_counts=True)
-        f, g = order[first[counts == 2]], order[first[counts == 2] + 1]
-        sign = np.where(upward[f] == upward[g], -1.0, 1.0)
-        self._rows, self._columns = np.concatenate([owner[f], owner[g]]), np.concatenate([owner[g], owner[f]])
-        self._sign, self._edges = np.tile(sign, 2), np.tile(np.stack(np.divmod(key[f], n), 1), (2, 1))
-        self._signs = sparse.csr_matrix((self._sign, (self._rows, self._columns)), shape=(count, count))
-        self._rest = None if rest is None else np.ascontiguousarray(rest)
-
-    def folded(self, verts: _Floats) -> NDArray[np.bool_]:
-        """Find the folded faces (F,)."""
-        cross = area_vectors(np.ascontiguousarray(verts), self._faces)
-        against = ((self._signs @ cross) * cross).sum(1) < 0
-        if self._rest is not None and against.any():
-            beside = np.flatnonzero(against[self._rows])
-            face = self._rows[beside]
-            cosine, sine = self._dihedral(self._rest, area_vectors(self._rest, self._faces), beside).T
-            length = np.hypot(cosine, sine)
-            cosine, sine = np.where(length > 0, cosine, 1.0), np.where(length > 0, sine, 0.0)
-            now = self._dihedral(verts, cross, beside)
-            bent = (now[:, 0] * cosine + now[:, 1] * sine) / np.where(length > 0, length, 1.0)
-            against &= np.bincount(face, bent, len(against)) < 0
-        return np.asarray(against[self._same.reshape(-1)])
-
-    def _dihedral(self, verts: _Floats, cross: _Floats, pairs: NDArray[np.int64]) -> _Floats:
-        """Return the cosine and the sine (P, 2) of the angles between faces, times the areas of both."""
-        own, other = cross[self._rows[pairs]], self._sign[pairs, None] * cross[self._columns[pairs]]
-        ends = verts[self._edges[pairs]]
-        along = ends[:, 1] - ends[:, 0]
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-        return np.stack([(own * other).sum(1), (own * np.cross(along, other)).sum(1)], 1)
 
 
 _STRONG = 2.0

@@ -55,8 +55,9 @@ from torch.nn import functional
 from meshdeform.errors import ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
+from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import area_vectors, edges_of, through_normals
+from meshdeform.geometry.mesh import edges_of, through_normals
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import CameraRange, Cameras, fixed_cameras, sample_orthogonal_cameras

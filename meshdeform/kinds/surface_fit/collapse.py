@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError
 from meshdeform.geometry.edge_splits import split_triangles, unique_edges
+from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import area_vectors
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh
 from meshdeform.kinds.surface_fit.gluing import glue
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from meshdeform.geometry.mesh import area_vectors
+from meshdeform.geometry.folds import area_vectors
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh
 from meshdeform.kinds.surface_fit.collapse import collapsed
 from meshdeform.kinds.surface_fit.gluing import glue, topology

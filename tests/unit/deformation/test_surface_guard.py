@@ -9,9 +9,9 @@ from meshdeform.deformation import surface_guard
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Adam
+from meshdeform.geometry.folds import FaceNeighbours
 from meshdeform.geometry.intersections import intersecting_faces
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.quality import FaceNeighbours
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.target import TargetGuidance

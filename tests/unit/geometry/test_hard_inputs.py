@@ -17,9 +17,9 @@ from meshdeform.assets import load_asset
 from meshdeform.deformation import surface_guard
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Adam, JacobianField, Variables, placed
+from meshdeform.geometry.folds import FaceNeighbours
 from meshdeform.geometry.intersections import cutting_pairs
 from meshdeform.geometry.mesh import TriangleMesh, connected_components
-from meshdeform.geometry.quality import FaceNeighbours
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.document import Safeguard
