@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from meshdeform.nouns.families.animals import Body, at
-from meshdeform.nouns.families.parts import Part, ellipsoid, join, limb, moved, normalised, pair, plate, turned
+from meshdeform.nouns.families.parts import Part, ellipsoid, join, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 from meshdeform.nouns.labels import LabelledMember, labelled_member, labelled_solids, solids_of
 from meshdeform.nouns.solids import LAYOUTS, Piece
 from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.priors.builtin.teaching.deformed import deformed
 
-__all__ = ["FORMS", "GENERAL", "drawn"]
+__all__ = ["FORMS", "GENERAL", "drawn", "own_forms"]
 
 
 def quadruped(rng: Rng, _: Traits) -> Part:
@@ -140,10 +141,25 @@ GENERAL = frozenset(("quadruped", "standing-bird", "great-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""
 
 
+_TRAITS = {"standing-bear": ("ears", "head", "legs")}
+"""The parts whose size a form can set."""
+_ALSO = {"bird": ("standing-bird",), "cat": ("great-cat",)}
+"""General forms that look like a noun nevertheless."""
+
+
+def own_forms(noun: str, attributes: Iterable[Attribute]) -> tuple[str, ...]:
+    """Return the family and the forms whose members look like a noun and can have the attributes."""
+    parts = {attribute.part for attribute in attributes} - {"whole"}
+    own = [form for form in FORMS[noun] if form in _DRAWN and form not in GENERAL]
+    able = [form for form in (*own, *_ALSO.get(noun, ())) if parts <= set(_TRAITS.get(form, ()))]
+    return (noun, *able)
+
+
 def drawn(form: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> LabelledMember:
     """Draw a labelled member of a family or a form; a form without parts of an attribute's name leaves it out."""
     if form not in _DRAWN:
         return labelled_member(form, attributes, rng)
     draw, names = _DRAWN[form]
-    shape = normalised(draw(rng, Traits(attributes)))
+    wanted = tuple(attributes)
+    shape = deformed(draw(rng, Traits(wanted)), wanted, rng)
     return labelled_solids(form, shape, [(Piece(0, name),) for name in names.split()], solids_of(shape))

@@ -1,8 +1,12 @@
 """Keep samples of the members of a noun: drawing them takes up to a second and a half, reading them from a file 10 ms.
 
-The number of a draw decides all of a member: its form, whether it has random attributes of parts (every other one),
-and its pose (two of three of those that can stand otherwise). A file has the name of its noun and of the version of
-the code that drew it; it is written aside and renamed, and one that is damaged is drawn anew.
+The number of a draw decides all of a member. What assets are read by shall be of all kinds: the number decides the
+form, whether there are random attributes of parts (every other one), and the pose (two of three of those that can
+stand otherwise). What has given attributes, which may be none, has exactly these; it is of a form that no other noun
+has, and is drawn in all poses in turn.
+
+A file has the name of its noun, of its attributes and of the version of the code that drew it; it is written aside and
+renamed, and one that is damaged is drawn anew. Of those with attributes, the newest `_MOST_FILES` are kept.
 """
 
 from __future__ import annotations
@@ -17,8 +21,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.nouns.forms import FORMS, GENERAL, drawn
-from meshdeform.nouns.labels import LabelledMember
+from meshdeform.nouns.forms import FORMS, GENERAL, drawn, own_forms
+from meshdeform.nouns.labels import Floats, LabelledMember
+from meshdeform.nouns.limbs import limb_codes
 from meshdeform.nouns.poses import POSES, posed
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
@@ -26,13 +31,21 @@ from meshdeform.reading.samples import spread
 from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.support.files import write_files
 
-__all__ = ["MEMBERS", "SAMPLES", "Bank", "bank_of", "candidate_member", "is_general", "prepare"]
+__all__ = ["MEMBERS", "SAMPLES", "Bank", "bank_of", "candidate_member", "form_of", "is_general", "pose_of", "prepare"]
 
 MEMBERS, SAMPLES = 110, 700
+_WISHED, _WISHED_WITH_ATTRIBUTES = 128, 64
+"""Members that have given attributes: of none, and of any, which few ask for again."""
 _IN_MEMORY = 24
+_MOST_FILES = 64
+_LIKENESS = ("walking", "turned")
+"""Poses that go with others."""
 _log = logging.getLogger(__name__)
 
 Singles = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Attributes = tuple[Attribute, ...] | None
+"""Those that members are to have; None where they have random ones."""
 
 
 @dataclass(frozen=True)
@@ -40,21 +53,43 @@ class Bank:
     """Samples of all M members of a noun, of N places each.
 
     `places` and `normals` (M, N, 3) float32, of the precision of float16 so that a file changes nothing; boxes `low`
-    and `high` (M, 3) float32.
+    and `high` (M, 3) float32. `labels` and `limbs` (M, N) uint8: the part and the limb (`nouns.limbs`) of each place.
     """
 
     places: Singles
     normals: Singles
     low: Singles
     high: Singles
+    labels: Bytes
+    limbs: Bytes
+
+    def __len__(self) -> int:
+        return len(self.places)
 
 
-_SHAPES = {"places": (MEMBERS, SAMPLES, 3), "normals": (MEMBERS, SAMPLES, 3), "low": (MEMBERS, 3), "high": (MEMBERS, 3)}
+_SHAPES = {"places": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,)}
+_SHAPES["limbs"] = _SHAPES["labels"]
+_SMALL = ("labels", "limbs")
 
 
-def form_of(noun: str, number: int) -> str:
+def members_of(attributes: Attributes) -> int:
+    """Return how many members a bank has."""
+    if attributes is None:
+        return MEMBERS
+    return _WISHED_WITH_ATTRIBUTES if attributes else _WISHED
+
+
+def form_of(noun: str, number: int, attributes: Attributes = None) -> str:
     """Return the family or the form of the member of a number."""
-    return FORMS[noun][number % len(FORMS[noun])]
+    forms = FORMS[noun] if attributes is None else own_forms(noun, attributes)
+    return forms[number % len(forms)]
+
+
+def pose_of(noun: str, number: int, attributes: tuple[Attribute, ...]) -> str:
+    """Return the pose of the member of a number that has given attributes; empty if it is that of its family."""
+    forms = own_forms(noun, attributes)
+    others = [pose for pose in POSES.get(forms[number % len(forms)], ()) if pose not in _LIKENESS]
+    return ["", *others][number // len(forms) % (1 + len(others))]
 
 
 def is_general(noun: str, number: int) -> bool:
@@ -62,34 +97,38 @@ def is_general(noun: str, number: int) -> bool:
     return form_of(noun, number) in GENERAL
 
 
-def candidate_member(noun: str, number: int) -> LabelledMember:
-    """Draw the member of a number, with attributes and a pose of its own."""
-    form, seed = form_of(noun, number), number // len(FORMS[noun]) + 1
+def candidate_member(noun: str, number: int, attributes: Attributes = None) -> LabelledMember:
+    """Draw the member of a number, with a pose of its own; without given attributes, with some of its own."""
+    form, seed = form_of(noun, number, attributes), number // len(FORMS[noun]) + 1
+    if attributes is not None:
+        member = drawn(form, attributes, np.random.default_rng([number, 72]))
+        pose = pose_of(noun, number, attributes)
+        return posed(member, pose, np.random.default_rng([number, 73])) if pose else member
     rng = np.random.default_rng([seed, 71])
-    attributes = []
+    random = []
     if seed % 2:
-        attributes = [
+        random = [
             Attribute(part, PARTS[part][int(rng.integers(2))]) for part in NOUNS.get(form, ()) if rng.random() < 0.5
         ]
-    member = drawn(form, attributes, rng)
+    member = drawn(form, random, rng)
     poses = POSES.get(form, ())
     if seed % 3 == 0:
-        for pose in ("walking", "turned"):
+        for pose in _LIKENESS:
             member = posed(member, pose, rng) if pose in poses else member
-    others = [pose for pose in poses if pose not in ("walking", "turned")]
+    others = [pose for pose in poses if pose not in _LIKENESS]
     if seed % 3 == 1 and others:
         member = posed(member, others[int(rng.integers(len(others)))], rng)
     return member
 
 
 @lru_cache(maxsize=_IN_MEMORY)
-def bank_of(noun: str, folder: Path | None = None) -> Bank:
+def bank_of(noun: str, folder: Path | None = None, attributes: Attributes = None) -> Bank:
     """Return the samples of a noun's members: of a file in the folder, or drawn and then written there."""
-    path = None if folder is None else folder / f"{noun}-{MEMBERS_VERSION}.npz"
-    kept = None if path is None else _kept(path)
+    path = None if folder is None else folder / f"{_name(noun, attributes)}-{MEMBERS_VERSION}.npz"
+    kept = None if path is None else _kept(path, members_of(attributes))
     if kept is not None:
         return kept
-    bank = _drawn(noun)
+    bank = _drawn(noun, attributes)
     if path is not None:
         _keep(bank, path)
     return bank
@@ -100,17 +139,40 @@ def prepare(noun: str, folder: Path | None = None) -> None:
     bank_of(noun, folder)
 
 
-def _drawn(noun: str) -> Bank:
-    members = [candidate_member(noun, number) for number in range(MEMBERS)]
+def _name(noun: str, attributes: Attributes) -> str:
+    """Return the name of the bank of a noun with attributes: `dog`, `dog+`, `dog+long_tail`; without hyphens."""
+    if attributes is None:
+        return noun
+    return f"{noun}+" + "+".join(sorted(f"{each.degree}_{each.part}" for each in attributes))
+
+
+def _drawn(noun: str, attributes: Attributes) -> Bank:
+    members = [candidate_member(noun, number, attributes) for number in range(members_of(attributes))]
     samples = [spread(member.verts, member.faces, SAMPLES, 2) for member in members]
     mixed = np.random.default_rng(5).permutation(SAMPLES)  # so that the first few are spread as all are
     places = np.stack([one.places[mixed] for one in samples])
     normals = np.stack([one.normals[mixed] for one in samples])
     low, high = (np.stack([bound(member.verts, axis=0) for member in members]) for bound in (np.min, np.max))
-    return Bank(*(array.astype(np.float16).astype(np.float32) for array in (places, normals, low, high)))
+    labels, limbs = (
+        np.stack([of_faces(member)[one.faces[mixed]] for member, one in zip(members, samples, strict=True)])
+        for of_faces in (lambda member: member.labels, limb_codes)
+    )
+    return Bank(
+        _single(places),
+        _single(normals),
+        _single(low),
+        _single(high),
+        labels=labels.astype(np.uint8),
+        limbs=limbs.astype(np.uint8),
+    )
 
 
-def _kept(path: Path) -> Bank | None:
+def _single(array: Floats) -> Singles:
+    """Return numbers in the precision of float16."""
+    return array.astype(np.float16).astype(np.float32)
+
+
+def _kept(path: Path, members: int) -> Bank | None:
     """Return the bank of a file; None if there is none, or it is damaged."""
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
@@ -120,21 +182,26 @@ def _kept(path: Path) -> Bank | None:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
         _log.warning("%s is damaged: it is drawn anew", path.name)
         return None
-    if any(array.shape != _SHAPES[name] or array.dtype != np.float16 for name, array in arrays.items()):
+    dtypes = {name: np.uint8 if name in _SMALL else np.float16 for name in arrays}
+    if any(array.shape != (members, *_SHAPES[name]) or array.dtype != dtypes[name] for name, array in arrays.items()):
         _log.warning("%s is damaged: it is drawn anew", path.name)
         return None
-    return Bank(**{name: array.astype(np.float32) for name, array in arrays.items()})
+    return Bank(**{name: array if name in _SMALL else array.astype(np.float32) for name, array in arrays.items()})
 
 
 def _keep(bank: Bank, path: Path) -> None:
-    """Write a bank, and remove those of other versions; without room or leave to write, the noun is drawn again."""
+    """Write a bank, and remove what is of other versions or too much; without room or leave, it is drawn again."""
     packed = io.BytesIO()
-    np.savez(packed, **{field.name: getattr(bank, field.name).astype(np.float16) for field in fields(Bank)})
+    arrays = {field.name: getattr(bank, field.name) for field in fields(Bank)}
+    np.savez(packed, **{name: array if name in _SMALL else array.astype(np.float16) for name, array in arrays.items()})
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_files({path: packed.getvalue()})
         for old in path.parent.glob(f"{path.name.partition('-')[0]}-*.npz"):
             if old.name != path.name:
                 old.unlink(missing_ok=True)
+        of_attributes = sorted(path.parent.glob("*+?*-*.npz"), key=lambda file: file.stat().st_mtime)
+        for old in of_attributes[:-_MOST_FILES]:
+            old.unlink(missing_ok=True)
     except OSError as error:
         _log.warning("the samples of a noun are not kept: %s", error)

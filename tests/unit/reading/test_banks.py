@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from meshdeform.nouns.forms import own_forms
+from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.reading import banks
-from meshdeform.reading.banks import Bank, bank_of
+from meshdeform.reading.banks import Bank, bank_of, candidate_member, form_of, pose_of
 from meshdeform.reading.version import MEMBERS_VERSION
 
 _NOUN = "mug"
@@ -18,16 +21,16 @@ _NOUN = "mug"
 @pytest.fixture(autouse=True)
 def few_members(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(banks, "MEMBERS", 3)
-    shapes = {name: (3, *shape[1:]) for name, shape in banks._SHAPES.items()}
-    monkeypatch.setattr(banks, "_SHAPES", shapes)
+    monkeypatch.setattr(banks, "_WISHED_WITH_ATTRIBUTES", 4)
+    monkeypatch.setattr(banks, "_MOST_FILES", 2)
     bank_of.cache_clear()
     yield
     bank_of.cache_clear()
 
 
-def _again(folder: Path | None) -> Bank:
+def _again(folder: Path | None, noun: str = _NOUN, attributes: tuple[Attribute, ...] | None = None) -> Bank:
     bank_of.cache_clear()
-    return bank_of(_NOUN, folder)
+    return bank_of(noun, folder, attributes)
 
 
 def _same(one: Bank, other: Bank) -> bool:
@@ -40,7 +43,7 @@ def test_a_file_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     folder = tmp_path / "new" / "banks"
     assert _same(_again(folder), drawn)
     assert [path.name for path in folder.iterdir()] == [f"{_NOUN}-{MEMBERS_VERSION}.npz"]
-    monkeypatch.setattr(banks, "_drawn", lambda _: pytest.fail("it was drawn again"))
+    monkeypatch.setattr(banks, "_drawn", lambda *_: pytest.fail("it was drawn again"))
     assert _same(_again(folder), drawn)
 
 
@@ -71,3 +74,38 @@ def test_where_nothing_can_be_written_it_is_drawn(tmp_path: Path, caplog: pytest
     (tmp_path / "file").write_text("no folder")
     assert _same(_again(tmp_path / "file" / "banks"), _again(None))
     assert "not kept" in caplog.text
+
+
+LONG_TAIL, BIG_EARS = Attribute("tail", "long"), Attribute("ears", "big")
+
+
+def test_members_with_attributes_have_files_of_their_own_of_which_the_newest_stay(tmp_path: Path) -> None:
+    _again(tmp_path, "dog")
+    plain, long = _again(tmp_path, "dog", ()), _again(tmp_path, "dog", (LONG_TAIL,))
+    assert {path.name.partition("-")[0] for path in tmp_path.iterdir()} == {"dog", "dog+", "dog+long_tail"}
+    assert (len(plain), len(long)) == (128, 4)
+    assert _same(_again(tmp_path, "dog", (LONG_TAIL,)), long)
+    for number, path in enumerate(sorted(tmp_path.iterdir())):
+        os.utime(path, (number, number))
+    _again(tmp_path, "dog", (BIG_EARS,))
+    _again(tmp_path, "dog", (BIG_EARS, LONG_TAIL))
+    left = {path.name.partition("-")[0] for path in tmp_path.iterdir()}
+    assert left == {"dog", "dog+", "dog+big_ears", "dog+big_ears+long_tail"}
+
+
+def test_every_member_with_attributes_has_them_in_each_of_its_poses() -> None:
+    tails = []
+    for attributes in ((), (LONG_TAIL,)):
+        members = [candidate_member("dog", number, attributes) for number in range(8)]
+        assert {form_of("dog", number, attributes) for number in range(8)} == {"dog"}
+        assert {pose_of("dog", number, attributes) for number in range(8)} == {"", "sitting", "lying"}
+        rows = [member.solids == member.solids_named("tail")[0] for member in members]
+        size = [np.linalg.norm(np.ptp(member.verts[row], axis=0)) for member, row in zip(members, rows, strict=True)]
+        tails.append(size)
+    assert max(tails[0]) < min(tails[1])
+
+
+def test_forms_of_a_noun_look_like_it_and_can_have_the_attributes() -> None:
+    assert own_forms("bear", ()) == own_forms("bear", (BIG_EARS,)) == ("bear", "standing-bear")
+    assert own_forms("horse", ()) == ("horse",)
+    assert own_forms("bear", (LONG_TAIL,)) == ("bear",)

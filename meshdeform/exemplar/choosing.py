@@ -1,0 +1,285 @@
+"""Choose the members of a noun that an asset is to be fitted to: near to it in posture, in parts and in shape.
+
+All members that have the wished attributes are graded by tables of samples (`reading.banks`):
+
+    merit = d + 0.15 p + 0.05 q,    d = mean_i min_j |f_i - g_j| + 1/2 mean_j min(min_i |f_i - g_j|, 0.15),
+
+with features f of the asset's samples and g of the member's (`reading.samples`), scaled to the asset's box; p tells how
+differently they hold their limbs (`posture`), and q which parts only one has: half of the sum of |s_k - t_k| for the
+shares s, t of the surfaces that are of part k, and the share of limbs without a partner. Those that come out best are
+drawn, take the asset's posture, are placed and graded once more.
+
+A member is scaled to the box by the geometric mean of the ratios of its sides, and each side by at most 1.15 against
+it; not at all where the noun is built or an attribute is of the whole: proportions are what they are known by. It
+stands on the asset's ground with its mirror plane at x = 0. Where nobody knows which way the asset faces, the best of
+four quarter turns is taken.
+
+Seeds other than 0 take members that are still near and unlike each other: the near ones are divided among centres, each
+the one farthest from the centres before it (Gonzalez 1985, Clustering to minimize the maximum intercluster distance),
+and a seed takes those of one centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshdeform.exemplar.kinds import is_built, is_living
+from meshdeform.exemplar.pieces import pieces_of
+from meshdeform.exemplar.posture import Posture, held_like, postures, unlikeness
+from meshdeform.exemplar.shapes import Shape, Wish
+from meshdeform.nouns.labels import Floats, Index, LabelledMember
+from meshdeform.nouns.limbs import LIMB_OF_PART, LIMBS, NO_LIMB, limb_codes, limb_of
+from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.priors.builtin.vocabulary import TURNED
+from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_member, form_of, pose_of
+from meshdeform.reading.choice import facing
+from meshdeform.reading.result import GROUND
+from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+
+__all__ = ["Exemplar", "exemplars"]
+
+_EASE = 1.15
+_FEW, _DENSE = 220, 2500
+"""Samples by which all members are graded, and those of the other surface for the ones that are drawn."""
+_FINALISTS = 12
+_FAR = 0.15
+_POSTURE, _PARTS = 0.15, 0.05
+_QUARTERS = (0.0, 90.0, 180.0, -90.0)
+_STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.35, 16, 40
+"""Share of the best merit up to which members are near; how many are at least, and at most."""
+_CENTRES = 8
+_AFLOAT = frozenset(
+    ("airplane", "balloon", "butterfly", "dolphin", "fish", "helicopter", "shark", "submarine", "whale")
+)
+"""What does not stand on the ground: its middle is the asset's."""
+
+
+@dataclass(frozen=True)
+class Exemplar:
+    """A member of a noun, placed on an asset and in its posture.
+
+    `shape` in the asset's frame; `distance`: the d of the equation above; `merit`: the whole, by which it was chosen;
+    `told` names it: noun, form, pose, number of the draw, attributes, and the quarter turn that it was given.
+    """
+
+    shape: Shape
+    distance: float
+    merit: float
+    told: Mapping[str, object] = field(default_factory=dict)
+
+
+class _Asset:
+    """What members are compared with."""
+
+    def __init__(self, source: Shape) -> None:
+        standing = source.labels != GROUND
+        self.shape = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing])
+        corners = self.shape.verts[self.shape.faces].reshape(-1, 3)
+        self.low, self.high = corners.min(0), corners.max(0)
+        mixed = np.random.default_rng(6).permutation(SAMPLES)
+        self.samples = spread(self.shape.verts, self.shape.faces, SAMPLES, 1).rows(mixed)
+        self.features = features(self.samples.places, self.samples.normals).astype(np.float32)
+        self.dense = _dense(self.shape.verts, self.shape.faces, 3)
+        labels = self.shape.labels[self.samples.faces]
+        self.shares = _shares(labels[labels >= 0])
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether any part of it is known."""
+        return bool((self.shape.labels >= 0).any())
+
+    @cached_property
+    def posture(self) -> Posture:
+        """How it holds its limbs."""
+        names = {PART_NAMES[k]: LIMBS[LIMB_OF_PART[k]] for k in range(len(PART_NAMES)) if LIMB_OF_PART[k] >= 0}
+        pieces = pieces_of(self.shape, names)
+        numbers = [pieces.names[:k].count(name) for k, name in enumerate(pieces.names)]
+        codes = [limb_of(LIMBS.index(name), number) for name, number in zip(pieces.names, numbers, strict=True)]
+        limbs = np.array([*codes, NO_LIMB])[pieces.of_face][self.samples.faces]
+        return postures(self.samples.places[None], limbs[None], self.low[None], self.high[None])[0]
+
+
+def _shares(labels: Index) -> Floats:
+    """Return the share (P,) of each part among labels."""
+    return np.asarray(np.bincount(labels, minlength=len(PART_NAMES)) / max(len(labels), 1))
+
+
+@dataclass(frozen=True)
+class _Graded:
+    """A member, the quarter turn that it is given, and how it was graded."""
+
+    number: int
+    turn_deg: float
+    distance: float
+    merit: float
+
+
+def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = None) -> list[Exemplar]:
+    """Return the members of the wished noun to which an asset is fitted best, the best first.
+
+    Parameters
+    ----------
+    source : Shape
+        The asset in its frame.
+    wish : Wish
+        Its noun, attributes and seed count.
+    count : int
+        How many there are to be, at most.
+    cache : Path, optional
+        A folder in which tables of members are kept (`reading.banks`).
+    """
+    asset = _Asset(source)
+    bank = bank_of(wish.noun, cache, wish.attributes)
+    chooser = _Chooser(asset, bank, wish)
+    finalists = chooser.finalists(max(_FINALISTS, 2 * count))
+    drawn = sorted((chooser.drawn(one) for one in finalists), key=lambda one: (one.merit, str(one.told)))
+    return drawn[:count]
+
+
+class _Chooser:
+    """The members of a wish, beside an asset."""
+
+    def __init__(self, asset: _Asset, bank: Bank, wish: Wish) -> None:
+        self._asset, self._bank, self._wish = asset, bank, wish
+        whole = any(attribute.part == "whole" for attribute in wish.attributes)
+        self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
+        self._afloat = wish.noun in _AFLOAT
+
+    def finalists(self, count: int) -> list[_Graded]:
+        """Return the members that are to be drawn."""
+        graded = self._graded()
+        if self._wish.seed == 0:
+            return graded[:count]
+        near = [one for one in graded if one.merit <= _STILL_NEAR * graded[0].merit]
+        near = graded[: int(np.clip(len(near), _LEAST_NEAR, _MOST_NEAR))]
+        cells = self._cells(near)
+        cell = cells[self._wish.seed % len(cells)]
+        first = self._wish.seed // len(cells) % len(cell)
+        return (cell[first:] + cell[:first])[:count]
+
+    def _graded(self) -> list[_Graded]:
+        """Return all members by the tables, the best first."""
+        asset, bank = self._asset, self._bank
+        turns = (0.0,) if asset.has_parts or self._wish.noun in TURNED else _QUARTERS
+        other = self._others()
+        result = []
+        for turn_deg in turns:
+            for number in range(len(bank)):
+                distance = _distance(self._tabled(number, turn_deg), asset.features[:_FEW])
+                result.append(_Graded(number, turn_deg, distance, distance + other[number]))
+        return sorted(result, key=lambda one: (one.merit, one.number, one.turn_deg))
+
+    def _others(self) -> Floats:
+        """Return what posture and parts add to the merit of each member (M,)."""
+        bank = self._bank
+        if not self._asset.has_parts:
+            return np.zeros(len(bank))
+        held = postures(bank.places, bank.limbs, bank.low, bank.high)
+        shares = [_shares(labels) for labels in bank.labels.astype(np.int64)]
+        return np.array([self._other(posture, share) for posture, share in zip(held, shares, strict=True)])
+
+    def _other(self, held: Posture, shares: Floats) -> float:
+        own = self._asset.posture
+        differing = float(np.abs(shares - self._asset.shares).sum()) / 2
+        numbers = [np.bincount(one.kinds, minlength=len(LIMBS)) for one in (own, held)]
+        lone = float(np.abs(numbers[0] - numbers[1]).sum()) / max(len(own.kinds) + len(held.kinds), 1)
+        living = is_living(self._asset.shape.noun) and is_living(self._wish.noun)
+        return _POSTURE * unlikeness(own, held) * living + _PARTS * (differing + lone)
+
+    def _tabled(self, number: int, turn_deg: float) -> Singles:
+        """Return features (N, 6) of the first samples of a member, placed on the asset."""
+        bank, turn = self._bank, facing(-turn_deg)
+        corners = np.array([bank.low[number], bank.high[number]], float) @ turn.T
+        low, high = corners.min(0), corners.max(0)
+        scale = self._scale(low, high)
+        places = self._placed(bank.places[number, :_FEW].astype(float) @ turn.T, low, high, scale)
+        normals = bank.normals[number, :_FEW] @ turn.T / scale
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        return np.hstack([places, NORMAL_WEIGHT * normals]).astype(np.float32)
+
+    def _scale(self, low: Floats, high: Floats) -> Floats:
+        """Return the scales (3,) that take a box to the asset's."""
+        each = np.maximum(self._asset.high - self._asset.low, 1e-9) / np.maximum(high - low, 1e-9)
+        mean = float(np.exp(np.log(each).mean()))
+        return np.asarray(np.clip(each, mean / self._ease, mean * self._ease))
+
+    def _placed(self, points: Floats, low: Floats, high: Floats, scale: Floats) -> Floats:
+        """Return points of a member, of whose box the bounds are, scaled and put on the asset's ground."""
+        asset = self._asset
+        at = (points - (low + high) / 2 * [0, 1, 1]) * scale
+        at += (asset.low + asset.high) / 2 * [0, 1, 1]
+        if not self._afloat:
+            at[:, 1] += (high[1] - low[1]) / 2 * scale[1] - (asset.high[1] - asset.low[1]) / 2
+        return np.asarray(at)
+
+    def drawn(self, graded: _Graded) -> Exemplar:
+        """Draw a member, give it the asset's posture, place and grade it."""
+        wish, asset = self._wish, self._asset
+        member = candidate_member(wish.noun, graded.number, wish.attributes)
+        if asset.has_parts and is_living(asset.shape.noun):
+            member = held_like(member, asset.posture)
+        turned = member.verts @ facing(-graded.turn_deg).T
+        low, high = turned.min(0), turned.max(0)
+        member = member.moved(self._placed(turned, low, high, self._scale(low, high)))
+        samples = spread(member.verts, member.faces, SAMPLES, 2)
+        own = features(samples.places, samples.normals)
+        to_asset = asset.dense.query(own)[0]
+        to_member = _dense(member.verts, member.faces, 4).query(asset.features)[0]
+        distance = float(0.5 * np.minimum(to_asset, _FAR).mean() + to_member.mean())
+        merit = distance + (self._drawn_other(member, samples) if asset.has_parts else 0.0)
+        told = {
+            "noun": wish.noun,
+            "form": form_of(wish.noun, graded.number, wish.attributes),
+            "pose": pose_of(wish.noun, graded.number, wish.attributes),
+            "number": graded.number,
+            "attributes": [str(each) for each in wish.attributes],
+            "turn_deg": graded.turn_deg,
+        }
+        shape = Shape(wish.noun, member.verts, member.faces, member.labels, member.solid_of_face)
+        return Exemplar(shape, distance, merit, told)
+
+    def _drawn_other(self, member: LabelledMember, samples: Samples) -> float:
+        limbs = limb_codes(member)[samples.faces]
+        low, high = member.verts.min(0), member.verts.max(0)
+        held = postures(samples.places[None], limbs[None], low[None], high[None])[0]
+        return self._other(held, _shares(member.labels[samples.faces]))
+
+    def _cells(self, near: Sequence[_Graded]) -> list[list[_Graded]]:
+        """Divide members among centres that are unlike each other; each cell has its best first."""
+        tables = [self._tabled(one.number, one.turn_deg) for one in near]
+        away = np.array([_distance(table, tables[0]) for table in tables])
+        owner, centres = np.zeros(len(near), np.int64), [0]
+        away[0] = 0
+        while len(centres) < min(_CENTRES, len(near)):
+            centre = int(np.argmax(away))
+            new = np.array([_distance(table, tables[centre]) for table in tables])
+            new[centre] = 0
+            owner[new < away] = len(centres)
+            away = np.minimum(away, new)
+            centres.append(centre)
+        cells = [[near[centre]] for centre in centres]
+        for one, number in zip(near, owner, strict=True):
+            if one is not near[centres[number]]:
+                cells[number].append(one)
+        return cells
+
+
+def _dense(verts: Floats, faces: Index, seed: int) -> cKDTree:
+    """Return a tree of features of many samples of a surface."""
+    samples = spread(verts, faces, _DENSE, seed)
+    return cKDTree(features(samples.places, samples.normals))
+
+
+def _distance(own: Singles, asset: Singles) -> float:
+    """Return the d of the equation at the head for features (N, 6) of a member and of the asset."""
+    squares = own @ (-2 * asset.T)
+    squares += np.einsum("nk,nk->n", asset, asset)
+    squares += np.einsum("nk,nk->n", own, own)[:, None]
+    to_asset, to_member = (np.sqrt(np.maximum(squares.min(axis), 0)) for axis in (1, 0))
+    return float(0.5 * np.minimum(to_asset, _FAR).mean() + to_member.mean())
