@@ -42,7 +42,7 @@ from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
 
-__all__ = ["Exemplar", "exemplars"]
+__all__ = ["AFLOAT", "Exemplar", "exemplars"]
 
 _EASE = 1.15
 _FEW, _DENSE = 220, 2500
@@ -54,9 +54,7 @@ _QUARTERS = (0.0, 90.0, 180.0, -90.0)
 _STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.35, 16, 40
 """Share of the best merit up to which members are near; how many are at least, and at most."""
 _CENTRES = 8
-_AFLOAT = frozenset(
-    ("airplane", "balloon", "butterfly", "dolphin", "fish", "helicopter", "shark", "submarine", "whale")
-)
+AFLOAT = frozenset(("airplane", "balloon", "butterfly", "dolphin", "fish", "helicopter", "shark", "submarine", "whale"))
 """What does not stand on the ground: its middle is the asset's."""
 
 
@@ -149,7 +147,7 @@ class _Chooser:
         self._asset, self._bank, self._wish = asset, bank, wish
         whole = any(attribute.part == "whole" for attribute in wish.attributes)
         self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
-        self._afloat = wish.noun in _AFLOAT
+        self._afloat = wish.noun in AFLOAT
 
     def finalists(self, count: int) -> list[_Graded]:
         """Return the members that are to be drawn."""

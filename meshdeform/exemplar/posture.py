@@ -12,14 +12,14 @@ than wide, which have no direction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
-from meshdeform.nouns.limbs import LIMBS, NO_LIMB, kind_of, limb_codes
+from meshdeform.nouns.limbs import LIMBS, NO_LIMB, SEVERAL, kind_of, limb_codes
 
 __all__ = ["Posture", "held_like", "postures", "unlikeness"]
 
@@ -35,8 +35,8 @@ _AXES = np.array([1.5, 0.5, 1.0])
 _KINDS = {name: number for number, name in enumerate(LIMBS)}
 _TURNED = {"leg": (2.2, 1.3, 75.0), "arm": (2.2, 1.3, 120.0), "wing": (1.6, 1.3, 120.0)}
 """Slenderness of the asset's limb and of the member's from which it is turned, and the most degrees."""
-_LEAST_TURN_DEG = 15.0
-_ROOT = 0.15
+_LEAST_TURN_DEG, _EVEN_DEG = 15.0, 12.0
+_ROOT, _IMAGE = 0.15, 0.12
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def held_like(member: LabelledMember, asset: Posture) -> LabelledMember:
     used = np.unique(codes[codes != NO_LIMB])
     if not len(used):
         return member
-    own = _posture_of(member, codes, used)
+    own, asset = _posture_of(member, codes, used), _evened(asset)
     verts = member.verts.copy()
     for one, other in _pairs(asset, own):
         kind = LIMBS[asset.kinds[one]]
@@ -142,6 +142,19 @@ def held_like(member: LabelledMember, asset: Posture) -> LabelledMember:
             root = _root(verts[rows], axis)
             verts[rows] = (verts[rows] - root) @ _rotation(axis, goal).T + root
     return member.moved(verts)
+
+
+def _evened(posture: Posture) -> Posture:
+    """Return the posture with the axes of limbs that are nearly mirror images made exactly so."""
+    axes, mirror = posture.axes.copy(), np.array([-1.0, 1.0, 1.0])
+    for one in np.flatnonzero(np.isin(posture.kinds, [_KINDS[name] for name in SEVERAL])):
+        image = [1, 0, 0] + posture.middles[one] * mirror
+        apart = np.linalg.norm(posture.middles - image, axis=1) + 9.0 * (posture.kinds != posture.kinds[one])
+        other = int(np.argmin(apart))
+        if apart[other] < _IMAGE and posture.axes[one] @ (posture.axes[other] * mirror) > np.cos(np.radians(_EVEN_DEG)):
+            mean = posture.axes[one] + posture.axes[other] * mirror
+            axes[one] = mean / np.linalg.norm(mean)
+    return replace(posture, axes=axes)
 
 
 def _posture_of(member: LabelledMember, codes: Index, used: Index) -> Posture:

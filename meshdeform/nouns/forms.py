@@ -16,8 +16,9 @@ from meshdeform.nouns.labels import LabelledMember, labelled_member, labelled_so
 from meshdeform.nouns.solids import LAYOUTS, Piece
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
+from meshdeform.priors.builtin.vocabulary import NOUNS
 
-__all__ = ["FORMS", "GENERAL", "drawn", "own_forms"]
+__all__ = ["FORMS", "GENERAL", "drawn", "is_able", "own_forms"]
 
 
 def quadruped(rng: Rng, _: Traits) -> Part:
@@ -149,10 +150,15 @@ _ALSO = {"bird": ("standing-bird",), "cat": ("great-cat",)}
 
 def own_forms(noun: str, attributes: Iterable[Attribute]) -> tuple[str, ...]:
     """Return the family and the forms whose members look like a noun and can have the attributes."""
-    parts = {attribute.part for attribute in attributes} - {"whole"}
+    wanted = tuple(attributes)
     own = [form for form in FORMS[noun] if form in _DRAWN and form not in GENERAL]
-    able = [form for form in (*own, *_ALSO.get(noun, ())) if parts <= set(_TRAITS.get(form, ()))]
-    return (noun, *able)
+    return (noun, *(form for form in (*own, *_ALSO.get(noun, ())) if is_able(form, wanted)))
+
+
+def is_able(form: str, attributes: Iterable[Attribute]) -> bool:
+    """Return whether members of a family or a form have attributes with which they are drawn."""
+    parts = {attribute.part for attribute in attributes} - {"whole"}
+    return parts <= set(_TRAITS.get(form, ()) if form in _DRAWN else NOUNS[form])
 
 
 def drawn(form: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> LabelledMember:

@@ -31,7 +31,18 @@ from meshdeform.reading.samples import spread
 from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.support.files import write_files
 
-__all__ = ["MEMBERS", "SAMPLES", "Bank", "bank_of", "candidate_member", "form_of", "is_general", "pose_of", "prepare"]
+__all__ = [
+    "MEMBERS",
+    "SAMPLES",
+    "Bank",
+    "bank_of",
+    "candidate_member",
+    "form_of",
+    "is_general",
+    "pose_of",
+    "prepare",
+    "twin_member",
+]
 
 MEMBERS, SAMPLES = 110, 700
 _WISHED, _WISHED_WITH_ATTRIBUTES = 128, 64
@@ -101,9 +112,7 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
     """Draw the member of a number, with a pose of its own; without given attributes, with some of its own."""
     form, seed = form_of(noun, number, attributes), number // len(FORMS[noun]) + 1
     if attributes is not None:
-        member = drawn(form, attributes, np.random.default_rng([number, 72]))
-        pose = pose_of(noun, number, attributes)
-        return posed(member, pose, np.random.default_rng([number, 73])) if pose else member
+        return _wished(form, pose_of(noun, number, attributes), number, attributes)
     rng = np.random.default_rng([seed, 71])
     random = []
     if seed % 2:
@@ -119,6 +128,16 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
     if seed % 3 == 1 and others:
         member = posed(member, others[int(rng.integers(len(others)))], rng)
     return member
+
+
+def twin_member(noun: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:
+    """Draw the member of a number without attributes once more, with some: all else comes from the same state."""
+    return _wished(form_of(noun, number, ()), pose_of(noun, number, ()), number, attributes)
+
+
+def _wished(form: str, pose: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:
+    member = drawn(form, attributes, np.random.default_rng([number, 72]))
+    return posed(member, pose, np.random.default_rng([number, 73])) if pose else member
 
 
 @lru_cache(maxsize=_IN_MEMORY)
