@@ -20,7 +20,7 @@ from meshdeform.errors import AssetError
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree, surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
-from meshdeform.kinds.surface_fit.isosurface import continued, isosurface
+from meshdeform.geometry.isosurface import continued, isosurface
 from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
 from meshdeform.requests.surface_fit import MAX_BASE_FACES
 

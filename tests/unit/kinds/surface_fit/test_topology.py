@@ -27,7 +27,7 @@ from meshdeform.kinds.surface_fit.intrinsic import (
     mass,
     spectrum,
 )
-from meshdeform.kinds.surface_fit.isosurface import isosurface
+from meshdeform.geometry.isosurface import isosurface
 from meshdeform.kinds.surface_fit.measures import EIGENVALUES, Reference
 from meshdeform.kinds.surface_fit.patches import divided, level_of
 from meshdeform.kinds.surface_fit.surface_sources import surface_of
@@ -221,7 +221,7 @@ def test_noise_is_refused_before_anything_costly_is_made_of_it(monkeypatch: pyte
         patched.setattr("meshdeform.kinds.surface_fit.surface_sources.clean", None)
         with pytest.raises(AssetError, match=r"about \d{3} handles, which need a base of \d{3,4} faces"):
             surface_of(noise, 200)
-    monkeypatch.setattr("meshdeform.kinds.surface_fit.isosurface._MOST_CUBES", 5000)
+    monkeypatch.setattr("meshdeform.geometry.isosurface._MOST_CUBES", 5000)
     with pytest.raises(AssetTooLargeError, match="cells of the grid; the limit is 5000"):
         surface_of(noise)
 

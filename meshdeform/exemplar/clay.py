@@ -1,0 +1,184 @@
+"""Mould a lump without parts, such as a ball, a block or a capsule, into a member of a noun.
+
+The outer surface of the member (`outer_surface.py`) is mapped to the sphere, one to one (`spherical.py`), and turned so
+that directions and places agree best. A vertex of the lump goes to the sphere by its direction from a centre that sees
+all of the lump, and from there to the member's surface. A mirrored member stays mirrored: its one half is mapped to
+half of the sphere.
+
+Source of the turn: Kabsch 1976, A solution for the best rotation to relate two sets of vectors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from meshdeform.exemplar.outer_surface import OuterSurface, outer_surface
+from meshdeform.exemplar.shapes import Shape
+from meshdeform.exemplar.spherical import sphere_map
+from meshdeform.geometry.kernels import kernel
+from meshdeform.nouns.labels import Floats, Index
+
+__all__ = ["Mould", "is_clay", "mould_of", "moulded"]
+
+_HULL_AREA = 0.04
+"""By how much the area of clay and that of its convex hull may differ."""
+_VERTICES = 6000
+"""Of the member's surface on the sphere; of a mirrored one, half as many."""
+_WELD = 1e-7
+_STEPS = 2000
+
+
+@dataclass(frozen=True)
+class Mould:
+    """A surface on the unit sphere: `directions` (V, 3), `faces` (F, 3), and `places` (V, 3) in space.
+
+    With a `plane`, one half, for x >= 0 on the sphere; the other is its mirror image in x = plane.
+    """
+
+    directions: Floats
+    faces: Index
+    places: Floats
+    plane: float | None
+
+    def at(self, directions: Floats) -> Floats:
+        """Return the places (N, 3) for unit directions (N, 3)."""
+        asked = directions.copy()
+        if self.plane is not None:
+            asked[:, 0] = np.abs(asked[:, 0])
+        corners = self.directions[self.faces]
+        middles = corners.sum(1)
+        middles /= np.linalg.norm(middles, axis=1, keepdims=True)
+        found = cKDTree(middles).query(asked)[1].astype(np.int64)
+        weights = np.zeros((len(asked), 3))
+        _locate(asked, self.directions, self.faces, _across(self.faces), found, weights)
+        places = np.einsum("nk,nkj->nj", weights, self.places[self.faces[found]])
+        if self.plane is not None:
+            left = directions[:, 0] < 0
+            places[left, 0] = 2 * self.plane - places[left, 0]
+        return np.asarray(places)
+
+
+def is_clay(source: Shape) -> bool:
+    """Return whether a surface is one lump without parts: closed, and nearly as large as its convex hull."""
+    verts, faces = _welded(source.verts, source.faces)
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    if len(faces) < 4 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
+        return False
+    graph = sparse.csr_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(len(verts),) * 2)
+    if csgraph.connected_components(graph, directed=False)[0] > 1:
+        return False
+    try:
+        hull = ConvexHull(verts)
+    except QhullError:
+        return False
+    a, b, c = verts[faces].transpose(1, 0, 2)
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+    return abs(area / float(hull.area) - 1) < _HULL_AREA
+
+
+def moulded(source: Shape, goal: Shape) -> Floats:
+    """Return the vertices (V, 3) of clay as those of a member's surface.
+
+    Parameters
+    ----------
+    source : Shape
+        What `is_clay` holds for.
+    goal : Shape
+        The member, of closed solids that face outward, placed where it is to be.
+    """
+    directions = source.verts - _centre(source)
+    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+    return mould_of(goal.verts, goal.faces).at(directions)
+
+
+def mould_of(verts: Floats, faces: Index) -> Mould:
+    """Return the outer surface of closed solids on the sphere."""
+    surface = outer_surface(verts, faces)
+    half = surface.plane is not None
+    mapped = sphere_map(surface.verts, surface.faces, _VERTICES // (1 + half), mirrored=half)
+    directions = mapped.directions @ _turn(surface, mapped.origin, mapped.directions, mapped.faces).T
+    if half:
+        directions[:, 0] = np.maximum(directions[:, 0], 0)
+    return Mould(directions, mapped.faces, surface.places[mapped.origin], surface.plane)
+
+
+def _turn(surface: OuterSurface, origin: Index, directions: Floats, faces: Index) -> Floats:
+    """Return the rotation (3, 3) that takes directions nearest to the places; about x where there is a mirror."""
+    places = surface.verts[origin]
+    a, b, c = places[faces].transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    share = np.bincount(faces.ravel(), np.repeat(areas / (3 * areas.sum()), 3), len(places))
+    from_middle = places - share @ places
+    spread = (from_middle * share[:, None]).T @ (directions - share @ directions)
+    if surface.plane is not None:
+        spread[0], spread[:, 0] = 0, 0
+        spread[0, 0] = np.abs(spread).max()
+    left, _, right = np.linalg.svd(spread)
+    return np.asarray(left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right)
+
+
+def _centre(source: Shape) -> Floats:
+    """Return the middle of the box of what the faces use."""
+    used = source.verts[np.unique(source.faces)]
+    return np.asarray((used.min(0) + used.max(0)) / 2)
+
+
+def _welded(verts: Floats, faces: Index) -> tuple[Floats, Index]:
+    """Return a mesh with the vertices of one place as one, without what this leaves of faces that lose an edge."""
+    keys = np.rint(verts / (_WELD * max(float(np.ptp(verts, axis=0).max()), 1e-300))).astype(np.int64)
+    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    joined = number.ravel()[faces]
+    whole = (joined != np.roll(joined, 1, axis=1)).all(1)
+    return verts[first], np.asarray(joined[whole])
+
+
+def _across(faces: Index) -> Index:
+    """Return the face (F, 3) on the other side of the edge opposite each corner; -1 if there is none."""
+    count = int(faces.max()) + 1
+    one, other = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
+    keys, opposite = one * count + other, other * count + one
+    order = np.argsort(keys)
+    at = np.minimum(np.searchsorted(keys[order], opposite), len(keys) - 1)
+    found = np.where(keys[order][at] == opposite, order[at] // 3, -1)
+    return np.asarray(found.reshape(-1, 3))
+
+
+@kernel
+def _locate(asked: Floats, directions: Floats, faces: Index, across: Index, found: Index, weights: Floats) -> None:
+    """Walk from the faces given to those that have the directions, and set their shares (N, 3) of the corners."""
+    share = np.zeros(3)
+    for number in range(len(asked)):
+        d, f = asked[number], found[number]
+        best, kept = -np.inf, f
+        for _ in range(_STEPS):
+            for k in range(3):
+                a, b = directions[faces[f, (k + 1) % 3]], directions[faces[f, (k + 2) % 3]]
+                share[k] = (
+                    d[0] * (a[1] * b[2] - a[2] * b[1])
+                    + d[1] * (a[2] * b[0] - a[0] * b[2])
+                    + d[2] * (a[0] * b[1] - a[1] * b[0])
+                )
+            total = max(abs(share[0]) + abs(share[1]) + abs(share[2]), 1e-300)
+            least = min(share[0], share[1], share[2]) / total
+            if least > best:
+                best, kept = least, f
+                for k in range(3):
+                    weights[number, k] = max(share[k], 0.0)
+            if least >= 0:
+                break
+            after, worst = -1, 0.0
+            for k in range(3):
+                if share[k] < worst and across[f, k] >= 0:
+                    after, worst = across[f, k], share[k]
+            if after < 0:
+                break
+            f = after
+        found[number] = kept
+        total = max(weights[number, 0] + weights[number, 1] + weights[number, 2], 1e-300)
+        for k in range(3):
+            weights[number, k] /= total
