@@ -26,7 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshdeform.nouns.labels import Floats, Index, LabelledMember
+from meshdeform.nouns.labels import Floats, LabelledMember
+from meshdeform.reading.affine_systems import AffineSystem, carried, mirror_matrix, tie_matrix, turned_normals
 from meshdeform.reading.banks import candidate_member
 from meshdeform.reading.choice import Candidate, Frame, box_scale, placed
 from meshdeform.reading.groups import Groups, groups_of
@@ -43,9 +44,6 @@ _STRETCH = (0.5, 2.0)
 _MIRROR = 0.3
 _LEAST_MASS = 0.035
 _SPACING = 0.02
-_M, _MH = np.diag([-1.0, 1, 1]), np.diag([-1.0, 1, 1, 1])
-_MIRRORED_MAP = np.kron(_M, _MH)
-"""Takes the twelve numbers of a map A, row by row, to those of M A M'."""
 
 
 @dataclass(frozen=True)
@@ -120,21 +118,18 @@ class _Articulated:
         self.maps[:, :, :3] = np.eye(3) * groups.radii[:, None, None]
         self.maps[:, :, 3] = groups.centres
         self.mass = np.bincount(self.own, minlength=count) / max(len(self.own), 1)
-        self.ties, self.mirror = self._ties(), self._mirror()
+        self.ties, self.mirror = self._ties(), mirror_matrix(count, groups.mirrored, self.mass)
         self.first = True
         self._move()
 
     def _move(self) -> None:
-        self.places = np.einsum("nij,nj->ni", self.maps[self.own], self.h)
-        a, b, c = self.maps[:, :, :3].transpose(1, 0, 2)
-        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
-        normals = np.einsum("nij,nj->ni", cofactors[self.own], self.rest_normals)
-        self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        self.places = carried(self.maps, self.own, self.h)
+        self.normals = turned_normals(self.maps, self.own, self.rest_normals)
 
     def carried(self, verts: Floats) -> Floats:
         """Return the vertices of the member where the maps take them."""
         groups = self.groups.of_vert
-        return np.asarray(np.einsum("nij,nj->ni", self.maps[groups], self.groups.homogeneous(verts, groups)))
+        return carried(self.maps, groups, self.groups.homogeneous(verts, groups))
 
     def residual(self, asset: AssetSamples) -> float:
         """Return the mean distance of samples to the other surface, both ways, by the equation at the head."""
@@ -151,18 +146,16 @@ class _Articulated:
 
     def step(self, asset: AssetSamples, share: float, *, rough: bool) -> None:
         """Move the maps by one round; `share` goes from 0 to 1 over all rounds."""
-        count = 12 * len(self.groups)
-        matrix, right = np.zeros((count, count)), np.zeros(count)
+        system = AffineSystem(len(self.groups))
         limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share
-        self._add_pairs(matrix, right, asset, limit, rough)
-        self._add_stiffness(matrix, right, _STIFFNESS[0] * (_STIFFNESS[1] / _STIFFNESS[0]) ** share)
-        matrix += self.ties + _MIRROR * (1 - 0.8 * share) * self.mirror
-        matrix[np.diag_indices(count)] += 1e-7
-        self.maps = np.asarray(np.linalg.solve(matrix, right), np.float64).reshape(-1, 3, 4)
+        self._add_pairs(system, asset, limit, rough)
+        self._add_stiffness(system, _STIFFNESS[0] * (_STIFFNESS[1] / _STIFFNESS[0]) ** share)
+        system.matrix += self.ties + _MIRROR * (1 - 0.8 * share) * self.mirror
+        self.maps = system.solve(1e-7)
         self.first = False
         self._move()
 
-    def _add_pairs(self, matrix: Floats, right: Floats, asset: AssetSamples, limit: float, rough: bool) -> None:
+    def _add_pairs(self, system: AffineSystem, asset: AssetSamples, limit: float, rough: bool) -> None:
         y, n, asset_features, tree = asset.at(rough)
         few = slice(None, _ROUGH) if rough else slice(None)
         places, normals, own, h = self.places[few], self.normals[few], self.own[few], self.h[few]
@@ -171,35 +164,16 @@ class _Articulated:
         source = np.concatenate([np.arange(len(mine)), to_member])
         target, normal = np.concatenate([y[to_asset], y]), np.concatenate([n[to_asset], n])
         distance = np.linalg.norm(target - places[source], axis=1)
-        paired = ((normal * normals[source]).sum(1) > 0.1) & (distance < 1.5 * limit)
-        weight = paired / (1 + (2 * distance / limit) ** 2)
+        near = ((normal * normals[source]).sum(1) > 0.1) & (distance < 1.5 * limit)
+        weight = near / (1 + (2 * distance / limit) ** 2)
         weight[: len(mine)] /= len(mine)
         weight[len(mine) :] /= len(y)
         used = np.flatnonzero(weight)
         used = used[np.argsort(own[source[used]], kind="stable")]
-        self._add_rows(matrix, right, own[source[used]], h[source[used]], target[used], normal[used], weight[used])
+        paired = source[used]
+        system.add_pairs(own[paired], h[paired], target[used], normal[used], weight[used], _POINTWISE)
 
-    @staticmethod
-    def _add_rows(
-        matrix: Floats, right: Floats, own: Index, h: Floats, target: Floats, normal: Floats, weight: Floats
-    ) -> None:
-        """Add pairs that are sorted by their groups."""
-        rows = (normal[:, :, None] * h[:, None, :]).reshape(-1, 12)
-        along = weight * (normal * target).sum(1)
-        for part in np.split(np.arange(len(own)), np.flatnonzero(np.diff(own)) + 1):
-            if not len(part):
-                continue
-            block = slice(12 * own[part[0]], 12 * own[part[0]] + 12)
-            weighed = weight[part, None] * rows[part]
-            matrix[block, block] += rows[part].T @ weighed
-            right[block] += rows[part].T @ along[part]
-            near = _POINTWISE * weight[part, None] * h[part]
-            pointwise = h[part].T @ near
-            for axis in range(12 * own[part[0]], 12 * own[part[0]] + 12, 4):
-                matrix[axis : axis + 4, axis : axis + 4] += pointwise
-            right[block] += (near.T @ target[part]).T.ravel()
-
-    def _add_stiffness(self, matrix: Floats, right: Floats, stiffness: float) -> None:
+    def _add_stiffness(self, system: AffineSystem, stiffness: float) -> None:
         radii = self.groups.radii[:, None, None]
         u, stretches, v = np.linalg.svd(self.maps[:, :, :3] / radii)
         stretches[np.linalg.det(u @ v) < 0, 2] *= -1
@@ -209,35 +183,13 @@ class _Articulated:
         weights = np.full((len(self.groups), 3, 4), 1e-4)
         weights[:, :, :3] = stiffness * np.maximum(self.mass, _LEAST_MASS)[:, None, None]
         goals = np.concatenate([wanted * radii, self.maps[:, :, 3:]], 2)
-        matrix[np.diag_indices(len(matrix))] += weights.ravel()
-        right += (weights * goals).ravel()
+        system.add_goals(weights, goals)
 
     def _ties(self) -> Floats:
         """Return the matrix of the ties, which is the same in every round."""
-        groups, count = self.groups, 12 * len(self.groups)
-        matrix = np.zeros((count, count))
+        groups = self.groups
+        ties = []
         for i, j, place in groups.ties:
-            weight = min(self.mass[i], self.mass[j]) + 0.02
-            both = groups.homogeneous(np.stack([place, place]), np.array([i, j])) * [[1.0], [-1.0]]
-            block = weight * np.outer(both.ravel(), both.ravel())
-            for axis in range(3):
-                at = np.r_[12 * i + 4 * axis + np.arange(4), 12 * j + 4 * axis + np.arange(4)]
-                matrix[np.ix_(at, at)] += block
-        return matrix
-
-    def _mirror(self) -> Floats:
-        """Return the matrix that makes mirror images alike."""
-        count = 12 * len(self.groups)
-        matrix = np.zeros((count, count))
-        for i, j in self.groups.mirrored:
-            strength = min(self.mass[i], self.mass[j])
-            one, two = slice(12 * i, 12 * i + 12), slice(12 * j, 12 * j + 12)
-            if i == j:
-                lack = np.eye(12) - _MIRRORED_MAP
-                matrix[one, one] += strength * lack.T @ lack
-            else:
-                matrix[one, one] += strength * np.eye(12)
-                matrix[two, two] += strength * np.eye(12)
-                matrix[one, two] -= strength * _MIRRORED_MAP
-                matrix[two, one] -= strength * _MIRRORED_MAP.T
-        return matrix
+            one, other = groups.homogeneous(np.stack([place, place]), np.array([i, j]))
+            ties.append((i, j, one, other, min(self.mass[i], self.mass[j]) + 0.02))
+        return tie_matrix(len(groups), ties)
