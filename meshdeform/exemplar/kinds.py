@@ -1,0 +1,33 @@
+"""What kind of thing a noun is: whether it lives, is built of level boards, or is turned on a lathe."""
+
+from __future__ import annotations
+
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
+
+__all__ = ["is_boxed", "is_built", "is_living", "is_turned"]
+
+_LIVING = frozenset((*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]))
+_BUILT = frozenset((*NOUN_GROUPS["vehicles"], *NOUN_GROUPS["furniture"], *NOUN_GROUPS["buildings"]))
+_ALSO_BUILT = frozenset(("anvil", "camera", "chest", "cone", "crate", "guitar", "robot", "scroll", "skull"))
+_SWELLING = frozenset(("balloon", "pillow"))
+_BOXED = frozenset(NOUN_GROUPS["furniture"]) - {"lamp", "pillow"}
+
+
+def is_living(noun: str) -> bool:
+    """Return whether a noun is an animal or a figure, whose limbs turn and bend."""
+    return noun in _LIVING
+
+
+def is_built(noun: str) -> bool:
+    """Return whether what is level and upright of a noun stays so."""
+    return noun in (_BUILT | _ALSO_BUILT - {"robot", "skull"}) - _SWELLING
+
+
+def is_boxed(noun: str) -> bool:
+    """Return whether a noun is furniture of boards and boxes."""
+    return noun in _BOXED
+
+
+def is_turned(noun: str) -> bool:
+    """Return whether a noun is alike from all four sides."""
+    return noun in TURNED
