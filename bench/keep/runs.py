@@ -18,7 +18,7 @@ from typing import Any
 
 from bench.keep.assets import Pair
 from bench.keep.pictures import draw
-from meshdeform.support.files import write_file
+from meshdeform.support.files import write_files
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = ("exemplar", "sds")
@@ -77,7 +77,7 @@ def ran(pair: Pair, path: Path, folder: Path, code: Code, kind: str | None) -> d
     }
     if record["problem"] is None:
         draw(path, folder / "result.glb", pair.asset.front or 0.0, folder)
-    write_file(made, (json.dumps(record, indent=1) + "\n").encode())
+    write_files({made: (json.dumps(record, indent=1) + "\n").encode()})
     return record
 
 
