@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,7 @@ def ran(pair: Pair, path: Path, folder: Path, code: Code, kind: str | None) -> d
         "kind": kind,
         "commit": code.commit,
         "digest": code.digest,
-        **_measured(pair.prompt, path, folder, code, kind),
+        **measured(pair.prompt, path, folder, code, kind),
     }
     if record["problem"] is None:
         draw(path, folder / "result.glb", pair.asset.front or 0.0, folder)
@@ -90,10 +91,13 @@ def command(prompt: str, path: Path, result: Path, kind: str | None) -> list[str
     ]
 
 
-def _measured(prompt: str, path: Path, folder: Path, code: Code, kind: str | None) -> dict[str, Any]:
-    """Run it; return CPU and wall seconds, the most memory in MB, and the report or the problem."""
+def measured(prompt: str, path: Path, folder: Path, code: Code, kind: str | None) -> dict[str, Any]:
+    """Run a prompt on a file; return CPU and wall seconds, the most memory in MB, and the report or the problem.
+
+    The result and what lies beside it are written into a folder that exists.
+    """
     started = time.perf_counter()
-    with open(folder / "problem.json", "wb") as problem:
+    with (folder / "problem.json").open("wb") as problem:
         process = subprocess.Popen(
             command(prompt, path, folder / "result.glb", kind),
             cwd=code.folder,
@@ -116,7 +120,7 @@ def _measured(prompt: str, path: Path, folder: Path, code: Code, kind: str | Non
     return {**cost, "problem": None, "report": {name: report[name] for name in report if name not in _LEFT_OUT}}
 
 
-def verdict(record: dict[str, Any]) -> str:
+def verdict(record: Mapping[str, Any]) -> str:
     """Return what a run says of its own result: `good`, `doubtful`, `keep_source`, or `failed`."""
     if record["report"] is None:
         return "failed"

@@ -1,0 +1,129 @@
+"""The suite of real assets: its list, the order of its sheets, and what its grades come to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.keep.assets import DISTANCES, SPLITS, listed, pairs
+from bench.keep.blind import NOTHING, shuffled
+from bench.keep.cost import split, write_dog
+from bench.keep.grades import Row, parsed, read, saved, table
+from bench.keep.runs import command, verdict
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.vocabulary import NOUNS
+
+
+class TestList:
+    def test_splits(self) -> None:
+        assert len(listed("tuned")) == 52
+        assert len(listed("last")) == 20
+        assert len(listed()) == 72
+        assert len({each.name for each in listed()}) == 72
+        assert len({each.sha256 for each in listed()}) == 72
+
+    @pytest.mark.parametrize("pair", pairs(), ids=lambda pair: pair.name)
+    def test_prompts(self, pair: Any) -> None:
+        assert parse(pair.prompt).noun in NOUNS
+        assert pair.asset.noun in NOUNS
+        assert parse(pair.asset.near) != parse(pair.asset.far)
+
+    def test_far_is_another_noun(self) -> None:
+        assert all(parse(each.far).noun != each.noun for each in listed())
+
+    def test_repositories_of_the_last_were_not_used_before(self) -> None:
+        tuned = {each.repository for each in listed("tuned")}
+        assert not tuned & {each.repository for each in listed("last")}
+        authors = {each.author for each in listed("tuned")} - {"not stated"}
+        assert not authors & {each.author for each in listed("last")}
+
+    def test_last_are_run_first(self) -> None:
+        assert [each.asset.split for each in pairs()] == ["last"] * 40 + ["tuned"] * 104
+        assert [each.distance for each in pairs(names=["a_bear"])] == list(DISTANCES)
+
+
+def record(asset: str, distance: str, value: str | None) -> dict[str, Any]:
+    report = None if value is None else {"verdict": {"value": value}}
+    return {"asset": asset, "split": SPLITS[0], "distance": distance, "prompt": "a cow", "report": report}
+
+
+RUNS = {
+    name: {f"{asset}-{distance}": record(asset, distance, value) for asset in ("one", "two") for distance in DISTANCES}
+    for name, value in (("old", "good"), ("new", "keep_source"))
+}
+
+
+class TestOrder:
+    def test_every_result_and_doing_nothing_once(self) -> None:
+        rows = shuffled(RUNS, 1)
+        assert len(rows) == 12
+        expected = set(product(("old", "new", NOTHING), ("one", "two"), DISTANCES))
+        assert {(row.run, row.asset, row.distance) for row in rows} == expected
+
+    def test_seed_alone_decides(self) -> None:
+        backwards = {name: dict(reversed(records.items())) for name, records in reversed(RUNS.items())}
+        assert shuffled(RUNS, 5) == shuffled(backwards, 5)
+        assert shuffled(RUNS, 5) != shuffled(RUNS, 6)
+
+    def test_doing_nothing_has_no_verdict_of_its_own(self) -> None:
+        assert {row.verdict for row in shuffled(RUNS, 1) if row.run == NOTHING} == {"none"}
+
+
+class TestVerdict:
+    @pytest.mark.parametrize(
+        ("value", "expected"),
+        [("good", "good"), ("keep_source", "keep_source"), ("keep_result", "doubtful"), (None, "failed")],
+    )
+    def test_words(self, value: str | None, expected: str) -> None:
+        assert verdict(record("one", "near", value)) == expected
+
+
+class TestGrades:
+    def test_lines(self) -> None:
+        assert parsed("2 5 4 3 the ears are webbed\n\n1 0 5 0\n", 2) == {2: (5, 4, 3), 1: (0, 5, 0)}
+
+    @pytest.mark.parametrize("text", ["3 1 1 1", "0 1 1 1", "1 1 1 1\n1 1 1 1", "1 6 1 1", "1 1 1", "one 1 1 1"])
+    def test_other_lines_are_refused(self, text: str) -> None:
+        with pytest.raises(ValueError):
+            parsed(text, 2)
+
+    def test_table(self) -> None:
+        rows = [
+            Row("new", "one", "last", "near", "a cow", "good", (5, 4, 3)),
+            Row("new", "two", "last", "near", "a cow", "doubtful", (3, 4, 2)),
+            Row("new", "one", "last", "far", "a boat", "keep_source", (4, 3, 5)),
+            Row("new", "two", "last", "far", "a boat", "failed"),
+            Row("new", "six", "last", "far", "a boat", "good"),
+        ]
+        assert table(rows).splitlines()[2:] == [
+            "| new | last | near | 2 | 4.0 | 4.0 | 2.5 | 50% | 0 | 0 |",
+            "| new | last | far | 1 | 4.0 | 3.0 | 5.0 | 0% | 1 | 1 |",
+            "| new | last | both | 3 | 4.0 | 3.7 | 3.3 | 25% | 1 | 1 |",
+        ]
+
+    def test_they_are_read_as_they_were_saved(self) -> None:
+        graded = Row("new", "one", "last", "near", "a cow", "good", (5, 4, 3))
+        rows = [graded, replace(graded, distance="far", verdict="failed", grade=None)]
+        assert read(saved(3, {"new": "c23ea518"}, rows)) == rows
+
+
+class TestCost:
+    def test_kind_is_asked_for_by_name(self) -> None:
+        asked = command("a cow", Path("a.glb"), Path("b.glb"), "exemplar")
+        assert asked[-2:] == ["--set", "guidance.kind=exemplar"]
+        assert "--set" not in command("a cow", Path("a.glb"), Path("b.glb"), None)
+
+    def test_split_keeps_the_surface(self) -> None:
+        verts, faces = split(np.eye(3), np.array([[0, 1, 2]]))
+        assert verts.shape == (6, 3)
+        a, b, c = verts[faces].transpose(1, 0, 2)
+        crosses = np.cross(b - a, c - a)
+        np.testing.assert_allclose(crosses, np.full((4, 3), 0.25), atol=1e-15)
+
+    def test_dog_has_about_so_many_faces(self, tmp_path: Path) -> None:
+        assert abs(write_dog(tmp_path / "dog.obj", 1000) - 1000) <= 20
