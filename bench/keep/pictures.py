@@ -1,4 +1,4 @@
-"""Draw the source and the result of a pair with their textures, at one scale: three quarters from the front, a side."""
+"""Draw the source and the result of a pair with their textures: three quarters from the front, and from a side."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ AZIMUTHS_DEG = (35.0, 90.0)
 
 
 def draw(source: Path, result: Path, front_deg: float, folder: Path) -> None:
-    """Write `source.png` and `result.png`, two views of `SIDE` pixels side by side, into a folder."""
+    """Write `source.png` and `result.png`, two views of `SIDE` pixels side by side, each as large as it fits."""
     assets = [load_asset(path.read_bytes(), path.name, Limits.unlimited()) for path in (source, result)]
-    poses = [Pose(each.surface.positions, each.surface.normals) for each in assets]
-    azimuths = tuple(front_deg + each for each in AZIMUTHS_DEG)
-    # The appearance is that of the source: a deformation changes neither triangles nor textures.
-    studio = Studio(assets[0].appearance(), poses, size=SIDE, azimuths_deg=azimuths)
-    for name, pose in zip(("source", "result"), poses, strict=True):
+    # A deformation changes neither triangles nor textures.
+    appearance, azimuths = assets[0].appearance(), tuple(front_deg + each for each in AZIMUTHS_DEG)
+    for name, asset in zip(("source", "result"), assets, strict=True):
+        pose = Pose(asset.surface.positions, asset.surface.normals)
+        studio = Studio(appearance, (pose,), size=SIDE, azimuths_deg=azimuths)
         views = np.concatenate(list(studio.photograph(pose, azimuths)), axis=1)
         Image.fromarray(views).save(folder / f"{name}.png")
