@@ -11,11 +11,12 @@ from typing import Protocol
 
 
 class GuidanceKind(StrEnum):
-    """Source of the gradient that deforms the mesh."""
+    """What deforms the mesh: the source of a gradient, or, without one, an exemplar that it is fitted to."""
 
     SDS = "sds"
     TARGET = "target"
     SILHOUETTES = "silhouettes"
+    EXEMPLAR = "exemplar"
 
 
 class Carrier(StrEnum):

@@ -287,7 +287,7 @@ class JobRequest(StrictModel):
         "",
         max_length=MAX_PROMPT_LENGTH,
         description="New shape of the asset, or a change in plain words, such as longer legs (docs/plain.md). "
-        "Required if the guidance is `sds`, without further `prompts`.",
+        "Required if the guidance is `sds`, without further `prompts`; of `exemplar`, unless a target is sent.",
         examples=["a mushroom"],
     )
     params: SerializeAsAny[DeformParams] = Field(
@@ -366,6 +366,13 @@ class JobRequest(StrictModel):
         return f"{own}/{len(pulling)} prompts, {local} regions" if params.prompts else own
 
 
+_OF_OTHERS: Mapping[GuidanceKind, Family] = {
+    GuidanceKind.TARGET: "target",
+    GuidanceKind.SILHOUETTES: "silhouettes",
+    GuidanceKind.EXEMPLAR: "exemplar",
+}
+"""What names the presets of each kind of guidance without a model."""
+
 TAUGHT = "taught"
 """The model in the name of a workload with taught weights."""
 
@@ -417,7 +424,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     model = params.model or default_model
     family: Family = "builtin" if is_builtin(model) else "sd"
     if params.kind is not GuidanceKind.SDS:
-        family = "target" if params.kind is GuidanceKind.TARGET else "silhouettes"
+        family = _OF_OTHERS[params.kind]
     paper = {name: field.default for name, field in ResolvedParams.model_fields.items()}
     written = params.flat()
     values = {**paper, **OVERRIDES[family, params.preset], **written, "guidance": params.kind, "model": model}
@@ -425,7 +432,7 @@ def resolve(params: DeformParams, *, default_model: str = BUILTIN_MODEL) -> Reso
     if values["timestep_min"] > highest:
         detail = f"timestep_min is {values['timestep_min']}, and this preset draws no timestep above {highest}."
         raise ParameterError.at(["params", "guidance", "timestep_min"], detail, f"Set it to at most {highest}.")
-    if values["rigid"] and values["carrier"] is Carrier.SURFACE:
+    if family != "exemplar" and values["rigid"] and values["carrier"] is Carrier.SURFACE:
         whose = "set" if "carrier" in written else "the preset's"
         detail = f"Rigid parts need the lattice, and carrier is `surface` ({whose})."
         raise ParameterError.at(["params", "control", "rigid"], detail, "Set params.carrier to auto or lattice.")

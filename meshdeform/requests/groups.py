@@ -38,7 +38,11 @@ def elsewhere(place: Sequence[Any]) -> str | None:
         return None
     group, kinds = PLACES[name]
     place_now = f"it is params.{group}.{name}" if group else f"it is params.{name}"
-    return f"{place_now}, where the guidance is {' or '.join(kinds)}." if group == "guidance" else f"{place_now}."
+    if group != "guidance":
+        return f"{place_now}."
+    others = "".join(f"{kind}, " for kind in kinds[:-2])
+    there = f"{place_now}, where the guidance is {others}{' or '.join(kinds[-2:])}."
+    return f"{there} Leave it out, or set params.guidance.kind." if path[1] == group else there
 
 
 def grouped(params: Mapping[str, Any]) -> dict[str, Any]:

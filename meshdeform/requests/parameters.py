@@ -66,10 +66,14 @@ __all__ = [
     "MAX_PROMPT_LENGTH",
     "MAX_SILHOUETTES",
     "MAX_STEPS",
+    "MAX_TARGETS",
+    "OF_OPTIMISER",
     "OVERRIDES",
     "SILHOUETTE_PARTS",
+    "TARGET_PARTS",
     "Control",
     "DeformParams",
+    "ExemplarGuidance",
     "Family",
     "Prompt",
     "PromptGuidance",
@@ -99,6 +103,11 @@ MAX_SILHOUETTES = 4
 
 SILHOUETTE_PARTS = tuple(f"silhouette_{number}" for number in range(1, MAX_SILHOUETTES + 1))
 """The names of the parts with the pictures."""
+
+MAX_TARGETS = 8
+
+TARGET_PARTS = ("target", *(f"target_{number}" for number in range(2, MAX_TARGETS + 1)))
+"""The names of the parts with target meshes; `target` guidance has the first alone."""
 
 _MAX_WEIGHT = 1e6
 
@@ -200,8 +209,8 @@ class CommonParams(Parameters):
         0,
         ge=0,
         le=2**63 - 1,
-        description="Seed of every random draw (cameras, timesteps, noise). The same seed gives the same result "
-        "on the same machine on the CPU.",
+        description="Seed of every random draw (cameras, timesteps, noise), and with `exemplar` of the design that is "
+        "taken. The same seed gives the same result on the same machine on the CPU.",
         examples=[0],
     )
     learning_rate: float = of_preset(
@@ -279,6 +288,10 @@ class CommonParams(Parameters):
     )
 
 
+OF_OPTIMISER = frozenset(CommonParams.model_fields) - {"preset", "seed", "checkpoint_every_steps"}
+"""The parameters of the optimiser, which `exemplar` guidance does without."""
+
+
 class Silhouette(StrictModel):
     """The direction from which a picture shows what the asset should become."""
 
@@ -305,8 +318,8 @@ class Silhouette(StrictModel):
     )
 
 
-class SilhouetteParams(Parameters):
-    """The parameters of pictures as targets."""
+class PictureParams(Parameters):
+    """The pictures that guide."""
 
     silhouettes: tuple[Silhouette, ...] = Field(
         (),
@@ -315,6 +328,11 @@ class SilhouetteParams(Parameters):
         "the first entry describes the part `silhouette_1`, and so on.",
         examples=[[{"azimuth": 0.0}, {"azimuth": 90.0}]],
     )
+
+
+class SilhouetteParams(PictureParams):
+    """The parameters of pictures as targets."""
+
     silhouette_weight: float = of_preset(
         10.0,
         "Weight of the difference between the silhouettes.",
@@ -324,8 +342,8 @@ class SilhouetteParams(Parameters):
     )
 
 
-class PromptParams(SilhouetteParams):
-    """The parameters of a prompt, with pictures beside it if there are any."""
+class ModelParams(Parameters):
+    """A diffusion model, and how it is asked."""
 
     model: str | None = Field(
         None,
@@ -351,6 +369,11 @@ class PromptParams(SilhouetteParams):
         examples=["blurry, many heads"],
         json_schema_extra={FORM: {"label": "Negative prompt", "help": "Shapes to stay away from."}},
     )
+
+
+class WordParams(Parameters):
+    """The parameters of prompts, whatever makes shapes of them."""
+
     prompts: tuple[Prompt, ...] = Field(
         (),
         max_length=MAX_PROMPTS,
@@ -360,9 +383,10 @@ class PromptParams(SilhouetteParams):
     )
     orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
         OrientationMode.KEEP,
-        "Which side of the asset the model sees as its front: `auto`, the one that it takes for the front of what the "
-        "asset is (`source_noun`), if one is clearly better; `keep`, +Z; or its azimuth in degrees, from +Z (0) "
-        "towards +X (90). Only the cameras turn. In degrees, it is also where a change in plain words sees the front.",
+        "Which side of the asset counts as its front: `auto`, the one that is the front of what the asset is "
+        "(`source_noun`), if one is clearly better; `keep`, +Z; or its azimuth in degrees, from +Z (0) towards +X "
+        "(90). Only the cameras or the exemplar turn. In degrees, it is also where a change in plain words sees the "
+        "front.",
         examples=["auto"],
         form={
             "label": "Front",
@@ -384,6 +408,11 @@ class PromptParams(SilhouetteParams):
         "prompt that describes it (`a fat dog`) is a change of it. Default: recognised ([Parts](parts.md)).",
         examples=["dog"],
     )
+
+
+class PromptParams(WordParams, ModelParams, SilhouetteParams):
+    """The parameters of a prompt for a diffusion model, with pictures beside it if there are any."""
+
     appearance: AppearanceMode = of_preset(
         AppearanceMode.CLAY,
         "Pictures for the model: `clay`, grey under a varying light; `textured`, the asset's own colours under that "
@@ -407,8 +436,8 @@ class PromptParams(SilhouetteParams):
     )
 
 
-class TargetParams(Parameters):
-    """The parameters of a target mesh."""
+class PlacementParams(Parameters):
+    """How a target mesh lies on the asset."""
 
     align: AlignMode = Field(
         AlignMode.AUTO,
@@ -422,12 +451,31 @@ class TargetParams(Parameters):
         description="Points of the asset and their places on the target, which also help to find the turn.",
         examples=[[{"source": 120, "target": [0.1, 0.9, 0.5]}]],
     )
+
+
+class TargetParams(PlacementParams):
+    """The parameters of a target mesh."""
+
     point_weight: float = of_preset(
         0.0,
         "Weight of the distances between the two surfaces, relative to that of their pictures.",
         ge=0.0,
         le=_MAX_WEIGHT,
         examples=[1.0],
+    )
+
+
+class ExemplarParams(PlacementParams, WordParams, PictureParams):
+    """The parameters of a fit to what a noun stands for, or to meshes that are sent."""
+
+    strength: float = Field(
+        1.0,
+        ge=0.0,
+        le=1.0,
+        description="How far the asset goes towards the exemplar: 1, all of the way; 0, nowhere. Less keeps more of "
+        "the asset.",
+        examples=[0.9],
+        json_schema_extra={FORM: {"label": "Strength", "help": "How far it goes: 1 is all of the way."}},
     )
 
 
@@ -489,7 +537,8 @@ class Control(Parameters):
         (),
         max_length=MAX_SELECTORS,
         description="Corrections of the parts that are found on the asset ([Parts](parts.md#correct-it)): a part by "
-        "its place, or another name for what was found. Changes in plain words use them; other prompts do not.",
+        "its place, or another name for what was found. Changes in plain words and `exemplar` use them; other prompts "
+        "do not.",
         examples=[
             [{"name": "ears", "box": {"min": [-1, 1, -1], "max": [1, 2, 1]}}, {"name": "ears", "parts": ["horns"]}]
         ],
@@ -536,6 +585,14 @@ class SilhouetteGuidance(SilhouetteParams):
     )
 
 
+class ExemplarGuidance(ExemplarParams):
+    """A member of the prompt's noun, or the nearest of up to eight meshes, to which the asset is fitted."""
+
+    kind: Literal["exemplar"] = Field(
+        description="Kind of guidance.", examples=["exemplar"], json_schema_extra=_AS_GUIDANCE
+    )
+
+
 def _kind_of_guidance(value: Any) -> str | None:
     """Return the kind of guidance of a value; None if it is none."""
     kind = value.get("kind", "sds") if isinstance(value, Mapping) else getattr(value, "kind", None)
@@ -545,11 +602,12 @@ def _kind_of_guidance(value: Any) -> str | None:
 Guidance = Annotated[
     Annotated[PromptGuidance, Tag("sds")]
     | Annotated[TargetGuidance, Tag("target")]
-    | Annotated[SilhouetteGuidance, Tag("silhouettes")],
+    | Annotated[SilhouetteGuidance, Tag("silhouettes")]
+    | Annotated[ExemplarGuidance, Tag("exemplar")],
     Discriminator(
         _kind_of_guidance,
         custom_error_type="guidance_kind",
-        custom_error_message="`kind` is `sds`, `target` or `silhouettes`",
+        custom_error_message="`kind` is `sds`, `target`, `silhouettes` or `exemplar`",
     ),
 ]
 
@@ -560,7 +618,8 @@ class DeformParams(CommonParams):
     guidance: Guidance = Field(
         default_factory=PromptGuidance,
         description="Guidance of the deformation, by `kind`: `sds` (a diffusion model and the prompt, the default), "
-        "`target` (a second mesh, sent as the part `target`) or `silhouettes` (pictures alone).",
+        "`target` (a second mesh, sent as the part `target`), `silhouettes` (pictures alone) or `exemplar` (what the "
+        "prompt's noun stands for, part to part).",
         examples=[{"guidance_scale": 50.0}, {"kind": "target"}],
     )
     control: Control = Field(
@@ -589,12 +648,12 @@ class DeformParams(CommonParams):
     @property
     def prompts(self) -> tuple[Prompt, ...]:
         """The further prompts."""
-        return self.guidance.prompts if isinstance(self.guidance, PromptGuidance) else ()
+        return self.guidance.prompts if isinstance(self.guidance, WordParams) else ()
 
     @property
     def silhouettes(self) -> tuple[Silhouette, ...]:
         """The directions of the pictures."""
-        return self.guidance.silhouettes if isinstance(self.guidance, SilhouetteParams) else ()
+        return self.guidance.silhouettes if isinstance(self.guidance, PictureParams) else ()
 
     def with_model(self, model: str) -> Self:
         """Return the parameters with another model; a guidance without one stays as it is."""
@@ -610,7 +669,7 @@ class DeformParams(CommonParams):
         return own
 
 
-class ResolvedParams(Control, TargetParams, PromptParams, CommonParams):
+class ResolvedParams(Control, ExemplarParams, TargetParams, PromptParams, CommonParams):
     """Every parameter with its value, without groups: the basis of the run, the report and the parameter hash.
 
     The members that no group of `DeformParams` has are constants of the method, or of a preset for one kind of guidance
@@ -654,10 +713,11 @@ GUIDANCES: Mapping[GuidanceKind, type[Parameters]] = {
     GuidanceKind.SDS: PromptGuidance,
     GuidanceKind.TARGET: TargetGuidance,
     GuidanceKind.SILHOUETTES: SilhouetteGuidance,
+    GuidanceKind.EXEMPLAR: ExemplarGuidance,
 }
 """The parameters of each kind of guidance."""
 
-_PARAMETERS = (CommonParams, PromptParams, TargetParams, Control)
+_PARAMETERS = (CommonParams, PromptParams, TargetParams, ExemplarParams, Control)
 
 CONSTANTS = ResolvedParams.model_fields.keys() - {"guidance"}.union(*(each.model_fields for each in _PARAMETERS))
 """The constants of the method and of presets, which no request has."""
@@ -666,7 +726,7 @@ FROM_PRESET = frozenset(name for name in ResolvedParams.model_fields if _is_of_p
 """The parameters whose default comes from the preset."""
 
 
-Family = Literal["builtin", "sd", "target", "silhouettes"]
+Family = Literal["builtin", "sd", "target", "silhouettes", "exemplar"]
 
 # The safeguard and the carrier of our own presets.
 _GUARDED: dict[str, Any] = {"safeguard": "intersections", "carrier": "auto"}
@@ -770,4 +830,6 @@ OVERRIDES: dict[tuple[Family, str], dict[str, Any]] = {
         "steps": 80,
         "learning_rate": 0.02,
     },
+    # Nothing is optimised: a preset only says how the front is found.
+    **{("exemplar", preset.value): {"orientation": "auto"} for preset in Preset},
 }

@@ -1,7 +1,7 @@
 """Say whether a prompt is a change in plain words ("longer legs"), and whether an asset has its parts. Torch-free.
 
 A prompt without a noun is a change, and so is one that compares ("a fatter dog"). A description ("a fat dog") is one if
-the source is that noun, as the request says (`source_noun`) or the run recognises.
+the source is that noun, as the request says (`source_noun`) or the run recognises; not with `exemplar` guidance.
 
 A child process is asked for parts, which are found with numpy and scipy: an API need not have these.
 """
@@ -51,11 +51,14 @@ _QUESTION = Question(
 
 def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
     """Return the changes that a prompt asks for; None if something else guides, or it asks for none."""
-    alone = not params.prompts and not params.silhouettes and params.guidance is GuidanceKind.SDS
+    fitted = params.guidance is GuidanceKind.EXEMPLAR
+    alone = not params.prompts and not params.silhouettes and (fitted or params.guidance is GuidanceKind.SDS)
     if not alone or not prompt:
         return None
     changes = read_changes(prompt, noun_of)
     is_thing = changes is not None and changes.noun is None and not changes.compared and _names_thing(prompt)
+    if fitted:  # a description of what the asset is has an exemplar as well
+        return changes if changes is not None and not is_thing and is_change(changes) else None
     if is_builtin(params.model):
         return _described(prompt) or changes if changes is None or is_thing else changes
     # Other models read free text: theirs is every prompt that names a thing.

@@ -28,6 +28,9 @@ _QUESTION = Question(
 
 def check_searchable(params: ResolvedParams) -> None:
     """Refuse to search a front that a job with these parameters would not search."""
+    if params.guidance is GuidanceKind.EXEMPLAR:
+        detail = "With `exemplar` guidance, the front is that of the asset's reading, which a list of its parts has."
+        raise ParameterError.at(["params", "guidance"], detail, "Ask for its parts: POST /v1/jobs:parts.")
     if params.guidance is not GuidanceKind.SDS:
         raise ParameterError.at(
             ["params", "guidance"], "A target has no front to find: `align` places it.", "Omit this request."

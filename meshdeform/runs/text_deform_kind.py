@@ -27,7 +27,13 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.groups import PLACES
-from meshdeform.requests.parameters import SILHOUETTE_PARTS, Silhouette, active_prompts, prompt_words
+from meshdeform.requests.parameters import (
+    SILHOUETTE_PARTS,
+    TARGET_PARTS,
+    Silhouette,
+    active_prompts,
+    prompt_words,
+)
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.runs.base import (
     FORMATS_OF_RESULT,
@@ -39,6 +45,7 @@ from meshdeform.runs.base import (
     start_of,
 )
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
+from meshdeform.runs.exemplar_kind import check_exemplar, steps_of
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -75,20 +82,20 @@ def check(
     default_model: str,
     allowed_models: Sequence[str] = (),
     revision: str = "",
-    has_target: bool = False,
+    targets: Collection[str] = (),
     pictures: Collection[str] = (),
     has_weights: bool = False,
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
     `default_model`: the model used if the request names none; always allowed, like `builtin`; `allowed_models`: further
-    models that a request may name; `revision`: revision of the default model; `has_target`: whether the second mesh for
-    `target` guidance is present; `pictures`: the names of the parts with pictures that are present; `has_weights`:
-    whether taught weights are among the files.
+    models that a request may name; `revision`: revision of the default model; `targets` and `pictures`: the names of
+    the parts with target meshes and with pictures that are present; `has_weights`: whether taught weights are among
+    the files.
     """
     resolved = resolve(request.params, default_model=default_model)
     _check_pictures(resolved, request.prompt, pictures)
-    _check_target(resolved, has_target=has_target)
+    _check_targets(resolved, targets)
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
     if resolved.guidance is GuidanceKind.SDS:
         model = resolved.model
@@ -114,7 +121,28 @@ def check(
         check_model(model, revision if model == default_model else "")
     elif has_weights:
         check_weights_part(None, [WEIGHTS_PART], "guidance")
+    if resolved.guidance is GuidanceKind.EXEMPLAR:
+        _check_exemplar(request, resolved, targets)
     return resolved
+
+
+def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
+    """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
+    from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
+
+    check_exemplar(request, params, targets)
+    if targets:
+        _check_source_noun(params, BUILTIN_MODEL)
+        return
+    if _is_change(request, params):
+        check_change(params)
+        _check_source_noun(params, BUILTIN_MODEL)
+        return
+    try:
+        _check_vocabulary(_filled(_prompts(request)), params, BUILTIN_WORDS)
+    except VocabularyError as error:
+        refuse_unread_change(request.prompt, error)
+        raise
 
 
 def _is_change(request: JobRequest, params: ResolvedParams) -> bool:
@@ -123,17 +151,25 @@ def _is_change(request: JobRequest, params: ResolvedParams) -> bool:
     return sentence is not None and is_change(sentence)
 
 
-def _check_target(params: ResolvedParams, *, has_target: bool) -> None:
-    """Refuse `target` guidance without a target mesh, and a target mesh without `target` guidance."""
-    if params.guidance is GuidanceKind.TARGET and not has_target:
+def _check_targets(params: ResolvedParams, targets: Collection[str]) -> None:
+    """Refuse `target` guidance without its mesh, and target meshes that the guidance does not use."""
+    if params.guidance is GuidanceKind.TARGET and _TARGET not in targets:
         raise ParameterError.at(
             ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the part `target`."
         )
-    if has_target and params.guidance is not GuidanceKind.TARGET:
+    if params.guidance is GuidanceKind.EXEMPLAR:
+        return
+    if _TARGET in targets and params.guidance is not GuidanceKind.TARGET:
         raise ParameterError.at(
             ["params", "guidance"],
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
             'Set params.guidance to {"kind": "target"}, or omit the part `target`.',
+        )
+    for name in sorted(set(targets) - {_TARGET}):
+        raise ParameterError.at(
+            ["params", "guidance"],
+            f"`{name}` was sent, but only `exemplar` guidance takes the nearest of several targets.",
+            f'Set params.guidance to {{"kind": "exemplar"}}, or omit the part `{name}`.',
         )
 
 
@@ -315,7 +351,7 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
             default_model=settings.model,
             allowed_models=settings.further_models,
             revision=settings.model_revision,
-            has_target=_TARGET in files,
+            targets=files.intersection(TARGET_PARTS),
             pictures=files.intersection(SILHOUETTE_PARTS),
             has_weights=WEIGHTS_PART in files,
         )
@@ -406,7 +442,9 @@ def resolved_params(request: JobRequest, default_model: str, kept: Mapping[str, 
 def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | None) -> int:
     try:
         params = resolved_params(request, default_model, kept)
-        return 0 if _is_change(request, params) else params.steps
+        if _is_change(request, params):
+            return 0
+        return steps_of(request, params) if params.guidance is GuidanceKind.EXEMPLAR else params.steps
     except MeshdeformError:
         # A default has changed since the job was accepted; its worker will report the error.
         return request.params.steps if "steps" in request.params.model_fields_set else 0
@@ -415,9 +453,11 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 def _uses(request: JobRequest) -> list[str]:
     params = request.params
     weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
+    prompted = request.prompt or params.prompts
+    targets = {GuidanceKind.TARGET: [_TARGET], GuidanceKind.EXEMPLAR: [] if prompted else TARGET_PARTS}
     return [
         "asset",
-        *([_TARGET] if params.kind is GuidanceKind.TARGET else []),
+        *targets.get(params.kind, ()),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
     ]
@@ -441,7 +481,21 @@ TEXT_DEFORM = Kind(
             required=True,
             media_types=_MESHES,
         ),
-        FilePart(_TARGET, "The second mesh of `target` guidance.", required=False, media_types=_MESHES),
+        FilePart(
+            _TARGET,
+            "The second mesh of `target` guidance; of `exemplar`, the first target.",
+            required=False,
+            media_types=_MESHES,
+        ),
+        *(
+            FilePart(
+                name,
+                f"Target {number} of `exemplar` guidance, of which the nearest is taken.",
+                required=False,
+                media_types=_MESHES,
+            )
+            for number, name in enumerate(TARGET_PARTS[1:], 2)
+        ),
         *(
             FilePart(
                 name,

@@ -140,7 +140,10 @@ def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
 def test_what_is_in_a_group_now_is_said_with_its_place() -> None:
     for place, words in (
         (["params", "guidance_scale"], "it is params.guidance.guidance_scale, where the guidance is sds."),
-        (["params", "guidance", "target", "silhouettes"], "where the guidance is sds or silhouettes."),
+        (
+            ["params", "guidance", "target", "silhouettes"],
+            "where the guidance is sds, silhouettes or exemplar. Leave it out, or set params.guidance.kind.",
+        ),
         (["params", "guidance", "sds", "handles"], "it is params.control.handles."),
         (["params", "control", "steps"], "it is params.steps."),
     ):

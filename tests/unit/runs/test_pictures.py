@@ -45,7 +45,7 @@ def request(prompt: str = "", **params: object) -> JobRequest:
 
 def refused(asked: JobRequest, *pictures: str, target: bool = False) -> ParameterError:
     with pytest.raises(ParameterError) as caught:
-        check(asked, default_model="builtin", has_target=target, pictures=pictures)
+        check(asked, default_model="builtin", targets=["target"] if target else [], pictures=pictures)
     return caught.value
 
 
