@@ -33,7 +33,6 @@ from meshdeform.geometry.congruence import Component, components_of, congruent_g
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.plain.body import body_of
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests import selection
 from meshdeform.requests.choices import RegionAction, Rigidity, Symmetry
@@ -42,7 +41,7 @@ from meshdeform.requests.selection import (
     RigidSelector,
 )
 from meshdeform.runs.changes import parts_found
-from meshdeform.runs.reading import Source, corrected, reading_document
+from meshdeform.runs.reading import Source, reading_document, welded_body
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.runs.surfaces import welded_surface
 from meshdeform.runs.text_deform_kind import check_places
@@ -346,8 +345,7 @@ def inspect_parts(asset: Asset, params: ResolvedParams | None = None, source: So
     owners = _owners(welded, parts)
     size = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))
     params = params or resolve(DeformParams())
-    body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
-    body = corrected(body, asset, params, source)
+    body = welded_body(asset, welded, params, source)
     return {
         "triangles": len(asset.surface.triangles),
         "vertices": len(asset.surface.positions),

@@ -31,6 +31,7 @@ from meshdeform.runs.selectable import SelectableSurface
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
+    from meshdeform.geometry.weld import WeldedMesh
     from meshdeform.plain.body import Body, Flags, Floats
     from meshdeform.requests.document import ResolvedParams
     from meshdeform.requests.selection import PartCorrection
@@ -43,6 +44,7 @@ __all__ = [
     "read_source",
     "reading_document",
     "reading_report",
+    "welded_body",
 ]
 
 _MOST, _DIGITS = 5, 4
@@ -99,6 +101,14 @@ def corrected(body: Body, asset: Asset, params: ResolvedParams, source: Source |
     painted, renamed = _corrections(body, asset, params.parts)
     found = SourceReader(lambda: read_source(body, params, source))
     return replace(body, reader=found, painted=painted, renamed=renamed)
+
+
+def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source: Source | None = None) -> Body:
+    """Return the body of an asset that was welded, as `corrected` does."""
+    from meshdeform.plain.body import body_of
+
+    body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
+    return corrected(body, asset, params, source)
 
 
 def _corrections(

@@ -1,7 +1,5 @@
 """Run jobs of kind `text_deform`: deform an asset by a prompt or towards a target mesh.
 
-Run a prompt that is a change in plain words: no model, no steps.
-
 Joints, morph targets and the nodes that hang on the surface follow it, unless `output.rig` is `keep`.
 """
 
@@ -10,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -25,33 +22,23 @@ from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.plain.body import Body, body_of
-from meshdeform.plain.change import Done, affine_of, apply_changes, meant
-from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.words import Sentence
-from meshdeform.reading import Reading
 from meshdeform.rendering.cameras import Frame
-from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import GuidanceKind, RigMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
-from meshdeform.runs.changes import asked_changes, check_change, is_change, part_names, part_not_found
+from meshdeform.runs.changes import asked_changes, is_change
 from meshdeform.runs.control import WeldedSurface, read_control
+from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
-from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.last_assets import asset_key, front_again, keep_front, recognised_again
+from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.reading import Source, corrected, made
 from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
-from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import (
-    DeformedSurface,
-    Shown,
-    affine_surface,
     deformed_surface,
     drawn_triangles,
     prepared,
-    read_result,
     shape_id,
     vertex_jacobians,
     welded_surface,
@@ -60,17 +47,12 @@ from meshdeform.runs.text_deform_kind import resolved_params
 from meshdeform.runs.text_report import (
     AssetFacts,
     Held,
-    Outcome,
     RunFacts,
     build_report,
-    change_report,
     precision_of,
-    provenance,
     sees_colours,
 )
-from meshdeform.support.threads import side_by_side
 
-_GLB = "model/gltf-binary"
 _ON_ORIGIN = 0.01
 """Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
 
@@ -160,11 +142,11 @@ def _change(
 ) -> tuple[JobRun | None, Recognition | None]:
     """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked."""
     if is_change(sentence):
-        return start_change(facts, _body(facts, job_input.readings), sentence, None, log), None
+        return start_change(facts, source_body(facts, job_input.readings), sentence, None, log), None
     if job_input.initial is not None or job_input.checkpoint is not None:
         return None, None
     recognised = recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
-    body, called = _body(facts, job_input.readings), replace(recognised, called=sentence.noun or "")
+    body, called = source_body(facts, job_input.readings), replace(recognised, called=sentence.noun or "")
     if recognised.probability < 1:  # neither given nor told by a skeleton
         with log.phase("parts"):
             called = called.with_reading(body.reader.reading)
@@ -172,14 +154,6 @@ def _change(
     if not called.sure or called.noun != sentence.noun:
         return None, recognised
     return start_change(facts, body, sentence, called, log), recognised
-
-
-def _body(facts: AssetFacts, readings: Readings) -> Body:
-    """Return the source of a change, which can be read."""
-    welded = facts.welded
-    source = Source(facts.file.digest, facts.file.filename, facts.subdivision is not None, readings)
-    body = body_of(facts.asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
-    return corrected(body, facts.asset, facts.params, source)
 
 
 class TextDeformRun(JobRun):
@@ -213,55 +187,24 @@ class TextDeformRun(JobRun):
 
     def snapshot(self) -> ArtifactData:
         """Return the asset with its current shape, in the form of `result.glb`."""
-        verts = self._world_verts()
-        return ArtifactData(self._written(self._surface(verts), verts), _GLB)
+        return ArtifactData(self._new_shape().written(), GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
-        facts, verts = self._facts, self._world_verts()
         with self.log.phase("write"):
-            surface = self._surface(verts)
-            result = self._written(surface, verts)
-            # Read the file back, so that the report describes what is in the file.
-            written = read_result(result).without(facts.asset.excluded)
-            artifacts = {"result.glb": ArtifactData(result, _GLB)}
-            if facts.request.output.morph:
-                artifacts["morph.glb"] = ArtifactData(self._morph(surface), _GLB)
-            # With the normals that the file has now, so that the picture shows what a viewer of the file does.
-            shown = Shown.of(facts.asset, written, facts.welded, verts)
-            look = facts.asset.appearance().of_triangles(facts.drawn)
-        outcome = Outcome(verts, result, written, shown, surface.rebuilt_normals, Held.of(self._held, self.total_steps))
-        report, picture = side_by_side(
-            lambda: build_report(facts, self._deformation, outcome, self.first_step, self.log),
-            lambda: preview_png(look, *shown.poses),
+            shape = self._new_shape()
+        return shape.delivered(
+            lambda outcome: build_report(self._facts, self._deformation, outcome, self.first_step, self.log),
+            self.log,
+            Held.of(self._held, self.total_steps),
         )
-        artifacts["preview.png"] = ArtifactData(picture, "image/png")
-        artifacts["report.json"] = ArtifactData(report, "application/json")
-        return artifacts
 
-    def _surface(self, verts: Tensor) -> DeformedSurface:
-        return deformed_surface(self._facts.asset.surface, self._facts.welded, verts)
-
-    def _written(self, surface: DeformedSurface, verts: Tensor) -> bytes:
-        """Return the asset with a new shape as a GLB, with the options of the request."""
-        follows = self._facts.request.output.rig is RigMode.FOLLOW
-        jacobians = vertex_jacobians(self._facts.welded, verts) if follows else None
-        shape = surface.positions, surface.normals, surface.tangents
-        return self._facts.asset.replace(*shape, jacobians=jacobians, **self._file_options())
-
-    def _morph(self, surface: DeformedSurface) -> bytes:
-        from meshdeform.runs.strength import AssetPath, write_morph
-
-        asset, path = self._facts.asset, self._facts.request.output.morph_path
-        way = AssetPath(asset, surface.positions, self._facts.welded)
-        return write_morph(asset, way, surface, path, **self._file_options())
-
-    def _file_options(self) -> dict[str, Any]:
-        output = self._facts.request.output
-        return {
-            "compact": output.compact,
-            "provenance": provenance(self._facts, self.step) if output.provenance else None,
-        }
+    def _new_shape(self) -> NewShape:
+        facts, verts = self._facts, self._world_verts()
+        follows = facts.request.output.rig is RigMode.FOLLOW
+        jacobians = vertex_jacobians(facts.welded, verts) if follows else None
+        surface = deformed_surface(facts.asset.surface, facts.welded, verts)
+        return NewShape(facts, verts, surface, jacobians, self.step)
 
     @cached_property
     def _keeps_ground(self) -> bool:
@@ -284,129 +227,3 @@ class TextDeformRun(JobRun):
             if kept is None
             else torch.where(torch.from_numpy(kept)[:, None], self._facts.welded.mesh.verts, verts)
         )
-
-
-def start_change(
-    facts: AssetFacts, body: Body, sentence: Sentence, recognised: Recognition | None, log: RunLog
-) -> PlainChangeRun:
-    """Make the changes of a sentence, which may describe what the source was recognised as.
-
-    `body`: the source. `PartNotFoundError`: a part is missing. No guidance makes up for it: it knows no parts, and
-    spoils the others.
-    """
-    check_change(facts.params)
-    with log.phase("change"):
-        try:
-            changed, done = apply_changes(body, meant(body, sentence))
-        except PartMissingError as missing:
-            taken_for = _taken_for(made(body), recognised) if facts.params.source_noun is None else ""
-            raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
-        verts = facts.welded.mesh.verts + torch.from_numpy(changed.points - body.points)
-    return PlainChangeRun(facts, verts, done, recognised, made(body), sentence.notes, log)
-
-
-def _taken_for(reading: Reading | None, recognised: Recognition | None) -> str:
-    if reading is not None:
-        return reading.noun
-    return recognised.noun if recognised is not None else ""
-
-
-class PlainChangeRun(JobRun):
-    """A change that was made, created by `start_change`; it has no steps."""
-
-    def __init__(
-        self,
-        facts: AssetFacts,
-        verts: Tensor,
-        done: list[Done],
-        recognised: Recognition | None,
-        reading: Reading | None,
-        notes: tuple[str, ...],
-        log: RunLog,
-    ) -> None:
-        super().__init__(0, 0, log)
-        self._facts, self._done, self._recognised, self._notes = facts, done, recognised, notes
-        self._reading = reading
-        self._affine = affine_of(done)
-        # Of an affine change, the file's own vertices are moved, not those that were welded.
-        self._verts = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
-
-    def _steps(self) -> Iterator[dict[str, float]]:
-        return iter(())
-
-    def checkpoint(self) -> bytes:
-        """Return nothing: a run without steps has no state."""
-        return b""
-
-    def snapshot(self) -> ArtifactData:
-        """Return the changed asset, in the form of `result.glb`."""
-        return ArtifactData(self._written, _GLB)
-
-    def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
-        facts = self._facts
-        with self.log.phase("write"):
-            result = self._written
-            written = read_result(result).without(facts.asset.excluded)
-            artifacts = {"result.glb": ArtifactData(result, _GLB)}
-            if facts.request.output.morph:
-                way = AssetPath(facts.asset, self._surface.positions, facts.welded)
-                path = facts.request.output.morph_path
-                artifacts["morph.glb"] = ArtifactData(
-                    write_morph(facts.asset, way, self._surface, path, **self._file_options), _GLB
-                )
-            shown = Shown.of(facts.asset, written, facts.welded, self._verts)
-            look = facts.asset.appearance().of_triangles(facts.drawn)
-        outcome = Outcome(self._verts, result, written, shown, self._surface.rebuilt_normals, Held())
-        report, picture = side_by_side(
-            lambda: change_report(
-                facts,
-                self._done,
-                self._notes,
-                self._recognised,
-                self._reading,
-                follows=self._follows,
-                outcome=outcome,
-                log=self.log,
-            ),
-            lambda: preview_png(look, *shown.poses),
-        )
-        artifacts["preview.png"] = ArtifactData(picture, "image/png")
-        artifacts["report.json"] = ArtifactData(report, "application/json")
-        return artifacts
-
-    @cached_property
-    def _surface(self) -> DeformedSurface:
-        if self._affine is not None:
-            return self._moved_as_one[0]
-        return deformed_surface(self._facts.asset.surface, self._facts.welded, self._verts)
-
-    @cached_property
-    def _moved_as_one(self) -> tuple[DeformedSurface, NDArray[np.float64]]:
-        assert self._affine is not None
-        return affine_surface(self._facts.asset.surface, self._facts.welded, self._affine)
-
-    @property
-    def _follows(self) -> bool:
-        """Whether joints and morph targets follow: a change is of the asset with its rig, unless it is to be kept."""
-        output = self._facts.request.output
-        return output.rig is RigMode.FOLLOW or "rig" not in output.model_fields_set
-
-    @cached_property
-    def _written(self) -> bytes:
-        jacobians = None
-        if self._follows and self._affine is not None:
-            _, jacobians = self._moved_as_one
-        elif self._follows:
-            jacobians = vertex_jacobians(self._facts.welded, self._verts)
-        surface = self._surface
-        shape = surface.positions, surface.normals, surface.tangents
-        return self._facts.asset.replace(*shape, jacobians=jacobians, **self._file_options)
-
-    @property
-    def _file_options(self) -> dict[str, Any]:
-        output = self._facts.request.output
-        return {
-            "compact": output.compact,
-            "provenance": provenance(self._facts, 0) if output.provenance else None,
-        }

@@ -1,0 +1,135 @@
+"""Carry out a prompt that is a change in plain words: no model, no steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.plain.body import Body
+from meshdeform.plain.change import Done, affine_of, apply_changes, meant
+from meshdeform.plain.pieces import PartMissingError
+from meshdeform.plain.words import Sentence
+from meshdeform.reading import Reading
+from meshdeform.requests.choices import RigMode
+from meshdeform.runs.base import ArtifactData, JobRun, RunLog
+from meshdeform.runs.changes import check_change, part_names, part_not_found
+from meshdeform.runs.delivery import GLB, NewShape
+from meshdeform.runs.kept_readings import Readings
+from meshdeform.runs.reading import Source, made, welded_body
+from meshdeform.runs.recognition import Recognition
+from meshdeform.runs.surfaces import DeformedSurface, affine_surface, deformed_surface, vertex_jacobians
+from meshdeform.runs.text_report import AssetFacts, Outcome, change_report
+
+__all__ = ["PlainChangeRun", "source_body", "start_change"]
+
+
+def source_body(facts: AssetFacts, readings: Readings) -> Body:
+    """Return the source of a run, which can be read; `readings`: where that is kept."""
+    source = Source(facts.file.digest, facts.file.filename, facts.subdivision is not None, readings)
+    return welded_body(facts.asset, facts.welded, facts.params, source)
+
+
+def start_change(
+    facts: AssetFacts, body: Body, sentence: Sentence, recognised: Recognition | None, log: RunLog
+) -> PlainChangeRun:
+    """Make the changes of a sentence, which may describe what the source was recognised as.
+
+    `body`: the source. `PartNotFoundError`: a part is missing. No guidance makes up for it: it knows no parts, and
+    spoils the others.
+    """
+    check_change(facts.params)
+    with log.phase("change"):
+        try:
+            changed, done = apply_changes(body, meant(body, sentence))
+        except PartMissingError as missing:
+            taken_for = _taken_for(made(body), recognised) if facts.params.source_noun is None else ""
+            raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
+        verts = facts.welded.mesh.verts + torch.from_numpy(changed.points - body.points)
+    return PlainChangeRun(facts, verts, done, recognised, made(body), sentence.notes, log)
+
+
+def _taken_for(reading: Reading | None, recognised: Recognition | None) -> str:
+    if reading is not None:
+        return reading.noun
+    return recognised.noun if recognised is not None else ""
+
+
+class PlainChangeRun(JobRun):
+    """A change that was made, created by `start_change`; it has no steps."""
+
+    def __init__(
+        self,
+        facts: AssetFacts,
+        verts: Tensor,
+        done: list[Done],
+        recognised: Recognition | None,
+        reading: Reading | None,
+        notes: tuple[str, ...],
+        log: RunLog,
+    ) -> None:
+        super().__init__(0, 0, log)
+        self._facts, self._done, self._recognised, self._notes = facts, done, recognised, notes
+        self._reading = reading
+        self._affine = affine_of(done)
+        # Of an affine change, the file's own vertices are moved, not those that were welded.
+        self._verts = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
+
+    def _steps(self) -> Iterator[dict[str, float]]:
+        return iter(())
+
+    def checkpoint(self) -> bytes:
+        """Return nothing: a run without steps has no state."""
+        return b""
+
+    def snapshot(self) -> ArtifactData:
+        """Return the changed asset, in the form of `result.glb`."""
+        return ArtifactData(self._new_shape.written(), GLB)
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
+        with self.log.phase("write"):
+            shape = self._new_shape
+        return shape.delivered(self._report, self.log)
+
+    def _report(self, outcome: Outcome) -> bytes:
+        return change_report(
+            self._facts,
+            self._done,
+            self._notes,
+            self._recognised,
+            self._reading,
+            follows=self._follows,
+            outcome=outcome,
+            log=self.log,
+        )
+
+    @cached_property
+    def _new_shape(self) -> NewShape:
+        jacobians = None
+        if self._follows and self._affine is not None:
+            _, jacobians = self._moved_as_one
+        elif self._follows:
+            jacobians = vertex_jacobians(self._facts.welded, self._verts)
+        return NewShape(self._facts, self._verts, self._surface, jacobians, 0)
+
+    @cached_property
+    def _surface(self) -> DeformedSurface:
+        if self._affine is not None:
+            return self._moved_as_one[0]
+        return deformed_surface(self._facts.asset.surface, self._facts.welded, self._verts)
+
+    @cached_property
+    def _moved_as_one(self) -> tuple[DeformedSurface, NDArray[np.float64]]:
+        assert self._affine is not None
+        return affine_surface(self._facts.asset.surface, self._facts.welded, self._affine)
+
+    @property
+    def _follows(self) -> bool:
+        """Whether joints and morph targets follow: a change is of the asset with its rig, unless it is to be kept."""
+        output = self._facts.request.output
+        return output.rig is RigMode.FOLLOW or "rig" not in output.model_fields_set
