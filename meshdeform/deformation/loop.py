@@ -429,6 +429,25 @@ def _stored_structure(state: Mapping[str, Tensor]) -> Structure | None:
     return None if stored is None else Structure.from_tensor(stored)
 
 
+def stored_shape(
+    mesh: TriangleMesh,
+    state: Mapping[str, Tensor],
+    carrier: Carrier,
+    *,
+    bodies: Sequence[Body] = (),
+    constraints: Constraints = UNCONSTRAINED,
+) -> Tensor:
+    """Return the vertices (V, 3) float64 of the shape in a checkpoint's tensors, in the frame of the mesh at rest.
+
+    The arguments are those of a `Deformation` that would go on from it. Raises CheckpointError: it is of another mesh.
+    """
+    stand_in = StandIn(mesh, simplify=not bodies and not constraints.handles, constraints=constraints)
+    variables = stand_in.carry(carrier, state, bodies, _stored_structure(state))
+    copy_into(variables, state)
+    with torch.no_grad():
+        return stand_in.follow(variables)
+
+
 _Floats = NDArray[np.float64]
 
 

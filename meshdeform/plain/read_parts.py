@@ -100,6 +100,12 @@ class ReadParts:
             codes[faces] = _number(names, called)
         return codes, tuple(names)
 
+    @property
+    def labels(self) -> Index:
+        """The part of each face (F,): a place in `PART_NAMES`, `GROUND`, or `NO_PART`, also for names of no noun."""
+        codes, _ = self._coded
+        return np.where(codes < len(PART_NAMES), codes, _UNREAD)
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of all its parts."""

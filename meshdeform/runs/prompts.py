@@ -6,7 +6,8 @@ With the weight w_i of prompt i, and m_i(f) in 0 .. 1 how much of face f it pull
 
 of the prompt's gradient, with d_i(f) the distance of the face from what is outside of its regions, along the surface. A
 prompt without regions pulls at everything, m_i = 1. Where m_i could not reach 1, because a region is narrower than four
-fall-offs, its fall-off is half of its greatest depth.
+fall-offs, its fall-off is half of its greatest depth. Where nothing is optimised, a vertex is moved by each prompt by
+the mean share of the faces around it.
 """
 
 from __future__ import annotations
@@ -46,6 +47,19 @@ class Prompts:
     def main(self) -> str:
         """The first prompt that pulls at everything; empty if there is none."""
         return next((each.prompt for each, faces in zip(self.given, self.faces, strict=True) if faces is None), "")
+
+    def of_vertices(self, mesh: RestMesh) -> list[_Floats]:
+        """Return the share (V,) of each prompt in what moves each vertex: the mean of the faces around it."""
+        if not self.shares:
+            return [np.full(len(mesh.verts), each.weight) for each in self.texts]
+        corners, areas = mesh.faces.numpy().ravel(), np.maximum(mesh.areas, 1e-300)
+        total = np.bincount(corners, np.repeat(areas, 3), len(mesh.verts))
+
+        def around(of_face: _Floats) -> _Floats:
+            gathered = np.bincount(corners, np.repeat(areas * of_face, 3), len(mesh.verts))
+            return np.asarray(gathered / np.maximum(total, 1e-300))
+
+        return [each.weight * around(self.shares[each.group]) for each in self.texts]
 
 
 def read_prompts(

@@ -44,6 +44,7 @@ __all__ = [
     "read_source",
     "reading_document",
     "reading_report",
+    "reshaped",
     "welded_body",
 ]
 
@@ -109,6 +110,13 @@ def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source
 
     body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
     return corrected(body, asset, params, source)
+
+
+def reshaped(body: Body, points: Floats, params: ResolvedParams, source: Source) -> Body:
+    """Return a body with its vertices at other places (V, 3), which is read as it is there; the reading is not kept."""
+    moved = body.moved(points)
+    found = SourceReader(lambda: read_source(moved, params, replace(source, digest="")))
+    return replace(moved, reader=found)
 
 
 def _corrections(

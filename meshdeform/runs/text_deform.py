@@ -76,6 +76,11 @@ def start(job_input: RunInput) -> JobRun:
         change, recognised = _change(facts, sentence, job_input, log)
         if change is not None:
             return change
+    if params.guidance is GuidanceKind.EXEMPLAR:
+        from meshdeform.runs.exemplar import start_exemplar
+
+        return start_exemplar(facts, job_input, log)
+    if sentence is not None:
         prior = load_sent(params.model, job_input)
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))

@@ -400,6 +400,12 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     output = _with_same(("output",), job.output, branch.output, ("subdivide",))
     control = _with_same(("params", "control"), job.params.control, branch.params.control, ("exclude", "backdrop"))
     params = branch.params.model_copy(update={"control": control})
+    if job.params.kind is GuidanceKind.EXEMPLAR and params.kind is not GuidanceKind.EXEMPLAR:
+        raise ParameterError.at(
+            ["params", "guidance"],
+            "A branch of a job with `exemplar` guidance has that guidance: no optimiser can go on with its shape.",
+            "Set params.guidance.kind to exemplar, or post a new job with the result.glb of this one as its asset.",
+        )
     if _is_change(branch, resolve(params)):
         raise ParameterError.at(
             ["prompt"],

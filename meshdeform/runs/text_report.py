@@ -168,11 +168,11 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
     """
     params, asset = facts.params, facts.asset
     with log.phase("measure"):
-        measured = _measured(facts, outcome)
+        measured = measured_result(facts, outcome)
         movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, outcome.held)
         compared = _comparisons(facts, deformation, outcome, measured.quality.to_dict(), movement)
     report = {
-        **_common(facts, outcome, measured),
+        **common_members(facts, outcome, measured),
         "way": "prompt",
         "guidance": facts.guidance | {"id": public_name(facts.guidance["id"])},
         "fingerprint": facts.fingerprint,
@@ -201,7 +201,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
     if asset.rig():
         report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
     if facts.control.bodies:
-        report["rigid"] = _kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
+        report["rigid"] = kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
     report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
     return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
 
@@ -223,12 +223,12 @@ def change_report(
     it was read as, if that was needed; `follows`: whether the rig followed.
     """
     with log.phase("measure"):
-        measured = _measured(facts, outcome)
+        measured = measured_result(facts, outcome)
         structure = kept_structure(outcome.shown.source, outcome.shown.result, measured.quality.to_dict())
     mode, rig = RigMode.FOLLOW if follows else RigMode.KEEP, facts.asset.rig()
     nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "prompts"))
     report = {
-        **_common(facts, outcome, measured),
+        **common_members(facts, outcome, measured),
         **nothing,
         "way": "change",
         "changes": [each.to_dict() for each in done],
@@ -256,7 +256,7 @@ def change_report(
 
 
 @dataclass(frozen=True)
-class _Measured:
+class Measured:
     """The quality of a result, and how far it stretched textures."""
 
     quality: MeshQuality
@@ -272,16 +272,17 @@ class _Measured:
         ]
 
 
-def _measured(facts: AssetFacts, outcome: Outcome) -> _Measured:
+def measured_result(facts: AssetFacts, outcome: Outcome) -> Measured:
+    """Measure a result beside its source."""
     source = facts.welded.mesh
     quality = measure(source.verts.numpy(), source.faces.numpy(), outcome.shown.result.verts.numpy())
     look = facts.asset.appearance().of_triangles(facts.drawn)
     triangles = facts.asset.surface.triangles[facts.drawn]
     corners = (shape.surface.positions[triangles] for shape in (facts.asset, outcome.written))
-    return _Measured(quality, measure_texture_stretch(texel_corners(look), *corners), look.left_out)
+    return Measured(quality, measure_texture_stretch(texel_corners(look), *corners), look.left_out)
 
 
-def _common(facts: AssetFacts, outcome: Outcome, measured: _Measured) -> dict[str, Any]:
+def common_members(facts: AssetFacts, outcome: Outcome, measured: Measured) -> dict[str, Any]:
     """Return the members that a report has whatever moved the asset."""
     request, asset = facts.request, facts.asset
     report: dict[str, Any] = {
@@ -363,18 +364,22 @@ def _is_judged(facts: RunFacts, prompt: str) -> bool:
 
 def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> Source:
     """Return what is known of the source of a prompt."""
+    known = facts.recognised
+    return source_of(
+        shown,
+        noun="" if known is None else known.noun,
+        sure=known is None or known.certain,
+        round=deformation.carrier.get("mirror") == _ROUND,
+    )
+
+
+def source_of(shown: Shown, **known: Any) -> Source:
+    """Return what is known of a source, beside what its surface and that of the result tell."""
     sizes = [np.ptp(each.verts.numpy(), axis=0) for each in (shown.source, shown.result)]
     before, after = (np.maximum(size, max(float(size.max()), 1e-12) * 1e-3) for size in sizes)
     x, y, z = (float(factor) for factor in after / before)
-    known = facts.recognised
-    return Source(
-        noun="" if known is None else known.noun,
-        sure=known is None or known.certain,
-        growth=(x, y, z),
-        long_axis=0 if before[0] >= before[2] else 2,
-        convex=is_convex(RestMesh.of(shown.source)),
-        round=deformation.carrier.get("mirror") == _ROUND,
-    )
+    long_axis = 0 if before[0] >= before[2] else 2
+    return Source(growth=(x, y, z), long_axis=long_axis, convex=is_convex(RestMesh.of(shown.source)), **known)
 
 
 def _mesh_figures(facts: AssetFacts, outcome: Outcome) -> dict[str, Any]:
@@ -445,7 +450,7 @@ def _stayed_warnings(surface: Surface) -> list[str]:
     ]
 
 
-def _kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
+def kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
     """Return how exactly the bodies kept their shape in the file, as a share of the source's diagonal."""
     before, after = source.surface.positions, result.surface.positions
     diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))

@@ -45,6 +45,8 @@ _MET, _WITHIN = 0.35, 2 / 3
 that must be within 1 % of the result."""
 _STRETCHED = 1.15
 """Factor by which an axis grew against the others from which a change in plain words says it."""
+_KEPT = 0.5
+"""Share of the displacement to an exemplar that must be left once the surface is mended."""
 _MOST_ADVICE = 3
 
 _COMPARED = {
@@ -55,6 +57,7 @@ _COMPARED = {
 _SWELLED = "Parts of it swelled or withered against the rest."
 _ANOTHER = "Try another variation: another seed takes another way."
 _WEAKER = "Use less strength, such as 0.6: most of what went wrong comes last."
+_NEARER = "Ask for what is nearer to the asset, or for less strength, such as 0.6."
 _SAID_PLAINLY = (
     "Say in plain words what differs, such as “longer”: that is made on the asset itself, which stays whole."
 )
@@ -219,6 +222,14 @@ def of_prompts(prompts: Sequence[Mapping[str, Any]], shape: Shape) -> dict[str, 
 def _first(likeness: Mapping[str, Any]) -> str:
     """Return the noun that a result looks most like."""
     return str(likeness["noun"] if likeness["rank"] == 1 else likeness["next"]["noun"])
+
+
+def of_exemplars(kept: float, shape: Shape) -> dict[str, Any]:
+    """Return the verdict of a fit to exemplars by what mending left of it: the share `kept` of its displacement."""
+    if kept >= _KEPT:
+        return _said(Verdict.GOOD, [], shape)
+    why = f"Only {kept:.0%} of the way could be gone without breaking the surface."
+    return _said(Verdict.DOUBTFUL, [why], shape, [_NEARER])
 
 
 def of_target(fit: Mapping[str, Any], shape: Shape) -> dict[str, Any]:

@@ -1,0 +1,239 @@
+"""Run a deformation with `exemplar` guidance: fit the asset to what nouns stand for, or to meshes that were sent.
+
+The source is read first, with what the request says of its noun, its front and its parts. Each prompt is fitted by
+itself; with the displacements d_i(v) of the fits and the shares s_i(v) of the prompts at each vertex (`prompts`), the
+asset moves by::
+
+    d(v) = sum_i s_i(v) d_i(v)
+
+Then what is kept, held and rigid is laid over that, and what broke is mended.
+
+The run is shorter than the interval of checkpoints, and its stages hold no state that is worth storing: a checkpoint
+holds the shape, from which a branch starts, and a run that resumes starts again, to the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from meshdeform.assets import load_asset
+from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
+from meshdeform.deformation.loop import stored_shape
+from meshdeform.exemplar.engine import ExemplarFit
+from meshdeform.exemplar.mending import Mended, mended
+from meshdeform.exemplar.shapes import Frame as ExemplarFrame
+from meshdeform.exemplar.shapes import Shape, Wish, frame_of
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.plain.body import Body
+from meshdeform.plain.read_parts import ReadParts
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.reading import NO_PART
+from meshdeform.rendering.cameras import Frame
+from meshdeform.requests.choices import Carrier, OrientationMode, RigMode
+from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
+from meshdeform.runs.control import Control, WeldedSurface, read_control
+from meshdeform.runs.delivery import GLB, NewShape
+from meshdeform.runs.exemplar_control import controlled, is_free
+from meshdeform.runs.exemplar_kind import STEPS
+from meshdeform.runs.exemplar_report import ExemplarFacts, Fit, exemplar_report
+from meshdeform.runs.goals import SilhouetteFit, TargetFit
+from meshdeform.runs.plain_change import source_body
+from meshdeform.runs.prompts import read_prompts
+from meshdeform.runs.surfaces import deformed_surface, shape_id, vertex_jacobians
+from meshdeform.runs.text_report import AssetFacts
+
+__all__ = ["ExemplarRun", "start_exemplar"]
+
+_Floats = NDArray[np.float64]
+
+
+_VERTS = "verts"
+"""The tensor of a checkpoint that is its shape, in the cameras' frame."""
+
+
+def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> ExemplarRun:
+    """Read the asset and the controls of a request, and start its fits."""
+    request, params, asset, welded = facts.request, facts.params, facts.asset, facts.welded
+    frame = Frame.around(welded.mesh.verts)
+    mesh = RestMesh.of(frame.place(welded.mesh))
+    shape = shape_id(facts.file.digest, asset, params, request.output)
+    guidance = _identity(job_input)
+    run = fingerprint(params=params.model_dump(mode="json"), prompt=request.prompt, asset=shape, guidance=guidance)
+    if job_input.checkpoint is not None:
+        load_checkpoint(job_input.checkpoint, run)  # refuses that of another run
+    with log.phase("prepare"):
+        surface = WeldedSurface(asset, welded)
+        control = read_control(params, surface, frame, mesh)
+        prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
+        stored = None if job_input.initial is None else load_shape(job_input.initial, shape)
+        verts = None if stored is None else frame.leave(_shape(stored, mesh, control)).numpy()
+        targets = _targets(facts, job_input)
+        pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
+        silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
+    with log.phase("parts"):
+        body = source_body(_as_turned(facts), job_input.readings, verts)
+        reading = body.reader.reading
+    known = ExemplarFacts(
+        **vars(facts),
+        frame=frame,
+        shape_id=shape,
+        fingerprint=run,
+        control=control,
+        prompts=prompts,
+        silhouettes=silhouettes,
+        targets=targets,
+        reading=reading,
+        guidance=guidance,
+    )
+    return ExemplarRun(known, body, job_input, log)
+
+
+def _identity(job_input: RunInput) -> dict[str, str]:
+    """Return the identity of what guides a run: with the SHA-256 of what was sent, if anything was."""
+    sent = [job_input.files[name].digest for name in (*TARGET_PARTS, *SILHOUETTE_PARTS) if name in job_input.files]
+    sha256 = hashlib.sha256("".join(sent).encode()).hexdigest() if sent else ""
+    return {"id": "exemplar", "revision": "", "sha256": sha256}
+
+
+def _shape(state: Mapping[str, Tensor], mesh: RestMesh, control: Control) -> Tensor:
+    """Return the vertices (V, 3) of a checkpoint of this or of an optimised run, in the cameras' frame."""
+    if _VERTS in state:
+        return state[_VERTS]
+    return stored_shape(mesh, state, Carrier.AUTO, bodies=control.bodies, constraints=control.constraints)
+
+
+def _targets(facts: AssetFacts, job_input: RunInput) -> dict[str, TargetFit]:
+    """Return the targets of a job by their parts, placed on its asset."""
+    sent = {name: job_input.files[name] for name in TARGET_PARTS if name in job_input.files}
+    return {
+        name: TargetFit.of(
+            facts.params, facts.asset, facts.welded.mesh, load_asset(file.data, file.filename, job_input.limits)
+        )
+        for name, file in sent.items()
+    }
+
+
+def _as_turned(facts: AssetFacts) -> AssetFacts:
+    """Return facts with the front that `keep` means, +Z, which a reading takes for none."""
+    if facts.params.orientation is not OrientationMode.KEEP:
+        return facts
+    return replace(facts, params=facts.params.model_copy(update={"orientation": 0.0}))
+
+
+class ExemplarRun(JobRun):
+    """Fits in progress, created by `start_exemplar`."""
+
+    def __init__(self, facts: ExemplarFacts, body: Body, job_input: RunInput, log: RunLog) -> None:
+        self._wishes = _wishes(facts, body)
+        super().__init__(STEPS * len(self._wishes), 0, log)
+        self._facts, self._body, self._cache = facts, body, job_input.readings.samples
+        self._shares = [None] if facts.prompts is None else facts.prompts.of_vertices(facts.welded.mesh)
+        self._moves = [np.zeros_like(body.points) for _ in self._wishes]
+        self._fits: list[Fit] = []
+        self._result: _Floats | None = None
+        self._mended: Mended | None = None
+
+    def _steps(self) -> Iterator[dict[str, float]]:
+        for number, (prompt, wish) in enumerate(self._wishes):
+            body, labels = self._body, ReadParts(self._body).labels
+            fit = ExemplarFit(body.points, body.faces, self._facts.reading, wish, labels=labels, cache=self._cache)
+            seconds: dict[str, float] = {}
+            began = time.perf_counter()
+            for stage in fit:
+                seconds[stage.name] = seconds.get(stage.name, 0.0) + time.perf_counter() - began
+                if stage.verts is not None:
+                    self._moves[number] = stage.verts - body.points
+                yield from self._until(int((number + stage.share) * STEPS))
+                began = time.perf_counter()
+            self._fits.append(Fit(prompt, fit.result, seconds))
+        self._result = self._whole()
+        while self.step < self.total_steps:
+            yield {}
+
+    def _until(self, step: int) -> Iterator[dict[str, float]]:
+        """Yield until so many steps are done, but for the last one, before which all is mended."""
+        while self.step < min(step, self.total_steps - 1):
+            yield {}
+
+    def checkpoint(self) -> bytes:
+        """Return the current shape: a run that resumes starts again."""
+        verts = self._facts.frame.enter(self._verts())
+        state = Checkpoint(self.step, {_VERTS: verts})
+        return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
+
+    def snapshot(self) -> ArtifactData:
+        """Return the asset with its current shape, in the form of `result.glb`."""
+        return ArtifactData(self._new_shape().written(), GLB)
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
+        with self.log.phase("write"):
+            shape = self._new_shape()
+        return shape.delivered(
+            lambda outcome: exemplar_report(self._facts, self._fits, self._mended, outcome, self.log), self.log
+        )
+
+    def _new_shape(self) -> NewShape:
+        facts, verts = self._facts, self._verts()
+        follows = facts.request.output.rig is RigMode.FOLLOW
+        jacobians = vertex_jacobians(facts.welded, verts) if follows else None
+        surface = deformed_surface(facts.asset.surface, facts.welded, verts)
+        return NewShape(facts, verts, surface, jacobians, self.step)
+
+    def _verts(self) -> Tensor:
+        """Return the current welded vertices (V, 3), in world space."""
+        return torch.from_numpy(self._blended() if self._result is None else self._result)
+
+    def _blended(self) -> _Floats:
+        """Return the vertices (V, 3) that the fits have moved so far, each prompt by its share, within the controls."""
+        moved = self._body.points.copy()
+        for move, share in zip(self._moves, self._shares, strict=True):
+            moved += move if share is None else share[:, None] * move
+        return controlled(self._facts.control, self._facts.frame, self._facts.welded.mesh, moved)
+
+    def _whole(self) -> _Floats:
+        """Return the vertices (V, 3) of the result; what blending and controls broke is mended."""
+        blended = self._blended()
+        if len(self._moves) == 1 and is_free(self._facts.control):
+            return blended
+        rest, faces = self._facts.welded.mesh.verts.numpy(), self._facts.welded.mesh.faces.numpy()
+        self._mended = mended(rest, blended, faces)
+        return controlled(self._facts.control, self._facts.frame, self._facts.welded.mesh, self._mended.verts)
+
+
+def _wishes(facts: ExemplarFacts, body: Body) -> list[tuple[str, Wish]]:
+    """Return what each prompt wishes, with its text, or what the targets are."""
+    wish = Wish(strength=facts.params.strength, seed=facts.params.seed)
+    if facts.targets:
+        return [("", _for_targets(wish, facts, frame_of(body.points, body.faces, facts.reading)))]
+    texts = [facts.request.prompt] if facts.prompts is None else [each.prompt for each in facts.prompts.given]
+    asked = [parse(text) for text in texts]
+    return [
+        (text, replace(wish, noun=each.noun, attributes=each.attributes))
+        for text, each in zip(texts, asked, strict=True)
+    ]
+
+
+def _for_targets(wish: Wish, facts: ExemplarFacts, own: ExemplarFrame) -> Wish:
+    """Return a wish for the nearest of the targets, with their landmarks, in the frame of the fit."""
+
+    def entered(points: Tensor) -> _Floats:
+        return own.enter(facts.frame.leave(points).numpy())
+
+    shapes, pairs = [], []
+    for each in facts.targets.values():
+        faces = each.target.faces.numpy()
+        shapes.append(Shape("", entered(each.target.verts), faces, np.full(len(faces), NO_PART)))
+        pairs += [np.stack([mark.source, mark.target]) for mark in each.landmarks]
+    ends = entered(torch.from_numpy(np.array(pairs).reshape(-1, 3))).reshape(-1, 2, 3)
+    landmarks = (ends[:, 0], ends[:, 1]) if pairs else None
+    return replace(wish, targets=tuple(shapes), landmarks=landmarks)

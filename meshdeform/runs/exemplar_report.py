@@ -1,0 +1,163 @@
+"""Measure the result of a fit to exemplars on its file, read back, and build its report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from meshdeform.exemplar.mending import Mended
+from meshdeform.exemplar.shapes import ExemplarResult
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.reading import Reading
+from meshdeform.rendering.cameras import Frame
+from meshdeform.runs.base import RunLog
+from meshdeform.runs.control import Control, control_report
+from meshdeform.runs.goals import SilhouetteFit, TargetFit
+from meshdeform.runs.prompts import Prompts
+from meshdeform.runs.reading import reading_report
+from meshdeform.runs.recognition import Recognition
+from meshdeform.runs.text_report import (
+    AssetFacts,
+    Held,
+    Outcome,
+    common_members,
+    kept_shapes,
+    measure_movement,
+    measured_result,
+    rig_warnings,
+    source_of,
+)
+from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
+from meshdeform.runs.worth import UNMOVED, Shape, of_exemplars, of_noun, of_pictures, of_prompts, of_target, worst
+
+__all__ = ["ExemplarFacts", "Fit", "exemplar_report"]
+
+_DIGITS = 6
+_HARDLY = "The mesh hardly moved ({:.1%} of its size): the exemplar is much like it already."
+
+
+@dataclass(frozen=True)
+class ExemplarFacts(AssetFacts):
+    """Facts about a run before its fits."""
+
+    frame: Frame
+    # Of the mesh, and of the run
+    shape_id: str
+    fingerprint: str
+    control: Control
+    prompts: Prompts | None  # those of a job that has several
+    silhouettes: SilhouetteFit | None
+    targets: Mapping[str, TargetFit]  # by their parts, placed on the asset
+    reading: Reading | None  # what the asset was read as
+    guidance: Mapping[str, str]  # the identity of what guides the run
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fit that is done: of which prompt, empty for targets, its result, and the seconds of each of its stages."""
+
+    prompt: str
+    result: ExemplarResult
+    seconds: Mapping[str, float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its entry in `exemplars` of the report."""
+        result = self.result
+        return {
+            "prompt": self.prompt,
+            "member": dict(result.member),
+            "distance_before": round(result.distance_before, _DIGITS),
+            "distance": round(result.distance, _DIGITS),
+            "pairs": [{"asset": own, "exemplar": other} for own, other in result.pairs],
+            "left_over": list(result.left_over),
+            "missing": list(result.missing),
+            "kept": round(result.kept, _DIGITS),
+            "flipped_faces": result.flipped,
+            "cut_faces": result.cut,
+            "stretch": round(result.stretch, _DIGITS),
+            "notes": dict(result.notes),
+            "seconds": {name: round(seconds, 4) for name, seconds in self.seconds.items()},
+        }
+
+
+def exemplar_report(
+    facts: ExemplarFacts, fits: Sequence[Fit], mended: Mended | None, outcome: Outcome, log: RunLog
+) -> bytes:
+    """Return `report.json`.
+
+    `mended`: what mending left of the blended fits within the controls; None of a fit that is mended itself.
+    """
+    params, asset, shown = facts.params, facts.asset, outcome.shown
+    with log.phase("measure"):
+        measured = measured_result(facts, outcome)
+        quality = measured.quality.to_dict()
+        movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, Held())
+        kept = [fit.result.kept for fit in fits] if mended is None else [mended.kept]
+        shape = Shape.of(kept_structure(shown.source, shown.result, quality), quality, movement.to_dict(), fitted=True)
+        taken = _taken(facts, fits)
+        compared = _comparisons(facts, outcome, shape, min(kept), taken)
+    hardly = [_HARDLY.format(movement.rms)] if movement.rms < UNMOVED else []
+    report = {
+        **common_members(facts, outcome, measured),
+        **dict.fromkeys(("carrier", "orientation", "appearance", "precision")),
+        "way": "exemplar",
+        "guidance": dict(facts.guidance),
+        "fingerprint": facts.fingerprint,
+        "exemplars": [fit.to_dict() | {"target": taken} for fit in fits],
+        "source_noun": _recognised(facts.reading).to_dict(),
+        "reading": reading_report(facts.reading, params),
+        "movement": movement.to_dict(),
+        "warnings": [
+            *hardly,
+            *measured.warnings(facts),
+            *rig_warnings(asset, facts.request.output.rig),
+        ],
+        "losses": [],
+        "resumed_from_step": 0,
+        "seconds": {name: round(seconds, 4) for name, seconds in log.seconds.items()},
+    }
+    if asset.rig():
+        report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
+    if facts.control.bodies:
+        report["rigid"] = kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
+    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
+    return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+
+
+def _taken(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:
+    """Return the part of the target to which the asset was fitted; None if there was none."""
+    return list(facts.targets)[int(str(fits[0].result.member["target"]))] if facts.targets else None
+
+
+def _recognised(reading: Reading | None) -> Recognition:
+    return Recognition("", 0.0).with_reading(reading)
+
+
+def _comparisons(
+    facts: ExemplarFacts, outcome: Outcome, shape: Shape, kept: float, taken: str | None
+) -> dict[str, Any]:
+    """Return the members of the report that compare the result with what was asked for, and say what it is worth."""
+    shown, known = outcome.shown, _recognised(facts.reading)
+    compared: dict[str, Any] = {}
+    verdicts = []
+    if facts.targets or facts.silhouettes is not None:
+        in_frame = facts.frame.place(facts.welded.mesh), facts.frame.enter(outcome.verts)
+        if taken is not None:
+            compared["fit"] = facts.targets[taken].measure(*in_frame)
+            verdicts.append(of_target(compared["fit"], shape))
+        if facts.silhouettes is not None:
+            compared["silhouettes"] = facts.silhouettes.measure(*in_frame)
+            verdicts.append(of_pictures(compared["silhouettes"], shape))
+    if facts.prompts is not None:
+        compared["prompts"] = prompt_reports(facts.prompts, shown.source, shown.result, likeness)
+        verdicts.append(of_prompts(compared["prompts"], shape))
+    elif not facts.targets:
+        prompt = facts.request.prompt
+        compared["likeness"] = likeness_and_before(shown.source, shown.result, prompt, {})
+        if compared["likeness"] is not None:
+            source = source_of(shown, noun=known.noun, sure=known.certain)
+            verdicts.append(of_noun(prompt, compared["likeness"], shape, source))
+    verdicts.append(of_exemplars(kept, shape))
+    return {**compared, "verdict": worst(verdicts)}

@@ -1,0 +1,220 @@
+"""Runs with `exemplar` guidance around a fit that is not theirs: steps, blending, controls, results, branches."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("meshdeform.exemplar.engine")
+
+from meshdeform.assets import build_glb, load_asset
+from meshdeform.errors import CheckpointError
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.reading import NO_PART
+from meshdeform.runs import exemplar
+from meshdeform.runs.exemplar_kind import STEPS
+from tests.fake_exemplars import FACTORS, FakeFit
+from tests.unit.runs.jobs import started
+
+BALL = icosphere(2)
+ASSET = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
+GIRAFFE, SNAKE = np.array(FACTORS["giraffe"]), np.array(FACTORS["snake"])
+TOP = {"box": {"min": [-2, 0, -2], "max": [2, 2, 2]}}
+KNOWN: dict[str, Any] = {"guidance": "exemplar", "source_noun": "pumpkin", "orientation": 0.0}
+
+
+@pytest.fixture(autouse=True)
+def _stretched(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(exemplar, "ExemplarFit", FakeFit)
+    yield
+    FakeFit.made.clear()
+
+
+def run_of(prompt: str = "a giraffe", **more: Any) -> Any:
+    return started(ASSET, prompt, prior=None, **{**KNOWN, **more})
+
+
+def finished(run: Any) -> dict[str, bytes]:
+    for _ in run:
+        pass
+    return {name: artifact.data for name, artifact in run.finish().items()}
+
+
+def places(glb: bytes) -> np.ndarray:
+    return load_asset(glb, "a.glb").surface.positions
+
+
+def moved(prompt: str = "a giraffe", **more: Any) -> np.ndarray:
+    return places(finished(run_of(prompt, **more))["result.glb"])
+
+
+def report(prompt: str = "a giraffe", **more: Any) -> dict[str, Any]:
+    told: dict[str, Any] = json.loads(finished(run_of(prompt, **more))["report.json"])
+    return told
+
+
+REST = places(ASSET)
+
+
+def test_the_asset_goes_where_its_fit_does_in_steps_of_equal_time() -> None:
+    run = run_of()
+    steps = [(each.step, each.total_steps) for each in run]
+    assert steps == [(number, STEPS) for number in range(1, STEPS + 1)]
+    assert np.allclose(places(run.finish()["result.glb"].data), REST * GIRAFFE, atol=1e-6)
+
+
+def test_the_shape_on_the_way_is_that_of_the_last_stage() -> None:
+    run = run_of()
+    shown = {each.step: places(run.snapshot().data) for each in run}
+    assert np.array_equal(shown[1], REST)
+    assert np.allclose(shown[int(0.7 * STEPS)], (REST + REST * GIRAFFE) / 2, atol=1e-6)
+    assert np.allclose(shown[STEPS], REST * GIRAFFE, atol=1e-6)
+
+
+def test_strength_and_seed_reach_the_fit() -> None:
+    assert np.allclose(moved(strength=0.5), (REST + REST * GIRAFFE) / 2, atol=1e-6)
+    assert np.array_equal(moved(strength=0.0), REST)
+    assert not np.allclose(moved(seed=3), moved(), atol=1e-3)
+
+
+def test_prompts_are_blended_by_their_weights() -> None:
+    both = {"prompts": [{"prompt": "a snake", "weight": 0.5}]}
+    run = run_of(**both)
+    assert len(list(run)) == 2 * STEPS
+    expected = REST + (2 * (REST * GIRAFFE - REST) + REST * SNAKE - REST) / 3
+    assert np.allclose(places(run.finish()["result.glb"].data), expected, atol=1e-6)
+    alone = {"prompts": [{"prompt": "a snake", "weight": 0.25}]}  # less than 1 in all: not divided
+    assert np.allclose(moved("", **alone), REST + (REST * SNAKE - REST) / 4, atol=1e-6)
+
+
+def test_a_prompt_moves_its_region() -> None:
+    result = moved("", prompts=[{"prompt": "a giraffe", "regions": [TOP]}], falloff=0.0)
+    below, above = REST[:, 1] < -0.2, REST[:, 1] > 0.2
+    assert np.array_equal(result[below], REST[below])
+    assert np.allclose(result[above], (REST * GIRAFFE)[above], atol=1e-6)
+
+
+def test_what_is_kept_keeps_its_bits_and_the_rest_goes() -> None:
+    files = finished(run_of(regions=[{**TOP, "action": "keep"}], falloff=0.2))
+    result, told = places(files["result.glb"]), json.loads(files["report.json"])
+    kept = (np.abs(result - REST) == 0).all(1)
+    assert (REST[kept, 1] >= 0).all()
+    assert kept.sum() == told["regions"]["kept_vertices"] > 50
+    assert told["regions"]["max_moved"] == 0
+    lowest = REST[:, 1].argmin()
+    assert np.allclose(result[lowest], (REST * GIRAFFE)[lowest], atol=1e-6)
+
+
+def test_the_report_says_what_was_taken_and_what_became_of_it() -> None:
+    told = report("a tall giraffe")
+    (entry,) = told["exemplars"]
+    assert entry["prompt"] == "a tall giraffe"
+    assert entry["member"] == {"noun": "giraffe", "form": "standing", "number": 7}
+    assert entry["pairs"] == [{"asset": "leg", "exemplar": "leg"}]
+    assert (entry["left_over"], entry["missing"]) == (["tail"], ["horn"])
+    assert (entry["distance_before"], entry["distance"], entry["kept"]) == (0.05, 0.01, 0.9)
+    assert set(entry["seconds"]) == {"choose", "fit", "mend"}
+    assert told["way"] == "exemplar"
+    assert told["guidance"] == {"id": "exemplar", "revision": "", "sha256": ""}
+    assert told["reading"]["noun"] == told["source_noun"]["noun"] == "pumpkin"
+    assert told["params"]["guidance"] == "exemplar"
+    assert told["likeness"]["noun"] == "giraffe"
+    assert told["verdict"]["value"] in ("good", "doubtful", "keep_source")
+
+
+def test_what_keeps_less_than_half_of_its_way_is_not_good(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = FakeFit.__iter__
+
+    def hardly(self: FakeFit) -> Iterator[Any]:
+        yield from whole(self)
+        object.__setattr__(self.result, "kept", 0.3)
+
+    monkeypatch.setattr(FakeFit, "__iter__", hardly)
+    verdict = report()["verdict"]
+    assert verdict["value"] != "good"
+    assert any("Only 30% of the way" in reason for reason in verdict["reasons"])
+
+
+def test_a_morph_ends_at_the_result() -> None:
+    files = finished(run_of(output={"morph": True}))
+    assert set(files) == {"result.glb", "preview.png", "report.json", "morph.glb"}
+    assert np.allclose(places(files["morph.glb"]), REST * GIRAFFE, atol=1e-6)
+
+
+def test_the_same_request_gives_the_same_bytes_also_when_it_is_resumed() -> None:
+    files = finished(run_of())
+    run = run_of()
+    steps = iter(run)
+    for _ in range(STEPS * 4 // 5):
+        next(steps)
+    resumed = run_of(checkpoint=run.checkpoint())
+    assert (resumed.step, resumed.first_step) == (0, 0)
+    again = finished(resumed)
+    assert {name: again[name] for name in ("result.glb", "preview.png")} == {
+        name: files[name] for name in ("result.glb", "preview.png")
+    }
+    with pytest.raises(CheckpointError):
+        run_of("a snake", checkpoint=run.checkpoint())
+
+
+def test_a_branch_goes_on_from_the_shape_of_a_checkpoint() -> None:
+    run = run_of()
+    for _ in run:
+        pass
+    result = moved("a snake", initial=run.checkpoint())
+    assert np.allclose(result, REST * GIRAFFE * SNAKE, atol=1e-5)
+
+
+def test_a_branch_goes_on_from_an_optimised_shape() -> None:
+    from tests.fakes import FakePrior
+
+    other = started(ASSET, "an egg", prior=FakePrior(), steps=3)
+    for _ in other:
+        pass
+    before = other.positions()
+    middle = (before.min(0) + before.max(0)) / 2
+    assert np.allclose(moved(initial=other.checkpoint()), middle + (before - middle) * GIRAFFE, atol=1e-5)
+
+
+def test_a_correction_of_parts_reaches_the_fit() -> None:
+    part = {"name": "horns", "box": TOP["box"]}
+    finished(run_of(parts=[part, {"name": "wobble", "faces": [0]}]))
+    labels = FakeFit.made[-1].labels
+    assert labels is not None
+    assert (labels == PART_NAMES.index("horn")).sum() > 50
+    assert labels[0] == NO_PART  # no noun has such a part
+
+
+def test_keep_is_the_front_of_the_file() -> None:
+    finished(run_of(orientation="keep"))
+    turned = FakeFit.made[-1].reading
+    assert turned is not None
+    assert np.allclose(turned.turn, np.eye(3))
+    assert report(orientation=90.0)["reading"]["front_azimuth_deg"] == 90.0
+
+
+def test_a_change_in_plain_words_stays_one() -> None:
+    told = report("twice as tall")
+    assert told["way"] == "change"
+    assert not FakeFit.made
+
+
+def test_a_target_is_placed_on_the_asset_and_measured() -> None:
+    goal = build_glb(BALL.verts.numpy() * [5.0, 4.0, 4.0] + 3.0, BALL.faces.numpy())
+    files = finished(run_of("", target=goal, landmarks=[{"source": 0, "target": 0}]))
+    told = json.loads(files["report.json"])
+    wish = FakeFit.made[-1].wish
+    assert wish.noun == ""
+    assert np.abs(wish.targets[0].verts.mean(0)).max() < 0.01  # in the frame, not where its file has it
+    assert wish.landmarks is not None
+    source, end = wish.landmarks
+    assert np.allclose(source[0], FakeFit.made[-1].frame.enter(REST[:1])[0])
+    assert np.allclose(end[0], wish.targets[0].verts[0])
+    assert told["exemplars"][0]["target"] == "target"
+    assert {"to_target", "within", "landmarks"} <= set(told["fit"])
+    assert told["guidance"]["sha256"]
