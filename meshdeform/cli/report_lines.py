@@ -33,7 +33,7 @@ def _deformation(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
     report = run.report
     names = (
         *("source_noun", "reading", "carrier", "orientation", "appearance", "likeness", "prompts"),
-        *("texture_stretch", "quality", "posed_quality", "silhouettes", "way", "changes"),
+        *("texture_stretch", "quality", "posed_quality", "silhouettes", "way", "changes", "exemplars"),
     )
     return {
         "verdict": read_verdict(report),
@@ -56,6 +56,8 @@ def _deformation_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     yield source_line(summary)
     if summary["changes"] is not None:
         yield from change_lines(summary["changes"])
+    elif summary["exemplars"] is not None:
+        yield from exemplar_lines(summary["exemplars"])
     else:
         yield orientation_line(summary["orientation"])
         yield summary["appearance"]["notice"] or ""
@@ -260,6 +262,26 @@ def change_lines(changes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for each in changes:
         part = "" if each["part"] == "whole" else f" {each['part']} (found by {each['found_by']})"
         yield f"Changed: {each['operation']}{part}, {each['asked']:.2f} asked, {each['got']:.2f} got"
+
+
+def exemplar_lines(exemplars: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Return lines for each of the report's `exemplars`: what was taken, how near it is, and what has no partner."""
+    for each in exemplars:
+        member = each["member"]
+        told = [f"member {member['number']}"] if "number" in member else []
+        told += [str(member[name]) for name in ("form", "pose") if member.get(name)]
+        what = each["target"] or " ".join([_named(member["noun"]), f"({', '.join(told)})" if told else ""]).strip()
+        yield (
+            f"Fitted to: {what}; mean distance {each['distance']:.2%} of the diagonal, {each['distance_before']:.2%} "
+            f"before; it went {each['kept']:.0%} of the way"
+        )
+        pairs = [
+            pair["asset"] if pair["asset"] == pair["exemplar"] else f"{pair['asset']} as {pair['exemplar']}"
+            for pair in each["pairs"]
+        ]
+        sides = {"paired": pairs, "only the asset has": each["left_over"], "only the exemplar has": each["missing"]}
+        listed = "; ".join(f"{side}: {', '.join(dict.fromkeys(parts))}" for side, parts in sides.items() if parts)
+        yield listed[:1].upper() + listed[1:]
 
 
 def stretch_line(stretch: Mapping[str, float]) -> str:

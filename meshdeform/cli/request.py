@@ -69,6 +69,15 @@ def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
     return dict(split_pairs(pairs, "--label", "NAME=TEXT"))
 
 
+def parse_targets(paths: Sequence[Path] | None) -> dict[str, Path]:
+    """Return the target meshes of a job by part."""
+    from meshdeform.requests.parameters import MAX_TARGETS, TARGET_PARTS
+
+    if len(paths or ()) > MAX_TARGETS:
+        raise typer.BadParameter(f"at most {MAX_TARGETS} meshes", param_hint="--target")
+    return dict(zip(TARGET_PARTS, paths or (), strict=False))
+
+
 def parse_files(pairs: Sequence[str] | None, kind: JobKind, first: Path) -> dict[str, Path]:
     """Return the files of a job by part: `first`, and those written as PART=FILE, of parts that the kind reads."""
     from meshdeform.runs import kinds

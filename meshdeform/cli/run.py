@@ -16,7 +16,15 @@ from meshdeform.cli.kinds import run_kind
 from meshdeform.cli.local import check_glb, run_here, write_all
 from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, option, output_option
 from meshdeform.cli.report_lines import print_result
-from meshdeform.cli.request import DEFORMATION, make_request, merge_params, parse_files, parse_labels, parse_pictures
+from meshdeform.cli.request import (
+    DEFORMATION,
+    make_request,
+    merge_params,
+    parse_files,
+    parse_labels,
+    parse_pictures,
+    parse_targets,
+)
 from meshdeform.cli.results import check_animation, drawn_animation
 from meshdeform.requests.choices import JobKind
 
@@ -45,7 +53,10 @@ def run(
     report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).")] = None,
     preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).")] = None,
     animate: Annotated[Path | None, _file("Also draw source to result and back, as this .webp or .gif.")] = None,
-    target: Annotated[Path | None, file_option("A mesh to deform towards, instead of a prompt.", "Method")] = None,
+    target: Annotated[
+        list[Path] | None,
+        file_option("A mesh to deform towards, instead of a prompt; of several, the nearest is taken.", "Method"),
+    ] = None,
     silhouette: Annotated[
         list[str] | None,
         option(
@@ -74,6 +85,8 @@ def run(
 
     meshdeform run examples/sphere.glb --target examples/vase.glb --set laplacian_weight=0.3
 
+    meshdeform run service/web/examples/animal.glb "a giraffe" --guidance exemplar
+
     meshdeform run examples/sphere.glb "a mushroom" --url http://127.0.0.1:8765 -o mushroom
     """
     job = written(ctx, "job")
@@ -82,7 +95,7 @@ def run(
         check_animation(animate, "--animate")
     pictures, also = parse_pictures(silhouette), written(ctx).get("guidance", {}).get("prompts")
     options: dict[str, Any] = {
-        **({"guidance": "target"} if target else {}),
+        **({"guidance": "target" if len(target) == 1 else "exemplar"} if target else {}),
         **({"guidance": "silhouettes"} if silhouette and not (prompt or also or target) else {}),
         "silhouettes": pictures.views or None,
     }
@@ -90,7 +103,7 @@ def run(
     outputs = written(ctx, "output")
     if "morph_path" in outputs:
         outputs["morph"] = True
-    files = {**parse_files(file, kind, asset), **({"target": target} if target else {}), **pictures.parts}
+    files = {**parse_files(file, kind, asset), **parse_targets(target), **pictures.parts}
     refuse_other_place(
         place,
         here={"--report": report, "--preview": preview, "--animate": animate, **here.written()},

@@ -228,7 +228,7 @@ def of_exemplars(kept: float, shape: Shape) -> dict[str, Any]:
     """Return the verdict of a fit to exemplars by what mending left of it: the share `kept` of its displacement."""
     if kept >= _KEPT:
         return _said(Verdict.GOOD, [], shape)
-    why = f"Only {kept:.0%} of the way could be gone without breaking the surface."
+    why = f"It could go only {kept:.0%} of the way without breaking the surface."
     return _said(Verdict.DOUBTFUL, [why], shape, [_NEARER])
 
 

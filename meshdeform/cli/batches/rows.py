@@ -218,13 +218,15 @@ def make_rows(
 
 
 def _request(entry: Entry, defaults: Mapping[str, Any], output: Mapping[str, bool]) -> JobRequest:
+    from meshdeform.requests.choices import GuidanceKind
     from meshdeform.requests.groups import grouped, without_unused
 
     if entry.name and (not _NAME.fullmatch(entry.name) or len(entry.name) > _MAX_NAME):
         raise ParameterError(
             f"{entry.name!r} is not a valid folder name.", advice="Use letters, digits, spaces and -_.,+()."
         )
-    guidance = {"guidance": {"kind": "target"}} if entry.target else {}
+    fitted = defaults.get("guidance", {}).get("kind") == GuidanceKind.EXEMPLAR
+    guidance = {"guidance": {"kind": "target"}} if entry.target and not fitted else {}
     params = overlaid(overlaid(defaults, guidance), grouped(entry.params))
     if entry.target:  # what the command says for rows with a prompt
         params = without_unused(params)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import typer
 
-from meshdeform.cli.report_lines import _shape_lines, orientation_line, prompt_lines, source_line
+from meshdeform.cli.report_lines import _shape_lines, exemplar_lines, orientation_line, prompt_lines, source_line
 from meshdeform.cli.request import read_prompt
 from meshdeform.deformation.orientation import Orientation, OrientationSource
 from meshdeform.requests.document import DeformParams
@@ -34,6 +34,30 @@ def test_what_an_asset_was_taken_for_and_what_was_kept_is_said() -> None:
     said = source_line({"source_noun": {**known, "recognised": False}, "carrier": {**carrier, "level": False}})
     assert said == "Kept: mirror symmetry across x"
     assert not source_line({"source_noun": None, "carrier": {"kind": "surface", "cells": None}})
+
+
+def test_the_exemplar_is_named_with_what_was_paired() -> None:
+    entry = {
+        "target": None,
+        "member": {"noun": "elephant", "number": 37, "form": "", "pose": "standing"},
+        "distance_before": 0.05,
+        "distance": 0.0123,
+        "kept": 0.96,
+        "pairs": [
+            {"asset": part, "exemplar": other} for part, other in (("leg", "leg"), ("leg", "leg"), ("nose", "trunk"))
+        ],
+        "left_over": ["horn"],
+        "missing": [],
+    }
+    assert list(exemplar_lines([entry])) == [
+        "Fitted to: an elephant (member 37, standing); mean distance 1.23% of the diagonal, 5.00% before; it went 96% of "
+        "the way",
+        "Paired: leg, nose as trunk; only the asset has: horn",
+    ]
+    sent = {**entry, "target": "target_2", "member": {"target": 1}, "pairs": [], "left_over": []}
+    first, second = exemplar_lines([sent])
+    assert first.startswith("Fitted to: target_2; mean")
+    assert not second
 
 
 def test_further_prompts_are_written_with_weight_and_place() -> None:

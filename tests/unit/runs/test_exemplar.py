@@ -137,7 +137,7 @@ def test_what_keeps_less_than_half_of_its_way_is_not_good(monkeypatch: pytest.Mo
     monkeypatch.setattr(FakeFit, "__iter__", hardly)
     verdict = report()["verdict"]
     assert verdict["value"] != "good"
-    assert any("Only 30% of the way" in reason for reason in verdict["reasons"])
+    assert any("only 30% of the way" in reason for reason in verdict["reasons"])
 
 
 def test_a_morph_ends_at_the_result() -> None:
