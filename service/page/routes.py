@@ -21,7 +21,8 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
 
-from meshdeform.requests.document import DeformParams, OutputOptions
+from meshdeform.requests.document import DeformParams, GuidanceKind, OutputOptions
+from meshdeform.requests.parameters import OF_OPTIMISER
 
 if TYPE_CHECKING:
     from starlette.types import Receive, Scope, Send
@@ -63,6 +64,7 @@ _TYPES = {
 _WEB = Path(__file__).parents[1] / "web"
 _EDITION = re.compile(r"^~[0-9a-f]{16}/")
 _KEPT = {"Cache-Control": "public, max-age=31536000, immutable"}
+_UNUSED_BY_EXEMPLARS = OF_OPTIMISER | {"preset"}  # which is allowed there, and changes nothing
 
 
 class _Page(StaticFiles):
@@ -114,8 +116,15 @@ def _edition() -> str:
 
 @functools.cache
 def _parameters() -> bytes:
-    """Return the schema of a job's parameters, from which the page builds its form, and the defaults of `output`."""
-    schema = {**DeformParams.model_json_schema(), "x-output": OutputOptions().model_dump(mode="json")}
+    """Return the schema of a job's parameters, from which the page builds its form, and what a schema cannot say.
+
+    `x-output`: the defaults of `output`; `x-unused`: the parameters that a kind of guidance does without.
+    """
+    schema = {
+        **DeformParams.model_json_schema(),
+        "x-output": OutputOptions().model_dump(mode="json"),
+        "x-unused": {GuidanceKind.EXEMPLAR: sorted(_UNUSED_BY_EXEMPLARS)},
+    }
     return json.dumps(schema).encode()
 
 

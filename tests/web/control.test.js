@@ -5,7 +5,7 @@ import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
 import { keptFaces, Neighbours, pulledFaces, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
 
-const FORM = { fields: [], groups: { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} } } };
+const FORM = { fields: [], groups: { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} }, unused: {} } };
 const ASKED = {
   regions: [{ faces: [0, [4, 9]], action: "keep" }, { box: { min: [0, 0, 0], max: [1, 2, 1] }, action: "only" }],
   handles: [{ position: [0, 1, 0], to: [0, 1.5, 0] }],
@@ -51,7 +51,7 @@ test("further prompts keep their regions through the form, and each is sent as d
   assert.equal("prompt" in document, false);
   assert.deepEqual(wish.kept.params, {});
   // A target mesh takes no prompt at all.
-  assert.deepEqual(documents({ ...wish, guide: { ...wish.guide, target: true } }, null, "", FORM)[0].params.guidance, { kind: "target" });
+  assert.deepEqual(documents({ ...wish, guide: { ...wish.guide, targets: 1 } }, null, "", FORM)[0].params.guidance, { kind: "target" });
 });
 
 test("what of further prompts cannot be sent is said, and an empty row asks for nothing", () => {

@@ -34,8 +34,8 @@ test("a job is named after its prompts", () => {
   assert.equal(goalWords({ prompt: "a vase", params: {} }), "a vase");
   assert.equal(goalWords({ prompt: "a vase", params: { guidance: { prompts: [{ prompt: "a bell", weight: 2 }] } } }), "a vase + a bell");
   assert.equal(goalWords({ prompt: "" }), "");
-  const others = [{ prompt: "", files: { target: {} } }, { prompt: "" }, { prompt: "", kind: "surface_fit" }, { prompt: "", kind: "a_new_kind" }];
-  assert.deepEqual(others.map(jobTitle), ["To a target mesh", "To pictures", "Surface fit", "a new kind"]);
+  const others = [{ prompt: "", files: { target: {} } }, { prompt: "", files: { target: {}, target_2: {} } }, { prompt: "" }, { prompt: "", kind: "surface_fit" }, { prompt: "", kind: "a_new_kind" }];
+  assert.deepEqual(others.map(jobTitle), ["To a target mesh", "To the nearest of several meshes", "To pictures", "Surface fit", "a new kind"]);
 });
 
 test("of a job that only another version can read, nothing is read but its prompt", () => {

@@ -81,8 +81,8 @@ test("a job's own parameters fill the form again, and what it has no field for i
   const kept = { params: { timestep_min: 0.5, exclude: ["Ground"] }, output: { morph: true, other: 1 } };
   const wish = wishOf(job, FIELDS);
   const control = { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], prompts: [], of: "" };
-  const guide = { align: "", landmarks: [], pictures: [], target: false };
-  assert.deepEqual(wish, { control, guide, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
+  const guide = { align: "", landmarks: [], pictures: [], targets: 0 };
+  assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FORM);
   assert.deepEqual(document, {
     prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
@@ -104,7 +104,7 @@ test("each parameter is in its group, and what another kind of guidance has stay
   const guide = { align: "none", landmarks: [], pictures: [{ azimuth: 0, elevation: 0 }] };
   const asked = (more) => documents({ ...WISH, advanced: { guidance_scale: "9", steps: "40" }, ...more }, 80, "g", FORM)[0].params;
   const common = { preset: "preview", steps: 40, checkpoint_every_steps: 4, seed: 7 };
-  assert.deepEqual(asked({ guide: { ...guide, target: true } }), { ...common, guidance: { kind: "target", align: "none" } });
+  assert.deepEqual(asked({ guide: { ...guide, targets: 1 } }), { ...common, guidance: { kind: "target", align: "none" } });
   assert.deepEqual(asked({ guide, prompt: "" }), { ...common, guidance: { kind: "silhouettes", silhouettes: guide.pictures } });
   const prompted = asked({ guide });
   assert.deepEqual(prompted, { ...common, guidance: { silhouettes: guide.pictures, model: "builtin", guidance_scale: 9 } });

@@ -1,5 +1,6 @@
 // @ts-check
 /** Numbers, times and words as people read them. */
+import { EXEMPLAR } from "./create/guide/model.js";
 import { plainParams } from "./groups.js";
 
 const INTEGER = new Intl.NumberFormat("en");
@@ -127,6 +128,7 @@ export function jobTitle(job) {
   if (job.unreadable) return kind.replaceAll("_", " ");
   if (kind === "prior_teach" && job.params?.noun) return `The word “${job.params.noun}”`;
   if (kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
+  if (job.files?.target_2) return "To the nearest of several meshes";
   return job.files?.target ? "To a target mesh" : "To pictures";
 }
 
@@ -134,4 +136,15 @@ export function jobTitle(job) {
 export function phaseWords(phase, kind) {
   if (kind === "prior_teach" && phase in LESSON_PHASES) return LESSON_PHASES[phase];
   return PHASES[phase] ?? titled(phase);
+}
+
+/** How long a job would take, in words. @param {any} found What `POST /v1/jobs:validate` says. @param {number} variations */
+export function estimateWords(found, variations) {
+  const { queue_s: queue, run_s: run, steps: planned } = found.estimate;
+  const work = found.params.guidance === EXEMPLAR ? "A fit" : `${count(planned)} steps`;
+  const steps = planned ? work : "A change in plain words";
+  if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
+  const all = run * variations;
+  const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
+  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all, with one worker" : ""}${wait}.`;
 }

@@ -6,6 +6,7 @@
  * @typedef {object} Groups The parameters of each group, as the server declares them.
  * @property {Record<string, any>} control
  * @property {Record<string, Record<string, any>>} guidance By its kind.
+ * @property {Record<string, string[]>} unused Parameters outside of the groups that a kind of guidance does without.
  */
 
 /** @param {any} schema The JSON schema of a job's parameters. @returns {Groups} */
@@ -13,7 +14,7 @@ export function groupsOf(schema) {
   const members = (/** @type {{$ref: string}} */ { $ref }) => schema.$defs[/** @type {string} */ ($ref.split("/").at(-1))].properties;
   const { control, guidance } = schema?.properties ?? {};
   const kinds = (guidance?.oneOf ?? []).map(members).map((/** @type {any} */ { kind, ...others }) => [kind.const, others]);
-  return { control: control ? members(control) : {}, guidance: Object.fromEntries(kinds) };
+  return { control: control ? members(control) : {}, guidance: Object.fromEntries(kinds), unused: schema?.["x-unused"] ?? {} };
 }
 
 /** Parameters by their names alone. @param {any} params Of a job. @returns {Record<string, any>} */
@@ -24,7 +25,7 @@ export function plainParams(params) {
 }
 
 /**
- * Parameters in their groups, as a request has them; without those that only another kind of guidance has.
+ * Parameters in their groups, as a request has them; without those that its kind of guidance does not have.
  * @param {Record<string, any>} params By their names alone.
  * @param {Groups} groups
  * @returns {Record<string, any>}
@@ -44,7 +45,8 @@ export function groupedParams({ guidance: kind = "sds", ...params }, groups) {
 }
 
 /** Whether a parameter is for other kinds of guidance alone. @param {string} name @param {string} kind @param {Groups} groups */
-export function isUnused(name, kind, { guidance }) {
+export function isUnused(name, kind, { guidance, unused }) {
+  if (unused[kind]?.includes(name)) return true;
   return !(name in (guidance[kind] ?? {})) && Object.values(guidance).some((members) => name in members);
 }
 

@@ -28,7 +28,8 @@
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
  * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles and symmetry; `of` is the
  *   file that they are for.
- * @property {(import("./create/guide/model.js").Guide & {target?: boolean}) | null} [guide] What its files besides the asset are for.
+ * @property {boolean} [byShape] Whether the asset is fitted to the shape that its prompt stands for, instead of pushed by a model.
+ * @property {(import("./create/guide/model.js").Guide & {targets?: number}) | null} [guide] What its files besides the asset are for.
  * @property {Kept} kept What a job that is asked for again had and the form has no field for.
  *
  * @typedef {object} Kept
@@ -37,9 +38,9 @@
  */
 
 import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
-import { GUIDE_PARAMS, guideOf, guideParams, noGuide } from "./create/guide/model.js";
+import { EXEMPLAR, GUIDE_PARAMS, guideOf, guideParams, isTarget, noGuide } from "./create/guide/model.js";
 import { count, titled } from "./format.js";
-import { groupedParams, groupsOf, plainParams } from "./groups.js";
+import { groupedParams, groupsOf, isUnused, plainParams } from "./groups.js";
 import { variationPrompts } from "./vocabulary.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
@@ -57,14 +58,15 @@ export const MAX_SEED = Number.MAX_SAFE_INTEGER;
  */
 export function formOf(schema) {
   const groups = groupsOf(schema);
-  const offered = Object.entries({ ...schema?.properties, ...groups.guidance.sds }).filter(([, member]) => member["x-form"]);
+  const offered = Object.entries({ ...schema?.properties, ...groups.guidance.sds, ...groups.guidance[EXEMPLAR] }).filter(([, member]) => member["x-form"]);
   const fields = offered.map(([name, member]) => {
     const { label, help, choices } = member["x-form"];
     const kinds = member.anyOf ?? [member];
     const kind = kinds.find((/** @type {any} */ one) => one.type !== "null") ?? {};
     const numbers = Boolean(choices) && kinds.some((/** @type {any} */ one) => one.type === "number");
     const type = choices ? "choice" : kind.type === "integer" || kind.type === "number" ? kind.type : "text";
-    return { name, label, help, type, choices, min: kind.minimum, above: kind.exclusiveMinimum, max: kind.maximum, ...(numbers ? { numbers } : {}) };
+    const standard = typeof member.default === "number" ? { standard: member.default } : {};
+    return { name, label, help, type, choices, min: kind.minimum, above: kind.exclusiveMinimum, max: kind.maximum, ...(numbers ? { numbers } : {}), ...standard };
   });
   return { fields, groups };
 }
@@ -114,12 +116,12 @@ export function integerProblem(text, min, max) {
  */
 export function documents(wish, steps, group, { fields, groups }, known = null) {
   const { prompts: further, ...control } = controlParams(wish.control ?? noControl());
-  const target = wish.guide?.target ?? false;
+  const targets = wish.guide?.targets ?? 0;
   // A target mesh takes the place of all prompts.
-  const prompts = target || !further ? {} : { prompts: further };
-  const goal = wish.prompt.trim() || (target ? "" : (further?.[0].prompt ?? ""));
+  const prompts = targets || !further ? {} : { prompts: further };
+  const goal = wish.prompt.trim() || (targets ? "" : (further?.[0].prompt ?? ""));
   /** @type {Record<string, any>} */
-  const params = { ...wish.kept.params, ...control, ...prompts, ...guideParams(wish.guide ?? noGuide(), target, goal), preset: wish.preset };
+  const params = { ...wish.kept.params, ...control, ...prompts, ...guideParams(wish.guide ?? noGuide(), targets, goal, wish.byShape), preset: wish.preset };
   if (wish.model) params.model = wish.model;
   for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
@@ -127,11 +129,12 @@ export function documents(wish, steps, group, { fields, groups }, known = null) 
     const numeric = field.type === "integer" || field.type === "number" || (field.numbers && Number.isFinite(Number(text)));
     params[field.name] = numeric ? Number(text) : text;
   }
-  const planned = params.steps ?? steps;
+  const planned = isUnused("steps", params.guidance ?? "sds", groups) ? steps : (params.steps ?? steps);
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
-  const texts = variationPrompts(wish.prompt.trim(), wish.variations, params.prompts ? null : known);
+  // Each seed takes another exemplar: the prompt can stay.
+  const texts = variationPrompts(wish.prompt.trim(), wish.variations, params.prompts || wish.byShape ? null : known);
   return Array.from({ length: wish.variations }, (_, index) => ({
-    ...(target || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: texts[index] }),
+    ...(targets || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: texts[index] }),
     params: groupedParams({ ...params, seed: (wish.seed + index) % MAX_SEED }, groups),
     output: { ...wish.kept.output, ...(wish.subdivide ? { subdivide: true } : {}), ...(wish.rig ? { rig: wish.rig } : {}) },
     ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
@@ -139,14 +142,14 @@ export function documents(wish, steps, group, { fields, groups }, known = null) 
 }
 
 /**
- * The same job at the next quality; null at the best one, and where it has no prompt.
+ * The same job at the next quality; null at the best one, and where it has no prompt or no quality.
  * @param {any} job
  * @returns {{title: string, document: Record<string, any>} | null}
  */
 export function refinement(job) {
   const { steps: _, checkpoint_every_steps: __, ...params } = job.params ?? {};
   const next = PRESETS[PRESETS.findIndex(([name]) => name === (params.preset ?? "balanced")) + 1];
-  if (!next || !job.prompt || job.files?.target) return null;
+  if (!next || !job.prompt || job.files?.target || isByShape(job)) return null;
   return { title: next[1], document: { prompt: job.prompt, params: { ...params, preset: next[0] }, output: job.output } };
 }
 
@@ -158,6 +161,16 @@ export function refinement(job) {
 export function otherVariation(job, seed = randomSeed()) {
   if (!job.prompt || Object.keys(job.files ?? {}).some((part) => part !== "asset")) return null;
   return { prompt: job.prompt, params: { ...job.params, seed }, output: job.output, metadata: job.metadata ?? {} };
+}
+
+/** Whether a job fits its asset to a shape, and asks no model. @param {any} job */
+export function isByShape(job) {
+  return plainParams(job.params).guidance === EXEMPLAR;
+}
+
+/** At what quality a job was asked for, in words. @param {any} job */
+export function qualityWords(job) {
+  return isByShape(job) ? "By shape" : (PRESETS.find(([name]) => name === (job.params?.preset ?? "balanced"))?.[1] ?? "");
 }
 
 /** Ten shapes on the way to the last one. @param {number} steps */
@@ -206,7 +219,8 @@ export function wishOf(job, fields, defaults = {}) {
     subdivide: Boolean(job.output?.subdivide),
     rig: job.output?.rig ?? "",
     advanced,
-    guide: { ...guideOf(params), target: Boolean(job.files?.target) },
+    byShape: isByShape(job),
+    guide: { ...guideOf(params), targets: Object.keys(job.files ?? {}).filter(isTarget).length },
     control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
       params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),

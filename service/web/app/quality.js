@@ -4,6 +4,7 @@
  *
  * @typedef {{tone: "good" | "warn" | "plain", text: string, note: string}} Finding
  */
+import { fitFindings } from "./exemplar.js";
 import { count, counted, figure, percent } from "./format.js";
 import { isWorthLess, verdictFinding } from "./verdict.js";
 import { withArticle } from "./vocabulary.js";
@@ -57,7 +58,7 @@ function measured(report, worthLess) {
   const quality = shownQuality(report);
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...likeness(report?.likeness), ...(worthLess ? [] : stillYours(quality)), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
+  const found = [...likeness(report?.likeness), ...fitFindings(report), ...(worthLess ? [] : stillYours(quality)), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     const others = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
     found.push(...others.map((/** @type {string} */ text) => warn(TITLES.find(([start]) => text.startsWith(start))?.[1] ?? "The source", text)));

@@ -6,10 +6,11 @@
  * @typedef {{label: string, values: [string, string], same: boolean}} Row
  */
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
+import { targetsOf } from "../create/guide/model.js";
 import { count, duration, figure, goalWords, percent, STATE_WORDS } from "../format.js";
 import { plainParams } from "../groups.js";
 import { isTerminal } from "../history.js";
-import { PRESETS } from "../params.js";
+import { qualityWords } from "../params.js";
 import { shownQuality } from "../quality.js";
 import { isWorthLess, verdictTitle } from "../verdict.js";
 
@@ -42,11 +43,11 @@ export function askedRows(jobs, reports) {
   const always = [
     row("Prompt", ...both(goalWords)),
     row("Asset", ...both((job) => job.asset.filename)),
-    row("Quality", ...both((job) => PRESETS.find(([name]) => name === (job.params?.preset ?? "balanced"))?.[1] ?? "")),
+    row("Quality", ...both(qualityWords)),
     row("Variation", ...both((job) => String(job.params?.seed ?? 0))),
     row("Model", ...both((job, report) => String(report?.params?.model ?? plainParams(job.params).model ?? "builtin"))),
     row("Control", control[0], control[1]),
-    row("Target", ...both((job) => job.files?.target?.filename ?? "")),
+    row("Target", ...both((job) => targetsOf(job.files ?? {}).map(({ filename }) => filename).join(", "))),
   ];
   // What the presets decided differs too; a job without a report has only what was written.
   const params = reports.every((report) => report?.params) ? reports.map((report) => report.params) : asked;

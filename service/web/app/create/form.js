@@ -3,7 +3,6 @@
 import { announce } from "../announce.js";
 import { isAbort } from "../client.js";
 import { h } from "../dom.js";
-import { duration, roughly } from "../format.js";
 import { routeHash } from "../router.js";
 
 /** @typedef {"create" | "surface" | "family"} Kind */
@@ -24,16 +23,6 @@ export function kindsNav(here) {
 /** @param {string} words @param {string} stressed @param {string} lead */
 export function intro(words, stressed, lead) {
   return h("div", { class: "intro" }, h("h1", null, `${words} `, h("em", null, stressed)), h("p", { class: "lead" }, lead));
-}
-
-/** How long a job would take, in words. @param {any} found What `POST /v1/jobs:validate` says. @param {number} variations */
-export function estimateWords(found, variations) {
-  const { queue_s: queue, run_s: run, steps: count } = found.estimate;
-  const steps = count ? `${count.toLocaleString("en")} steps` : "A change in plain words";
-  if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
-  const all = run * variations;
-  const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
-  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all, with one worker" : ""}${wait}.`;
 }
 
 /** A form, and the button that sends it: one job at a time. */

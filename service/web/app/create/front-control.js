@@ -36,6 +36,8 @@ export class FrontControl {
     this.reading = null;
     /** Whether this server can search: that of a stack may have no torch. */
     this.able = true;
+    /** Whether it is searched for: a fit takes the front that the asset is read with. */
+    this.searched = true;
     this.searching = new AbortController();
     this.value = "";
     this.resolved = "auto";
@@ -54,9 +56,10 @@ export class FrontControl {
     });
   }
 
-  /** Offer the choice, or no more: a target mesh leaves no front to find. @param {boolean} on */
-  offer(on) {
+  /** Offer the choice, or no more: a target mesh leaves no front to find. @param {boolean} on @param {boolean} searched Whether the search is offered too. */
+  offer(on, searched = true) {
     this.element.hidden = !on;
+    this.searched = searched;
     this._draw();
   }
 
@@ -127,7 +130,7 @@ export class FrontControl {
     this.output.textContent = words;
     this.input.setAttribute("aria-valuetext", angle === null ? "Automatic: found by what the asset is" : `${angle} degrees from +Z towards +X`);
     this.reset.hidden = this.value === "";
-    this.find.hidden = chosen !== null || !this.able;
+    this.find.hidden = chosen !== null || !this.able || !this.searched;
     const read = angleOf(this.value) === null && this.found === null ? (this.reading?.front_azimuth_deg ?? null) : null;
     this.box.viewer?.setFront(this.element.hidden ? null : (read ?? angle ?? 0), read === null ? angle === null : !(this.reading && isFrontSure(this.reading)));
   }

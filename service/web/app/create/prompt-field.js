@@ -55,8 +55,12 @@ export class PromptField {
     }
   }
 
-  /** @param {import("../vocabulary.js").Model | null} model @param {boolean} others Whether there are models to choose that take free text. */
-  offer(model, others) {
+  /**
+   * @param {import("../vocabulary.js").Model | null} model
+   * @param {boolean} others Whether there are models to choose that take free text.
+   * @param {boolean} byShape Whether no model is asked: there are shapes of the words that it knows.
+   */
+  offer(model, others, byShape) {
     this.model = model;
     const known = model?.vocabulary;
     /** @type {string[]} */
@@ -74,7 +78,7 @@ export class PromptField {
     fill(
       this.note,
       known
-        ? [icon("info"), h("span", null, `The built-in model knows ${known.nouns.length} things and little else. ${others ? "For free text, choose another model." : "For free text, the server needs a Stable Diffusion model."}`)]
+        ? [icon("info"), h("span", null, byShape ? `There are shapes of ${known.nouns.length} things, each in many designs.` : `The built-in model knows ${known.nouns.length} things and little else. ${others ? "For free text, choose another model." : "For free text, the server needs a Stable Diffusion model."}`)]
         : [icon("info"), h("span", null, model?.description ?? "")],
     );
     this._press();

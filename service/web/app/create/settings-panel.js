@@ -1,10 +1,13 @@
 // @ts-check
 /** The settings of a new job: everything but its asset and its prompt. */
-import { button, fill, h, labelled, uniqueId } from "../dom.js";
+import { button, fill, h, labelled } from "../dom.js";
 import { FieldRows, markField } from "./field-rows.js";
 import { figure } from "../format.js";
 import { isUnused } from "../groups.js";
 import { formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
+import { EXEMPLAR } from "./guide/model.js";
+import { radioCards } from "./radio-cards.js";
+import { ShareSlider } from "./share-slider.js";
 
 /** What becomes of joints, morph targets and clips. @type {[string, string, string][]} */
 const RIGS = [
@@ -21,12 +24,15 @@ export class SettingsPanel {
     this.catalogue = { default: "", models: [] };
     this.model = h("select", { id: "model", on: { change: () => this._modelChanged() } });
     this.modelRow = labelled("model", "Model", this.model);
-    this.preset = radios("preset", PRESETS, "preview", onChange);
+    this.modelRow.hidden = true;
+    this.preset = radioCards("preset", PRESETS, "preview", onChange);
+    this.presetRow = h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element);
+    this.strength = new ShareSlider("strength", onChange);
     this.seed = integerField("seed", 0, MAX_SEED, onChange);
     this.seed.input.value = String(randomSeed());
     this.variations = integerField("variations", 1, MAX_VARIATIONS, onChange);
     this.variations.input.value = "1";
-    this.rig = radios("rig", RIGS, RIGS[0][0], onChange);
+    this.rig = radioCards("rig", RIGS, RIGS[0][0], onChange);
     /** What the server does with a rig where nobody chooses. */
     this.usualRig = RIGS[0][0];
     this.rigRow = h("fieldset", { class: "field", hidden: true }, h("legend", { class: "field-label" }, "Rig"), this.rig.element);
@@ -38,7 +44,7 @@ export class SettingsPanel {
     this.keptText = h("p", null);
     const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
     this.keptRow = h("div", { class: "kept small", hidden: true }, this.keptText, drop);
-    this.element = h("div", { class: "settings" }, this.modelRow, h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element), this.rigRow, this.keptRow);
+    this.element = h("div", { class: "settings" }, this.modelRow, this.presetRow, this.strength.element, this.rigRow, this.keptRow);
     /** The less usual settings, for the fold of the form. */
     this.further = this._further();
   }
@@ -89,7 +95,9 @@ export class SettingsPanel {
   /** @param {import("../params.js").Form} form */
   offerFields(form) {
     this.offered = form;
-    fill(this.fields.more, form.fields.map((field) => this.fields.add(field, ["As the quality says", "automatic"])));
+    this.strength.offer(form.fields);
+    const others = form.fields.filter(({ name }) => name !== this.strength.name);
+    fill(this.fields.more, others.map((field) => this.fields.add(field, ["As the quality says", "automatic"])));
   }
 
   /** @param {string | undefined} usual What the server does with a rig where nobody chooses. */
@@ -100,7 +108,11 @@ export class SettingsPanel {
 
   /** Show those that a kind of guidance has. @param {string} kind */
   suit(kind) {
-    for (const [name, { row }] of this.fields.rows) row.hidden = isUnused(name, kind, this.offered.groups);
+    const unused = (/** @type {string} */ name) => isUnused(name, kind, this.offered.groups);
+    for (const [name, { row }] of this.fields.rows) row.hidden = unused(name);
+    this.presetRow.hidden = unused("preset");
+    this.strength.element.hidden = kind !== EXEMPLAR;
+    this.modelRow.hidden = unused("model") || !this._choosesModel;
   }
 
   /** @param {import("../vocabulary.js").Catalogue} catalogue */
@@ -111,9 +123,12 @@ export class SettingsPanel {
     );
     fill(this.model, options);
     this.model.value = catalogue.default;
-    // The server runs no others: with one there is nothing to choose.
-    this.modelRow.hidden = options.length < 2;
     this._modelChanged();
+  }
+
+  /** The server runs no others: with one there is nothing to choose. */
+  get _choosesModel() {
+    return this.catalogue.models.length > 1;
   }
 
   /** Choose a model, if the server offers it. @param {string} id */
@@ -122,9 +137,13 @@ export class SettingsPanel {
     this._modelChanged();
   }
 
+  /** The model that is chosen. */
+  get chosen() {
+    return this.catalogue.models.find((found) => found.id === this.model.value) ?? null;
+  }
+
   _modelChanged() {
-    const model = this.catalogue.models.find((found) => found.id === this.model.value) ?? null;
-    this.onModel(model);
+    this.onModel(this.chosen);
     this.onChange();
   }
 
@@ -155,7 +174,7 @@ export class SettingsPanel {
       variations: this.variationCount,
       subdivide: this.subdivide.checked,
       rig: this.rig.value() === this.usualRig ? "" : this.rig.value(),
-      advanced: Object.fromEntries([...this.fields.rows].map(([name, field]) => [name, field.input.value])),
+      advanced: { ...Object.fromEntries([...this.fields.rows].map(([name, field]) => [name, field.input.value])), [this.strength.name]: this.strength.value },
       kept: this.kept,
     };
   }
@@ -184,7 +203,7 @@ export class SettingsPanel {
 
   /** Whether any of the less usual settings is another than at the beginning. */
   get furtherInUse() {
-    return this.variationCount > 1 || this.subdivide.checked || [...this.fields.rows.values()].some(({ input }) => input.value !== "");
+    return this.variationCount > 1 || this.subdivide.checked || [...this.fields.rows.values()].some(({ input, row }) => !row.hidden && input.value !== "");
   }
 
   /** Set everything as at the beginning. */
@@ -209,6 +228,7 @@ export class SettingsPanel {
     this.rig.set(rig || this.usualRig);
     this._keep(kept);
     for (const name of this.fields.rows.keys()) this.setValue(name, advanced[name] ?? "");
+    this.strength.set(advanced[this.strength.name] ?? "");
     this.fields.advanced.open = [...this.fields.rows.values()].some(({ input }) => input.value !== "");
   }
 }
@@ -219,21 +239,4 @@ function integerField(id, min, max, onChange) {
   // Not of the type "number": a browser hides what it does not take for one.
   const input = h("input", { id, type: "text", inputmode: "numeric", autocomplete: "off", "aria-describedby": problem.id, on: { input: onChange } });
   return { input, problem, check: () => integerProblem(input.value, min, max) };
-}
-
-/** @param {string} name @param {[string, string, string][]} options Value, label, what it means. @param {string} chosen @param {() => void} onChange */
-function radios(name, options, chosen, onChange) {
-  const inputs = options.map(([value]) => h("input", { type: "radio", name, value, id: uniqueId(name), ".checked": value === chosen, on: { change: onChange } }));
-  const element = h(
-    "div",
-    { class: "cards" },
-    options.map(([, label, text], index) =>
-      h("label", { class: "card-choice", for: inputs[index].id }, inputs[index], h("span", { class: "card-title" }, label), h("span", { class: "small muted" }, text)),
-    ),
-  );
-  return {
-    element,
-    value: () => inputs.find((input) => input.checked)?.value ?? chosen,
-    set: (/** @type {string} */ value) => inputs.forEach((input) => (input.checked = input.value === value)),
-  };
 }

@@ -3,13 +3,14 @@
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { lastDraft } from "../drafts.js";
+import { estimateWords } from "../format.js";
 import { recentJobs } from "../jobs/card.js";
 import { checkpointEvery } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
-import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
+import { intro, JobForm, kindsNav } from "./form.js";
 import { NumberRows } from "./field-rows.js";
 import { originOf } from "./origins.js";
 

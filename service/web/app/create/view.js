@@ -5,8 +5,9 @@ import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
-import { percent } from "../format.js";
+import { estimateWords, percent } from "../format.js";
 import { recentJobs } from "../jobs/card.js";
+import { showOutlook } from "../outlook.js";
 import { documents, fileKey, formOf, wishOf } from "../params.js";
 import { described, problemBox } from "../problem-box.js";
 import { isAboutNegative, isAboutPrompt } from "../refusal.js";
@@ -16,14 +17,16 @@ import { catalogue } from "../vocabulary.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { controlParams, isEmpty, readingOf } from "./control/model.js";
 import { ControlPanel } from "./control/panel.js";
-import { estimateWords, intro, JobForm, kindsNav } from "./form.js";
+import { intro, JobForm, kindsNav } from "./form.js";
 import { GuidePanel } from "./guide/panel.js";
+import { EXEMPLAR, guideParams } from "./guide/model.js";
 import { FrontControl } from "./front-control.js";
 import { threadOf } from "../job/versions.js";
 import { originOf } from "./origins.js";
 import { PartsControl } from "./parts/control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
+import { WayChoice } from "./way-choice.js";
 
 /** @typedef {import("../assets.js").Asset} Asset */
 
@@ -42,6 +45,8 @@ export class CreateView {
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
     this.checks = 0;
+    /** What the last check could tell the outlook of, as `_goal` has it; empty: of nothing. */
+    this.foreseen = "";
     /** The asset of the job that was sent last. @type {Asset | null} */
     this.sent = null;
     /** What the form offers under Advanced. @type {Promise<import("../params.js").Field[]>} */
@@ -64,11 +69,17 @@ export class CreateView {
     this.control = new ControlPanel(this.assets.box, () => this._changed());
     this.assets.addBelow(this.control.toolbar);
     this.prompt = new PromptField(() => this._changed());
+    this.way = new WayChoice(() => {
+      this._offer(this.settings.chosen);
+      this._changed();
+    });
+    this.outlook = h("div", { class: "outlook", "aria-live": "polite", hidden: true });
     const turn = () => {
       this.more.open = true;
       this.front.input.focus();
     };
     this.parts = new PartsControl(this.assets.box, this.control, this.front, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt), turn);
+    this.parts.onRead = () => this._foresee();
     this.assets.onShown = () => {
       this._suitParts();
       this._suitRig([]);
@@ -93,6 +104,8 @@ export class CreateView {
     this.form.element.append(
       this.restored,
       this.prompt.element,
+      this.outlook,
+      this.way.element,
       this.problem,
       this.settings.element,
       this.more,
@@ -130,7 +143,6 @@ export class CreateView {
     this.parts.line.offer(known?.nouns ?? []);
     this.parts.corrector.known = Object.values(known?.parts ?? {}).flat();
     if (found.models.length) this.settings.offer(found);
-    else this.settings.modelRow.hidden = true;
     if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value }, draft.files ?? {});
     this.begun ||= draft !== null; // its asset may take longer, and what is typed meanwhile counts
     this.restored.hidden = !(draft?.stored && (draft.wish.prompt || Object.keys(draft.files ?? {}).length));
@@ -139,6 +151,7 @@ export class CreateView {
     if (wish) this._restore(wish, this.others);
     if (this.wanted.model) {
       this.settings.choose(this.wanted.model);
+      this._useWay(false);
       this.prompt.set(this.wanted.prompt ?? "");
       history.replaceState(null, "", "#/"); // what is typed next is the draft
     }
@@ -166,6 +179,7 @@ export class CreateView {
     this.settings.reset();
     this.control.restore(null);
     this.guide.restore(null, {});
+    this._useWay(false);
     this.prompt.set("");
     await this.assets.example(EXAMPLES[0].name);
     this.begun = true;
@@ -174,8 +188,17 @@ export class CreateView {
 
   /** @param {import("../vocabulary.js").Model | null} model */
   _offer(model) {
-    const others = this.settings.catalogue.models.some((found) => found.id !== model?.id && found.available && !found.vocabulary);
-    this.prompt.offer(model, others);
+    const { models } = this.settings.catalogue;
+    const others = models.some((found) => found.id !== model?.id && found.available && !found.vocabulary);
+    const { byShape } = this.way;
+    // Whatever the model: there are shapes of the words of the built-in one.
+    this.prompt.offer(byShape ? (models.find(({ id }) => id === "builtin") ?? model) : model, others, byShape);
+  }
+
+  /** @param {boolean} byShape */
+  _useWay(byShape) {
+    this.way.set(byShape);
+    this._offer(this.settings.chosen);
   }
 
   /** @returns {Promise<import("../params.js").Field[]>} */
@@ -184,6 +207,7 @@ export class CreateView {
     const form = formOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(form);
+    this.way.offer(EXEMPLAR in form.groups.guidance);
     this.settings.offerRig(this.outputDefaults.rig);
     this.front.offer(this.settings.offers("orientation"));
     return form.fields;
@@ -211,6 +235,7 @@ export class CreateView {
     this.settings.restore(wish);
     this.control.restore(wish.control);
     this.guide.restore(wish.guide, files);
+    this._useWay(wish.byShape ?? false);
     this.prompt.set(wish.prompt);
   }
 
@@ -224,10 +249,15 @@ export class CreateView {
     if (key) this.control.assetIs(key);
     this._suitParts();
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
-    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
+    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), byShape: this.way.byShape, control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
     this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
-    this.settings.suit(this.guide.target ? "target" : this.guide.isEmpty || this.prompt.value || this.control.further.any ? "sds" : "silhouettes");
-    this.front.offer(this.settings.offers("orientation"));
+    const targets = this.guide.meshes.length;
+    this.way.suit(targets);
+    this.guide.suit(this.way.byShape);
+    const { guidance = "sds" } = guideParams(this.guide.guide, targets, this.prompt.value || (this.control.further.any ? "further" : ""), this.way.byShape);
+    this.settings.suit(guidance);
+    this.front.offer(this.settings.offers("orientation"), guidance === "sds");
+    if (this.foreseen !== this._goal()) this._showOutlook(null);
     const used = this._usesMore();
     if (used && !this.inUse.textContent) this.more.open = true;
     this.inUse.textContent = used ? "· in use" : "";
@@ -280,7 +310,7 @@ export class CreateView {
   }
 
   _wish() {
-    return { ...this.settings.wish(this.prompt.value), control: this.control.value(), guide: this.guide.value() };
+    return { ...this.settings.wish(this.prompt.value), byShape: this.way.byShape, control: this.control.value(), guide: this.guide.value() };
   }
 
   /** Whether nothing says yet what the asset should become. @param {import("../params.js").Wish} wish */
@@ -338,9 +368,30 @@ export class CreateView {
     }
   }
 
+  /** What an outlook depends on. */
+  _goal() {
+    const { asset } = this.assets;
+    return JSON.stringify([this.way.byShape, this.prompt.value, asset?.name, asset?.size]);
+  }
+
+  /** Check again once the asset has been read, which the outlook needs. */
+  _foresee() {
+    if (this.way.byShape && !this.foreseen) this.check();
+  }
+
+  /** @param {import("../outlook.js").Outlook | null} outlook Null: it is not known. */
+  _showOutlook(outlook) {
+    this.foreseen = outlook ? this._goal() : "";
+    showOutlook(this.outlook, outlook, (prompt) => {
+      this.prompt.set(prompt);
+      this.prompt.input.focus();
+    });
+  }
+
   /** @param {any} found @param {import("../params.js").Wish} wish */
   _good(found, wish) {
     this.steps = found.params.steps;
+    this._showOutlook(found.outlook ?? null);
     this.prompt.refuse(null);
     this.control.further.accept();
     fill(this.problem);

@@ -35,15 +35,21 @@ export class JobActions {
     this.chosenStep = chosenStep;
     this.element = h("div", { class: "row", role: "group", "aria-label": "Actions" });
     this.key = "";
+    this.state = "";
+    /** @type {number[]} */
+    this.checkpoints = [];
     this.busy = false;
+    /** Whether another seed takes another shape to fit the asset to. */
+    this.designs = false;
     /** What was typed for a new version, for whoever closes the dialog by mistake. */
     this.typed = "";
   }
 
   /** @param {string} state @param {number[]} checkpoints */
   show(state, checkpoints) {
-    const key = `${state} ${checkpoints.length > 0}`;
+    const key = `${state} ${checkpoints.length > 0} ${this.designs}`;
     this.checkpoints = checkpoints;
+    this.state = state;
     if (key === this.key) return;
     this.key = key;
     // What is pressed must not vanish from under the focus without another place for it.
@@ -58,6 +64,7 @@ export class JobActions {
     fill(
       this.element,
       state === "succeeded" && deforms ? button("Download result", () => this._download(), { icon: "download", class: "button-primary" }) : null,
+      this.designs ? this.variation("Another design") : null,
       better ? button("Refine", () => this._refine(better), { icon: "spark", title: `The same variation again, at quality ${better.title}` }) : null,
       !over ? button(state === "canceling" ? "Canceling…" : "Cancel", () => this._cancel(), { icon: "stop" }) : null,
       over && state !== "succeeded" && !this.job.unreadable ? button("Retry", () => this._retry(), { icon: "retry", class: "button-primary" }) : null,
@@ -125,10 +132,16 @@ export class JobActions {
     this.busy = false;
   }
 
+  /** Offer another shape of the same word, where that makes a difference. @param {boolean} on */
+  offerDesigns(on) {
+    this.designs = on;
+    this.show(this.state, this.checkpoints);
+  }
+
   /** A button for the same request with another variation; null where it makes no difference, or for a link. */
-  variation() {
+  variation(label = "Another variation") {
     const document = currentLink() ? null : otherVariation(this.job);
-    return document ? button("Another variation", () => this._vary(document), { icon: "spark", title: "The same request once more, with another seed" }) : null;
+    return document ? button(label, () => this._vary(document), { icon: "spark", title: "The same request once more, with another seed" }) : null;
   }
 
   /** @param {any} document */
@@ -162,7 +175,7 @@ export class JobActions {
   _branch() {
     const prompt = h("textarea", { id: "branch-prompt", rows: 2, maxlength: 1000, required: true, ".value": this.typed || this.job.prompt });
     prompt.addEventListener("input", () => (this.typed = prompt.value));
-    const kept = this.checkpoints ?? [];
+    const kept = this.checkpoints;
     const step = h("select", { id: "branch-step" }, [...kept].reverse().map((found) => h("option", { value: found }, `Step ${count(found)}`)));
     const looked = this.chosenStep();
     if (looked !== null && kept.includes(looked)) step.value = String(looked);

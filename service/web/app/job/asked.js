@@ -2,8 +2,10 @@
 /** What a job was asked to keep and to hold, in words. */
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
 import { h, panel } from "../dom.js";
-import { counted } from "../format.js";
+import { targetsOf } from "../create/guide/model.js";
+import { counted, percent } from "../format.js";
 import { plainParams } from "../groups.js";
+import { isByShape } from "../params.js";
 
 /** @param {any} job @returns {HTMLElement | null} null where nothing was asked */
 export function askedPanel(job) {
@@ -15,8 +17,9 @@ export function askedPanel(job) {
 /** @param {any} job @returns {string[]} what guides it besides its prompt */
 function guideWords({ files = {}, ...job }) {
   const params = plainParams(job.params);
-  const target = files.target ? [`Target: ${files.target.filename}`] : [];
+  const shape = isByShape(job) ? [`By shape${params.strength === undefined ? "" : `, ${percent(params.strength)} of the way`}`] : [];
+  const targets = targetsOf(files).map(({ filename }) => `Target: ${filename}`);
   const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
   const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
-  return [...target, ...pairs, ...pictures, ...promptWords(params.prompts ?? [])];
+  return [...shape, ...targets, ...pairs, ...pictures, ...promptWords(params.prompts ?? [])];
 }

@@ -3,6 +3,7 @@
 import { announce, toast } from "../announce.js";
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
+import { isTarget } from "../create/guide/model.js";
 import { DEMO } from "../demo.js";
 import { button, h } from "../dom.js";
 import { keepDraft, lastDraft } from "../drafts.js";
@@ -127,10 +128,10 @@ export function meshButtons(label, mesh) {
 async function handOn(mesh, part) {
   const last = await lastDraft();
   const { wish = {}, asset = null, files = {} } = last ?? {};
-  const { target: _, ...others } = files;
+  const others = Object.fromEntries(Object.entries(files).filter(([name]) => !isTarget(name)));
   keepDraft({
     from: null,
-    wish: { ...wish, guide: { ...wish.guide, align: "", landmarks: [], target: part === "target" } },
+    wish: { ...wish, guide: { ...wish.guide, align: "", landmarks: [], targets: part === "target" ? 1 : 0 } },
     asset: part === "asset" ? mesh : asset,
     files: part === "target" ? { target: mesh } : others,
   });

@@ -8,9 +8,10 @@ import { button, fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle, STATE_WORDS } from "../format.js";
 import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
+import { fitsOf } from "../exemplar.js";
 import { currentLink } from "../key.js";
 import { stateBadge } from "../jobs/card.js";
-import { PRESETS } from "../params.js";
+import { qualityWords } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { verdictBadge } from "../verdict.js";
@@ -173,6 +174,7 @@ export class JobView {
       if (this.results) {
         fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report, this._remedies()) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
+      this.actions?.offerDesigns(fitsOf(this.report).some(({ twin }) => !twin));
       if (this.report && this.stage instanceof FamilyStage) await this._family(this.stage, names);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;
@@ -190,8 +192,8 @@ export class JobView {
   _remedies() {
     const { stage, actions } = this;
     const weaker = stage instanceof JobStage ? button("Less strength", () => stage.weaken(), { title: "Show a shape nearer to your asset" }) : null;
-    // A change in plain words has no variations.
-    const other = this.report.way === "change" ? null : (actions?.variation() ?? null);
+    // A change in plain words has no variations, and those of a fit are among the actions.
+    const other = this.report.way === "change" || this.report.exemplar ? null : (actions?.variation() ?? null);
     return [other, weaker].filter((each) => each !== null);
   }
 
@@ -253,7 +255,7 @@ function meta(job) {
   const parts = [
     job.asset.filename,
     params.model && params.model !== "builtin" ? params.model : "",
-    (PRESETS.find(([name]) => name === (params.preset ?? "balanced")) ?? ["", ""])[1],
+    qualityWords(job),
     `variation ${params.seed ?? 0}`,
     ago(job.created_at),
   ];

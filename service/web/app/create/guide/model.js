@@ -1,6 +1,7 @@
 // @ts-check
 /**
- * What else than a prompt says what the asset should become: another mesh, or pictures from one to four sides.
+ * What else than a prompt says what the asset should become: another mesh, the nearest of several, or pictures from one
+ * to four sides.
  * No elements here, so that node can test it.
  *
  * @typedef {import("../../assets.js").Asset} Asset
@@ -13,6 +14,9 @@
  */
 
 export const MOST_PICTURES = 4;
+export const MOST_TARGETS = 8;
+/** The guidance that fits the asset to a shape. */
+export const EXEMPLAR = "exemplar";
 /** The parameters that the panel edits. */
 export const GUIDE_PARAMS = ["align", "landmarks", "silhouettes", "guidance"];
 
@@ -24,31 +28,50 @@ export function noGuide() {
 /**
  * The parts of a job that its guide needs, by name.
  * @template T
- * @param {T | null} target
+ * @param {T[]} targets
  * @param {T[]} pictures
  * @returns {Record<string, T>}
  */
-export function guideFiles(target, pictures) {
-  if (target) return { target };
+export function guideFiles(targets, pictures) {
+  if (targets.length) return Object.fromEntries(targets.map((file, i) => [i ? `target_${i + 1}` : "target", file]));
   return Object.fromEntries(pictures.map((file, i) => [`silhouette_${i + 1}`, file]));
+}
+
+/** Whether a part of a job is a target mesh. @param {string} part Its name. */
+export function isTarget(part) {
+  return /^target(_\d)?$/.test(part);
+}
+
+/**
+ * The targets among the files of a job, the first one first.
+ * @template T
+ * @param {Record<string, T>} files By the names of their parts.
+ * @returns {T[]}
+ */
+export function targetsOf(files) {
+  return Object.keys(files).filter(isTarget).sort().map((part) => files[part]);
 }
 
 /**
  * The parameters of a request.
  * @param {Guide} guide
- * @param {boolean} target Whether there is a target mesh.
+ * @param {number} targets How many target meshes there are.
  * @param {string} prompt
+ * @param {boolean} [byShape] Whether the asset is fitted to a shape. Of several targets, it always is to the nearest.
  * @returns {Record<string, any>}
  */
-export function guideParams({ align, landmarks, pictures }, target, prompt) {
-  if (target) {
+export function guideParams({ align, landmarks, pictures }, targets, prompt, byShape = false) {
+  if (targets) {
     return {
-      guidance: "target",
+      guidance: byShape || targets > 1 ? EXEMPLAR : "target",
       ...(align ? { align } : {}),
-      ...(landmarks.length ? { landmarks } : {}),
+      // They are places on one target.
+      ...(landmarks.length && targets === 1 ? { landmarks } : {}),
     };
   }
-  return pictures.length ? { ...(prompt ? {} : { guidance: "silhouettes" }), silhouettes: pictures } : {};
+  const silhouettes = pictures.length ? { silhouettes: pictures } : {};
+  if (!prompt && pictures.length) return { guidance: "silhouettes", ...silhouettes };
+  return { ...(byShape ? { guidance: EXEMPLAR } : {}), ...silhouettes };
 }
 
 /** @param {Record<string, any>} params Of a job. @returns {Guide} */

@@ -1,5 +1,5 @@
 // @ts-check
-/** A target mesh in place of the prompt, or pictures from one to four sides: alone, or beside it. */
+/** Target meshes in place of the prompt, or pictures from one to four sides: alone, or beside it. */
 import { announce } from "../../announce.js";
 import { Asset, formatOf } from "../../assets.js";
 import { errorsOf } from "../../client.js";
@@ -8,7 +8,7 @@ import { bytes } from "../../format.js";
 import { placeOf } from "../../groups.js";
 import { fileInput } from "../../picking.js";
 import { numberField, placeFields } from "../control/rows.js";
-import { guideFiles, guideProblem, MOST_PICTURES, noGuide, GUIDE_PARAMS } from "./model.js";
+import { guideFiles, guideProblem, isTarget, MOST_PICTURES, MOST_TARGETS, noGuide, GUIDE_PARAMS, targetsOf } from "./model.js";
 import { PictureView } from "./picture-view.js";
 import { askForSketch } from "./sketch-dialog.js";
 import { TargetView } from "./target-view.js";
@@ -26,15 +26,19 @@ export class GuidePanel {
     this.onChange = onChange;
     this.scope = scope;
     this.guide = noGuide();
-    /** @type {Asset | null} */
-    this.target = null;
+    /** @type {Asset[]} */
+    this.meshes = [];
+    /** That in the view. @type {Asset | null} */
+    this.seen = null;
+    /** Whether there may be several, of which the nearest is taken. */
+    this.several = false;
     /** @type {Asset[]} */
     this.files = [];
     this.targets = new TargetView(assets, control, scope, this);
     this.pictures = new PictureView(assets, scope, this);
     /** @type {(() => void)[]} */
     this.shows = [];
-    this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files));
+    this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files), true);
     this.pictureInput = fileInput("picture-file", "Picture file", "image/png,image/jpeg,image/webp", (files) => this.take(files), true);
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
     this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target, or as the asset" });
@@ -49,23 +53,26 @@ export class GuidePanel {
   take(files) {
     const pictures = files.filter(({ name }) => PICTURES.test(name));
     if (pictures.length) return this._takePictures(pictures);
-    const [file] = files;
-    if (!file) return;
-    if (!formatOf(file.name) || formatOf(file.name) === "gltf") return this._refuse(`${file.name} isn't supported. Use a GLB, OBJ, PLY, STL or ZIP as the target, or a PNG, JPEG or WebP as a picture.`);
-    this._takeMesh(file);
+    const wrong = files.find(({ name }) => !formatOf(name) || formatOf(name) === "gltf");
+    if (wrong) return this._refuse(`${wrong.name} isn't supported. Use a GLB, OBJ, PLY, STL or ZIP as the target, or a PNG, JPEG or WebP as a picture.`);
+    for (const file of this.several ? files : files.slice(0, 1)) this._takeMesh(file);
   }
 
-  /** @param {File} file */
+  /** Take a mesh as the target; where there may be several, as a further one. @param {File} file */
   _takeMesh(file) {
-    this._begin();
-    this._use(new Asset(file, file.name));
-    announce(`${file.name} is the target`);
+    const further = this.several && this.target !== null;
+    if (further && this.meshes.length >= MOST_TARGETS) return this._refuse(`${MOST_TARGETS} target meshes at most.`);
+    if (!further) this._begin();
+    const mesh = new Asset(file, file.name);
+    this._use([...this.meshes, mesh], mesh);
+    announce(`${file.name} is ${further ? `target ${this.meshes.length}` : "the target"}`);
   }
 
   /** Forget what there was. */
   _begin() {
     this.guide = noGuide();
     this.files = [];
+    this.meshes = [];
   }
 
   /** @param {File[]} files */
@@ -82,13 +89,36 @@ export class GuidePanel {
     announce(`${files[0].name} added`);
   }
 
-  /** @param {Asset | null} target */
-  _use(target) {
-    this.target = target;
+  /** @param {Asset[]} meshes The targets. @param {Asset | null} seen That in the view. */
+  _use(meshes, seen) {
+    this.meshes = meshes;
     this.pictures.end();
     this._refuse("");
-    this.targets.show(target);
+    this._see(seen);
     this._changed();
+  }
+
+  /** @param {Asset | null} mesh To be in the view. */
+  _see(mesh) {
+    this.seen = mesh;
+    this.targets.show(mesh);
+  }
+
+  /** The first target mesh; null where there is none. */
+  get target() {
+    return this.meshes[0] ?? null;
+  }
+
+  /** The pairs of points, which are on the only target. */
+  get pairs() {
+    return this.meshes.length === 1 ? this.guide.landmarks : [];
+  }
+
+  /** @param {boolean} on Whether there may be several targets. */
+  suit(on) {
+    if (this.several === on) return;
+    this.several = on;
+    this._show();
   }
 
   /** Whether something besides a prompt says what to become. */
@@ -98,29 +128,33 @@ export class GuidePanel {
 
   /** @returns {Record<string, Asset>} by the names of their parts */
   get parts() {
-    return guideFiles(this.target, this.files);
+    return guideFiles(this.meshes, this.files);
   }
 
   /** Return what the form holds, for a draft or a request. */
   value() {
-    return { ...structuredClone(this.guide), target: this.target !== null };
+    return { ...structuredClone(this.guide), targets: this.meshes.length };
   }
 
   /** @param {import("./model.js").Guide | null | undefined} guide As `value` gave it. @param {Record<string, Asset>} files */
   restore(guide, files) {
     const { align, landmarks, pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
-    this.target = files.target ?? null;
+    this.meshes = targetsOf(files);
     this.files = Object.keys(files).filter((name) => name.startsWith("silhouette_")).sort().map((name) => files[name]);
     // Without its file, as after a reload with a large one, the rest means nothing.
     this.guide = { align: this.target ? align : "", landmarks: this.target ? landmarks : [], pictures: this.files.map((_, i) => pictures[i] ?? this.pictures.direction(i)) };
     this.pictures.end();
-    this.targets.show(this.target);
+    this._see(this.target);
     this._show();
   }
 
-  remove() {
-    this._begin();
-    this._use(null);
+  /** @param {Asset} mesh */
+  _remove(mesh) {
+    // The pairs of points are on the first one.
+    if (mesh === this.target) this.guide.landmarks = [];
+    const others = this.meshes.filter((each) => each !== mesh);
+    if (!others.length) this._begin();
+    this._use(others, mesh === this.seen ? (others[0] ?? null) : this.seen);
     announce("Target removed");
   }
 
@@ -147,14 +181,16 @@ export class GuidePanel {
 
   _show() {
     this.shows = [];
-    this.chooseTarget.hidden = this.draw.hidden = !this.isEmpty;
+    const more = this.several && this.target !== null;
+    this.chooseTarget.hidden = this.draw.hidden = more ? this.meshes.length >= MOST_TARGETS : !this.isEmpty;
+    this.chooseTarget.textContent = more ? "Add another mesh" : "Fit to another mesh";
     this.choosePicture.hidden = this.target !== null || this.files.length >= MOST_PICTURES;
     this.targets.draw();
-    fill(this.body, this.target ? this._targetFields(this.target) : this.files.map((file, i) => this._pictureRow(file, i)));
+    fill(this.body, this.target ? this._targetFields() : this.files.map((file, i) => this._pictureRow(file, i)));
   }
 
-  /** @param {Asset} target */
-  _targetFields(target) {
+  _targetFields() {
+    const several = this.meshes.length > 1;
     const align = h(
       "select",
       { id: "target-align" },
@@ -169,13 +205,24 @@ export class GuidePanel {
     pairs.hidden = !this.targets.possible;
     const add = button("Add a pair", () => this.addPair(this.targets.places), { class: "chip" });
     return [
-      h("div", { class: "row guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${target.name} · ${bytes(target.size)}`), button("Remove the target", () => this.remove(), { icon: "trash", quiet: true, class: "button-quiet" })),
+      ...this.meshes.map((mesh, i) => this._targetRow(mesh, several ? ` ${i + 1}` : "")),
       h("label", { class: "field-label", for: "target-align" }, "Alignment"),
       align,
-      h("div", { class: "chips" }, pairs, add),
+      several ? h("p", { class: "small muted" }, "The one that is nearest to your asset is taken.") : h("div", { class: "chips" }, pairs, add),
       this.targets.hint,
-      this.guide.landmarks.length ? h("ul", { class: "control-rows", "aria-label": "Pairs of points" }, this.guide.landmarks.map((pair, i) => this._pairRow(pair, i))) : null,
+      this.pairs.length ? h("ul", { class: "control-rows", "aria-label": "Pairs of points" }, this.pairs.map((pair, i) => this._pairRow(pair, i))) : null,
     ];
+  }
+
+  /** @param {Asset} mesh @param {string} number Among several, with a space before it. */
+  _targetRow(mesh, number) {
+    const look = () => {
+      this._see(mesh);
+      this._show();
+    };
+    const see = h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(mesh === this.seen), "aria-label": `Show target${number}`, on: { click: look } }, "Show");
+    const remove = button(number ? `Remove target${number}` : "Remove the target", () => this._remove(mesh), { icon: "trash", quiet: true, class: "button-quiet" });
+    return h("div", { class: "row guide-head" }, h("strong", null, number ? `Target${number}` : "Target mesh"), h("span", { class: "muted" }, `${mesh.name} · ${bytes(mesh.size)}`), number ? see : null, remove);
   }
 
   /** @param {import("./model.js").Landmark} pair */
@@ -247,9 +294,9 @@ export class GuidePanel {
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
     const errors = errorsOf(error);
-    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(placeOf(each)[0]) || /^(target|silhouette_\d)$/.test(String(each.loc?.[0] ?? "")));
+    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(placeOf(each)[0]) || isTarget(String(each.loc?.[0] ?? "")) || /^silhouette_\d$/.test(String(each.loc?.[0] ?? "")));
     const part = String(error.problem.part ?? error.problem.file ?? "");
-    if (this.isEmpty || !(own || part === "target" || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
+    if (this.isEmpty || !(own || isTarget(part) || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
     this._refuse([error.message, error.advice].filter(Boolean).join(" "));
     return true;
   }

@@ -109,11 +109,11 @@ export class TargetView {
 
   /** Show the points. */
   draw() {
-    const { landmarks } = this.panel.guide;
-    const points = (/** @type {"source" | "target"} */ side) => /** @type {any[]} */ ([...landmarks.map((pair) => pair[side]), this.half[side]].filter(Array.isArray));
+    const { pairs } = this.panel;
+    const points = (/** @type {"source" | "target"} */ side) => /** @type {any[]} */ ([...pairs.map((pair) => pair[side]), this.half[side]].filter(Array.isArray));
     this.control.extra = points("source");
     this.control.draw();
     if (this.tools) this.tools.showMarks(null, [], -1, points("target"));
-    else if (landmarks.length && this.box?.viewer?.ready) this._begin();
+    else if (pairs.length && this.box?.viewer?.ready) this._begin();
   }
 }

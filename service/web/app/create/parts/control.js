@@ -58,6 +58,8 @@ export class PartsControl {
     this.shown = [];
     /** Whether all parts are listed. */
     this.all = false;
+    /** Told when the asset has been read. */
+    this.onRead = () => {};
     this.finding = new AbortController();
     this.asking = new AbortController();
     scope.add(() => [this.finding, this.asking].forEach((each) => each.abort()));
@@ -134,6 +136,7 @@ export class PartsControl {
     const chosen = this.corrector.painting ?? this.part?.name;
     this._choose(this.parts.find(({ name }) => name === chosen) ?? null);
     if (this.wanted.length) this.preview();
+    this.onRead();
   }
 
   /** @param {string} prompt @param {AbortController} asked @returns {Promise<Found | null>} Null where there is none, or it is asked for no more. */

@@ -1,0 +1,23 @@
+// @ts-check
+/**
+ * Whether an asset can become what its prompt says, and what would work better; known once the asset has been read.
+ *
+ * @typedef {object} Outlook As `POST /v1/jobs:validate` has it.
+ * @property {boolean} doubtful
+ * @property {string[]} reasons Sentences.
+ * @property {string[]} suggestions Prompts.
+ */
+import { fill, h, icon } from "./dom.js";
+
+/** Warn of what can hardly be, with buttons for what would work. @param {HTMLElement} place @param {Outlook | null} outlook @param {(prompt: string) => void} use */
+export function showOutlook(place, outlook, use) {
+  place.hidden = !outlook?.doubtful;
+  if (!outlook?.doubtful) return void fill(place);
+  const { reasons = [], suggestions = [] } = outlook;
+  const chips = suggestions.map((prompt) => h("button", { type: "button", class: "chip", on: { click: () => use(prompt) } }, `Use “${prompt}”`));
+  fill(
+    place,
+    h("p", null, icon("warn"), h("span", null, h("strong", null, "This may not work well."), ` ${reasons.join(" ")}`)),
+    chips.length ? h("div", { class: "chips", role: "group", "aria-label": "Prompts that would work better" }, chips) : null,
+  );
+}

@@ -1,0 +1,97 @@
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
+import { estimateWords } from "../../service/web/app/format.js";
+import { fitFindings, fitsOf } from "../../service/web/app/exemplar.js";
+import { isUnused } from "../../service/web/app/groups.js";
+import { documents, formOf, isByShape, otherVariation, qualityWords, refinement, wishOf } from "../../service/web/app/params.js";
+import { findings } from "../../service/web/app/quality.js";
+
+const WISH = { prompt: "a giraffe", model: "builtin", preset: "preview", seed: 7, variations: 1, subdivide: false, advanced: {}, kept: { params: {}, output: {} }, byShape: true };
+const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
+// The server says what a schema cannot: which of the common parameters a fit does without.
+const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas, "x-unused": { exemplar: ["steps", "carrier", "preset"] } });
+
+/** @param {any} more Of the wish. */
+const asked = (more = {}) => documents({ ...WISH, ...more }, 20, "g", FORM);
+
+test("by shape, a request has what a fit takes, and nothing of the model's", () => {
+  const advanced = { strength: "0.9", steps: "40", carrier: "lattice", guidance_scale: "9", negative_prompt: "a chair", appearance: "clay" };
+  assert.deepEqual(asked({ advanced }), [
+    { prompt: "a giraffe", params: { seed: 7, checkpoint_every_steps: 2, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} },
+  ]);
+  // The model, on the other hand, has no such strength.
+  assert.deepEqual(asked({ advanced: { strength: "0.9" }, byShape: false })[0].params.guidance, { model: "builtin" });
+});
+
+test("the form shows what the way has", () => {
+  const shown = (/** @type {string} */ kind) => FORM.fields.map(({ name }) => name).filter((name) => !isUnused(name, kind, FORM.groups));
+  assert.ok(shown("exemplar").includes("strength") && shown("exemplar").includes("orientation"));
+  for (const name of ["steps", "carrier", "guidance_scale", "negative_prompt", "appearance"]) assert.ok(!shown("exemplar").includes(name), name);
+  assert.ok(shown("sds").includes("steps") && shown("sds").includes("guidance_scale") && !shown("sds").includes("strength"));
+  const strength = FORM.fields.find(({ name }) => name === "strength");
+  assert.deepEqual([strength?.min, strength?.max, typeof strength?.standard], [0, 1, "number"]);
+});
+
+test("variations by shape are other seeds of the same prompt", () => {
+  const known = /** @type {any} */ ({ nouns: ["giraffe"], parts: { giraffe: ["neck"] }, attributes: ["long neck", "tall"], examples: [], groups: [] });
+  const found = documents({ ...WISH, variations: 3 }, 20, "g", FORM, known);
+  assert.deepEqual(found.map(({ prompt, params }) => [prompt, params.seed]), [["a giraffe", 7], ["a giraffe", 8], ["a giraffe", 9]]);
+  const job = { prompt: "a giraffe", params: found[0].params, output: {}, files: { asset: {} } };
+  assert.deepEqual(otherVariation(job, 5)?.params, { ...found[0].params, seed: 5 });
+});
+
+test("one target is pushed or fitted to, and of several the nearest is fitted to", () => {
+  const [pair] = [{ source: [0, 1, 0], target: [0, 2, 0] }];
+  const guide = { ...noGuide(), align: "none", landmarks: [pair] };
+  assert.deepEqual(guideParams(guide, 1, ""), { guidance: "target", align: "none", landmarks: [pair] });
+  assert.deepEqual(guideParams(guide, 1, "", true), { guidance: "exemplar", align: "none", landmarks: [pair] });
+  // The pairs are places on one target.
+  for (const byShape of [false, true]) assert.deepEqual(guideParams(guide, 2, "", byShape), { guidance: "exemplar", align: "none" });
+  const [document] = asked({ prompt: "", guide: { ...guide, targets: 2 } });
+  assert.deepEqual(document, { params: { seed: 7, checkpoint_every_steps: 2, guidance: { kind: "exemplar", align: "none" } }, output: {} });
+
+  const files = guideFiles(["a", "b", "c"], []);
+  assert.deepEqual(files, { target: "a", target_2: "b", target_3: "c" });
+  assert.deepEqual(targetsOf({ asset: "x", silhouette_1: "y", target_3: "c", target_2: "b", target: "a" }), ["a", "b", "c"]);
+});
+
+test("pictures stand beside a prompt by shape, and without one alone", () => {
+  const guide = { ...noGuide(), pictures: [{ azimuth: 0, elevation: 0 }] };
+  assert.deepEqual(guideParams(guide, 0, "a cat", true), { guidance: "exemplar", silhouettes: guide.pictures });
+  assert.deepEqual(guideParams(guide, 0, "", true), { guidance: "silhouettes", silhouettes: guide.pictures });
+});
+
+test("a job by shape fills the form again, and has no quality", () => {
+  const params = { seed: 3, guidance: { kind: "exemplar", strength: 0.8, orientation: 90 } };
+  const job = { prompt: "a cat", params, output: {}, files: { asset: {} } };
+  const wish = wishOf(job, FORM.fields);
+  assert.deepEqual([wish.byShape, wish.advanced, wish.kept.params], [true, { strength: "0.8", orientation: "90" }, {}]);
+  assert.deepEqual(documents(wish, null, "g", FORM)[0], { prompt: "a cat", params, output: {} });
+  const several = { ...job, prompt: "", files: { asset: {}, target: {}, target_2: {} } };
+  assert.equal(wishOf(several, FORM.fields).guide?.targets, 2);
+  assert.deepEqual([isByShape(job), qualityWords(job), refinement(job)], [true, "By shape", null]);
+  assert.equal(qualityWords({ params: { preset: "paper" } }), "Paper");
+});
+
+test("what the asset was fitted to, and how near it came", () => {
+  const fit = { words: "a giraffe, standing", distance_before: 0.1, distance: 0.007, kept: 0.9, left_over: ["saddle"], missing: ["horns", "mane"] };
+  assert.deepEqual(fitFindings({ exemplar: fit }), [{
+    tone: "plain",
+    text: "Fitted to a giraffe, standing: 93% of the way",
+    note: "Only your asset has: saddle. Only that shape has: horns, mane. So that nothing folds or cuts, 10% of the move was taken back.",
+  }]);
+  assert.deepEqual(findings({ exemplar: [fit, { words: "a cat, sitting" }] }).map(({ text }) => text), ["Fitted to a giraffe, standing: 93% of the way", "Fitted to a cat, sitting"]);
+  // It was there before: no share of the way.
+  assert.deepEqual(fitFindings({ exemplar: { words: "a cat", distance_before: 0, distance: 0, kept: 1 } }), [{ tone: "plain", text: "Fitted to a cat", note: "" }]);
+  assert.equal(fitFindings({ exemplar: { words: "an elephant", twin: true } })[0].text, "Changed as one shape of an elephant differs from another");
+  assert.deepEqual([fitsOf(null), fitsOf({ quality: {} })], [[], []]);
+});
+
+test("a fit is not told in steps", () => {
+  const found = (/** @type {any} */ guidance, /** @type {number} */ steps) => ({ params: { guidance }, estimate: { queue_s: null, run_s: 3, steps } });
+  assert.deepEqual([["exemplar", 20], ["sds", 20], ["exemplar", 0]].map(([kind, steps]) => estimateWords(found(kind, Number(steps)), 1)), [
+    "A fit, about 3 s.", "20 steps, about 3 s.", "A change in plain words, about 3 s.",
+  ]);
+});
