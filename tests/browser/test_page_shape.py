@@ -1,4 +1,4 @@
-"""An asset is fitted to what a word stands for, or to the nearest of several meshes: the form, a warning, and the result."""
+"""An asset is fitted to what a word stands for, or to the nearest of several meshes: the form and the result."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
+import { askedRows, figureRows } from "../../service/web/app/compare/model.js";
 import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
 import { estimateWords } from "../../service/web/app/format.js";
 import { fitFindings, fitsOf } from "../../service/web/app/exemplar.js";
@@ -87,6 +88,14 @@ test("what the asset was fitted to, and how near it came", () => {
   assert.deepEqual(fitFindings({ exemplar: { words: "a cat", distance_before: 0, distance: 0, kept: 1 } }), [{ tone: "plain", text: "Fitted to a cat", note: "" }]);
   assert.equal(fitFindings({ exemplar: { words: "an elephant", twin: true } })[0].text, "Changed as one shape of an elephant differs from another");
   assert.deepEqual([fitsOf(null), fitsOf({ quality: {} })], [[], []]);
+});
+
+test("two designs are compared by what they are, and not by a model", () => {
+  const jobs = /** @type {[any, any]} */ ([7, 8].map((seed) => ({ prompt: "a cat", asset: { filename: "dog.glb" }, params: { seed, guidance: { kind: "exemplar" } }, state: "succeeded" })));
+  const asked = askedRows(jobs, [null, null]).map(({ label, values }) => [label, ...values]);
+  assert.deepEqual(asked, [["Prompt", "a cat", "a cat"], ["Asset", "dog.glb", "dog.glb"], ["Quality", "By shape", "By shape"], ["Variation", "7", "8"]]);
+  const [row] = figureRows([{ exemplar: { words: "a cat, sitting", distance_before: 0.1, distance: 0.02 } }, null]);
+  assert.deepEqual([row.label, ...row.values], ["Fitted to", "a cat, sitting: 80% of the way", ""]);
 });
 
 test("a fit is not told in steps", () => {

@@ -23,14 +23,16 @@ export function fitsOf(report) {
 
 /** @param {any} report @returns {import("./quality.js").Finding[]} */
 export function fitFindings(report) {
-  return fitsOf(report).map((fit) => ({ tone: "plain", text: fitWords(fit), note: fitNotes(fit) }));
+  return fitsOf(report).map((fit) => {
+    const text = fit.twin ? `Changed as one shape of ${fit.words} differs from another` : `Fitted to ${fitWords(fit)}`;
+    return { tone: "plain", text, note: fitNotes(fit) };
+  });
 }
 
-/** @param {Fit} fit */
-function fitWords({ words = "a shape", twin, distance_before: before, distance }) {
-  if (twin) return `Changed as one shape of ${words} differs from another`;
+/** The shape, and how near the asset came to it. @param {Fit} fit */
+export function fitWords({ words = "a shape", distance_before: before, distance }) {
   const known = typeof before === "number" && typeof distance === "number" && before > 0;
-  return `Fitted to ${words}${known ? `: ${percent(1 - distance / before)} of the way` : ""}`;
+  return known ? `${words}: ${percent(1 - distance / before)} of the way` : words;
 }
 
 /** @param {Fit} fit */

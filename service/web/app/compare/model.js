@@ -7,10 +7,11 @@
  */
 import { controlOf, controlWords, promptWords } from "../create/control/model.js";
 import { targetsOf } from "../create/guide/model.js";
+import { fitsOf, fitWords } from "../exemplar.js";
 import { count, duration, figure, goalWords, percent, STATE_WORDS } from "../format.js";
 import { plainParams } from "../groups.js";
 import { isTerminal } from "../history.js";
-import { qualityWords } from "../params.js";
+import { isByShape, qualityWords } from "../params.js";
 import { shownQuality } from "../quality.js";
 import { isWorthLess, verdictTitle } from "../verdict.js";
 
@@ -45,7 +46,7 @@ export function askedRows(jobs, reports) {
     row("Asset", ...both((job) => job.asset.filename)),
     row("Quality", ...both(qualityWords)),
     row("Variation", ...both((job) => String(job.params?.seed ?? 0))),
-    row("Model", ...both((job, report) => String(report?.params?.model ?? plainParams(job.params).model ?? "builtin"))),
+    row("Model", ...both((job, report) => (isByShape(job) ? "" : String(report?.params?.model ?? plainParams(job.params).model ?? "builtin")))),
     row("Control", control[0], control[1]),
     row("Target", ...both((job) => targetsOf(job.files ?? {}).map(({ filename }) => filename).join(", "))),
   ];
@@ -74,6 +75,7 @@ export function figureRows(reports) {
   const seconds = (/** @type {any} */ report) => report.seconds && Object.values(report.seconds).reduce((sum, each) => sum + each, 0);
   return [
     take("Verdict", verdictTitle, String),
+    take("Fitted to", (report) => fitsOf(report).map(fitWords).join("; ") || null, String),
     take("Looks like", ({ likeness }) => (likeness?.noun && typeof likeness.probability === "number" ? likeness : null), ({ noun, probability }) => `${noun} ${percent(probability)}`),
     take("Still your asset", (report) => (isWorthLess(report) ? null : shownQuality(report).kept_share), percent),
     take("Flipped faces", (report) => shownQuality(report).flipped_faces, count),

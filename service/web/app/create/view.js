@@ -371,7 +371,7 @@ export class CreateView {
   /** What an outlook depends on. */
   _goal() {
     const { asset } = this.assets;
-    return JSON.stringify([this.way.byShape, this.prompt.value, asset?.name, asset?.size]);
+    return JSON.stringify([this.way.byShape, this.prompt.value, this.guide.meshes.length, asset?.name, asset?.size]);
   }
 
   /** Check again once the asset has been read, which the outlook needs. */
@@ -382,7 +382,8 @@ export class CreateView {
   /** @param {import("../outlook.js").Outlook | null} outlook Null: it is not known. */
   _showOutlook(outlook) {
     this.foreseen = outlook ? this._goal() : "";
-    showOutlook(this.outlook, outlook, (prompt) => {
+    // A target takes the place of the prompt.
+    showOutlook(this.outlook, outlook && this.guide.target ? { ...outlook, suggestions: [] } : outlook, (prompt) => {
       this.prompt.set(prompt);
       this.prompt.input.focus();
     });
