@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from meshdeform.nouns.families.animals import Body, at
-from meshdeform.nouns.families.parts import Part, ellipsoid, join, limb, moved, pair, plate, turned
+from meshdeform.nouns.families.parts import Part, box, ellipsoid, join, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 from meshdeform.nouns.labels import LabelledMember, labelled_member, labelled_solids, solids_of
 from meshdeform.nouns.solids import LAYOUTS, Piece
@@ -81,7 +81,52 @@ def great_cat(rng: Rng, _: Traits) -> Part:
     return join([*parts, limb(path, [0.06, 0.055, 0.05], segments=8)])
 
 
-def standing_bird(rng: Rng, _: Traits) -> Part:
+def standing_cat(rng: Rng, traits: Traits) -> Part:
+    """Draw a cat on four legs: a slim body, a round head with pointed ears and hardly a muzzle, a long raised tail."""
+    ears = traits.draw(rng, "ears", (0.04, 0.08), (0.17, 0.23), (0.42, 0.52))
+    head = traits.draw(rng, "head", (0.12, 0.14), (0.2, 0.24), (0.36, 0.42))
+    tail = traits.draw(rng, "tail", (0.08, 0.16), (0.6, 0.8), (1.2, 1.4))
+    body = Body(rng.uniform(0.62, 0.8), rng.uniform(0.17, 0.22), rng.uniform(0.28, 0.42), rng.uniform(0.07, 0.09))
+    front = np.array([0.0, body.height + 0.04, body.length / 2])
+    skull = front + at(rng.uniform(25, 60), 0.16 + head)
+    parts = [*body.parts(), limb([front, skull], [0.15, 0.12]), ellipsoid(skull, [head * 1.05, head * 0.92, head])]
+    nose = ellipsoid(skull + [0, -0.25 * head, 0.85 * head], [head * 0.42, head * 0.32, head * 0.3], rings=8)
+    top = skull + [0.6 * head, 0.6 * head, -0.05 * head]
+    ear = limb([top, top + ears * np.array([0.3, 1.0, 0.0])], [[0.5 * head, 0.3 * head], [0.08, 0.06]], segments=10)
+    rump, angle_deg = np.array([0.0, body.height + 0.06, -body.length / 2 - 0.7 * body.radius]), rng.uniform(95, 215)
+    middle = rump + [0, 0.1 * tail, -0.45 * tail]
+    path = [rump, middle, middle + at(angle_deg, 0.55 * tail)]
+    return join([*parts, nose, *pair(ear), limb(path, [0.06, 0.055, 0.05], segments=8)])
+
+
+def office_chair(rng: Rng, traits: Traits) -> Part:
+    """Draw an office chair: a padded seat and back on one column, over a star of five feet."""
+    width, depth = rng.uniform(0.78, 0.95), rng.uniform(0.75, 0.9)
+    height = traits.draw(rng, "legs", (0.22, 0.3), (0.6, 0.8), (1.1, 1.35))
+    rise = traits.draw(rng, "back", (0.28, 0.38), (0.75, 1.05), (1.5, 1.8))
+    reach, slab, lean = rng.uniform(0.45, 0.6), rng.uniform(0.12, 0.18), rng.uniform(-12, 0)
+    seat = box([0, height, 0], [width, slab, depth], round_by=0.4)
+    rest = box([0, rise / 2, 0], [width * rng.uniform(0.8, 1.0), rise, 0.8 * slab], round_by=0.4)
+    back = moved(turned(rest, lean, "x"), [0, height + 0.1, -depth / 2])
+    column = limb([[0, 0.12, 0], [0, height, 0]], [0.07, 0.06], segments=12)
+    angles = np.arange(5) * 2 * np.pi / 5
+    ends = reach * np.stack([np.sin(angles), np.zeros(5), np.cos(angles)], 1)
+    star = [limb([[0, 0.14, 0], end + [0, 0.06, 0]], [0.07, 0.06], segments=8) for end in ends]
+    return join([seat, back, column, *star])
+
+
+def desk_chair(rng: Rng, traits: Traits) -> Part:
+    """Draw an office chair with two arm rests."""
+    chair = office_chair(rng, traits)
+    seat = chair.verts[: len(box([0, 0, 0], [1, 1, 1], round_by=0.4).verts)]
+    side, top, depth = 1.08 * float(seat[:, 0].max()), float(seat[:, 1].max()), float(np.ptp(seat[:, 2]))
+    lift, thick = rng.uniform(0.22, 0.34), rng.uniform(0.05, 0.07)
+    rest = [[side, top + lift, -0.35 * depth], [side, top + lift, 0.35 * depth]]
+    post = [[0.9 * side, top - 0.1, 0], [side, top + lift, 0]]
+    return join([chair, *pair(limb(rest, [thick, thick], segments=10)), *pair(limb(post, [thick, thick], segments=8))])
+
+
+def standing_bird(rng: Rng, traits: Traits) -> Part:
     """Draw a bird that stands: an egg of a body, a neck of any length, folded wings, two thin legs with feet."""
     girth, length, lean = rng.uniform(0.26, 0.42), rng.uniform(0.45, 0.65), rng.uniform(5, 50)
     leg, neck, head = rng.uniform(0.1, 0.4), rng.uniform(0.05, 0.5), rng.uniform(0.16, 0.26)
@@ -95,14 +140,13 @@ def standing_bird(rng: Rng, _: Traits) -> Part:
     parts += [limb([base, skull], [0.6 * girth, 0.7 * head]), ellipsoid(skull, [0.9 * head, 0.95 * head, head])]
     bill = skull + [0, -0.1 * head, 0.7 * head]
     broad = rng.uniform(0.1, 0.5) * head
-    parts.append(
-        limb([bill, bill + [0, -0.04, rng.uniform(0.15, 0.4)]], [[0.3 * head, broad], [0.1 * head, 0.7 * broad]])
-    )
+    beak = traits.draw(rng, "beak", (0.02, 0.07), (0.15, 0.4), (0.55, 0.8))
+    parts.append(limb([bill, bill + [0, -0.04, beak]], [[0.3 * head, broad], [0.1 * head, 0.7 * broad]]))
     rump = middle - 0.8 * length * axis
-    parts.append(
-        limb([rump, rump - rng.uniform(0.2, 0.5) * at(lean + rng.uniform(-40, 15), 1.0)], [[0.1, 0.2], [0.05, 0.12]])
-    )
-    reach, deep = rng.uniform(0.8, 1.2) * length, rng.uniform(0.45, 0.65) * girth
+    tail = traits.draw(rng, "tail", (0.02, 0.08), (0.2, 0.5), (0.8, 1.1))
+    parts.append(limb([rump, rump - tail * at(lean + rng.uniform(-40, 15), 1.0)], [[0.1, 0.2], [0.05, 0.12]]))
+    reach = traits.draw(rng, "wings", (0.3, 0.45), (0.8, 1.2), (1.5, 1.9)) * length
+    deep = rng.uniform(0.45, 0.65) * girth
     rim = np.array(
         [(0.4, 0.1), (0.3, 0.7), (-0.2, 1.0), (-0.9, 0.4), (-1.1, 0.0), (-0.5, -0.7), (0.1, -0.8), (0.35, -0.4)]
     )
@@ -117,6 +161,9 @@ _DRAWN: dict[str, tuple[Callable[[Rng, Traits], Part], str]] = {
     "quadruped": (quadruped, "body leg leg leg leg neck head nose ear ear tail"),
     "standing-bear": (standing_bear, "body leg leg leg leg neck head nose ear ear"),
     "great-cat": (great_cat, "body leg leg leg leg neck head nose ear ear tail"),
+    "standing-cat": (standing_cat, "body leg leg leg leg neck head nose ear ear tail"),
+    "office-chair": (office_chair, "seat back leg leg leg leg leg leg"),
+    "desk-chair": (desk_chair, "seat back leg leg leg leg leg leg arm arm arm arm"),
     "standing-bird": (standing_bird, "body neck head beak tail wing wing leg leg foot foot"),
 }
 
@@ -127,8 +174,8 @@ FORMS: dict[str, tuple[str, ...]] = {
     },
     "bear": ("standing-bear", "quadruped", "bear"),
     "bird": ("bird", "standing-bird"),
-    "cat": ("cat", "great-cat", "quadruped"),
-    "chair": ("chair", "armchair", "stool"),
+    "cat": ("cat", "standing-cat", "great-cat", "quadruped"),
+    "chair": ("chair", "office-chair", "armchair", "stool", "desk-chair"),
     "chicken": ("chicken", "standing-bird"),
     "dragon": ("dragon",),
     "duck": ("duck", "standing-bird"),
@@ -138,13 +185,19 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 """The families and forms of which the members of each noun may be."""
 
-GENERAL = frozenset(("quadruped", "standing-bird", "great-cat"))
+GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""
 
 
-_TRAITS = {"standing-bear": ("ears", "head", "legs")}
+_TRAITS = {
+    "desk-chair": ("back", "legs"),
+    "office-chair": ("back", "legs"),
+    "standing-bear": ("ears", "head", "legs"),
+    "standing-bird": ("beak", "tail", "wings"),
+    "standing-cat": ("ears", "head", "tail"),
+}
 """The parts whose size a form can set."""
-_ALSO = {"bird": ("standing-bird",), "cat": ("great-cat",)}
+_ALSO = {"bird": ("standing-bird",), "cat": ("standing-cat",)}
 """General forms that look like a noun nevertheless."""
 
 

@@ -22,24 +22,25 @@ _BEASTS = "camel cow deer dog elephant fox giraffe horse lion pig rhino sheep wo
 _HUNTERS = "dog fox lion wolf quadruped"
 _GRAZERS = "camel cow deer horse pig sheep"
 _NAMES: dict[str, str] = {
-    "walking": f"{_BEASTS} dinosaur dragon person robot standing-bear great-cat",
+    "walking": f"{_BEASTS} dinosaur dragon person robot standing-bear great-cat standing-cat",
     "sitting": f"{_HUNTERS} person robot standing-bear great-cat",
-    "lying": f"{_HUNTERS} {_GRAZERS} standing-bear great-cat",
+    "lying": f"{_HUNTERS} {_GRAZERS} standing-bear great-cat standing-cat",
     "turned": (
         f"{_BEASTS} bear bird cat chicken dinosaur dragon duck monkey mouse owl penguin person rabbit robot snowman"
-        " swan turtle standing-bear great-cat standing-bird"
+        " swan turtle standing-bear great-cat standing-cat standing-bird"
     ),
     "T": "person robot",
     "A": "person robot",
     "hanging": "person robot",
-    "spread": "bird butterfly dragon owl penguin swan",
+    "spread": "bird butterfly chicken dragon duck owl penguin standing-bird swan",
     "folded": "bird dragon swan",
 }
 
 _TOUCHING = 0.01
 _TOP = 0.1
 """Share of a limb's height or reach, from where it hangs, that tells where it hangs."""
-_UP = np.array([0.0, 1.0, 0.0])
+_ON_THE_FLANK = 1.5
+"""Ratio of a wing's length along the body to its width across it from which it lies on the flank."""
 
 
 def limbs(member: LabelledMember, part: str) -> list[Index]:
@@ -223,6 +224,14 @@ def _raise_wing(verts: Floats, rows: Index, elevation_deg: float) -> Floats:
     return root
 
 
+def _open_wing(verts: Floats, rows: Index, elevation_deg: float) -> None:
+    """Turn a wing that lies on the flank, in place, until it stands off: its front end is its root."""
+    own = verts[rows]
+    root = own[own[:, 2] >= own[:, 2].max() - _TOP * np.ptp(own[:, 2])].mean(0)
+    _turn(verts, rows, root, 90.0, "x")  # its lower edge behind, its end up
+    _turn(verts, rows, root, float(np.sign(root[0])) * (elevation_deg - 90.0), "z")
+
+
 def _spread(member: LabelledMember, rng: np.random.Generator) -> Floats:
     """Hold the wings level; an upright animal's, out to its sides."""
     verts, elevation = member.verts.copy(), rng.uniform(-8, 12)
@@ -232,6 +241,8 @@ def _spread(member: LabelledMember, rng: np.random.Generator) -> Floats:
             root, tip = _inner_end(verts, rows), _outer_end(verts, rows)
             sweep = np.degrees(np.arctan2(tip[2] - root[2], side * (tip[0] - root[0])))
             _turn(verts, rows, root, side * (sweep + elevation), "y")
+        elif np.ptp(verts[rows, 2]) > _ON_THE_FLANK * np.ptp(verts[rows, 0]):
+            _open_wing(verts, rows, elevation)
         else:
             _raise_wing(verts, rows, elevation)
     return verts
