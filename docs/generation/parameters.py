@@ -23,6 +23,7 @@ from meshdeform.requests.parameters import (
     CONSTANTS,
     FROM_PRESET,
     Control,
+    ExemplarGuidance,
     PromptGuidance,
     SilhouetteGuidance,
     TargetGuidance,
@@ -45,6 +46,7 @@ FAMILIES: dict[str, dict[str, Any]] = {
     "target": {"kind": GuidanceKind.TARGET},
     "pictures": {"kind": GuidanceKind.SILHOUETTES},
 }
+"""What has values of its own in a preset; `exemplar` guidance has none but `orientation`, that of `builtin`."""
 _GUIDANCE = "params.guidance."
 _BOUNDS = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below"}
 _COUNTS = (
@@ -52,6 +54,7 @@ _COUNTS = (
     ("minItems", "maxItems", "entries"),
     ("minProperties", "maxProperties", "entries"),
 )
+_OF_OTHERS = ("kind", *PromptGuidance.model_fields, *TargetGuidance.model_fields)
 # Constants that have a meaning for a prompt alone.
 _OF_SDS = {"guidance_rescale", "timestep_max", "timestep_max_end"}
 
@@ -88,6 +91,7 @@ KINDS = {
     GuidanceKind.SDS: ("a diffusion model and the prompt", "Guidance by a prompt"),
     GuidanceKind.TARGET: ("a second mesh, sent as the part `target`", "Guidance by a target mesh"),
     GuidanceKind.SILHOUETTES: ("pictures alone, without a prompt", "Guidance by pictures"),
+    GuidanceKind.EXEMPLAR: ("what the prompt's noun stands for", "Guidance by an exemplar"),
 }
 
 PROMPT = """\
@@ -111,6 +115,18 @@ PICTURES = """\
 ```
 """
 
+EXEMPLAR = """\
+`params.guidance` of the kind `exemplar` ([A word is a shape](exemplar.md)):
+
+```json
+{"prompt": "a giraffe", "params": {"guidance": {"kind": "exemplar", "strength": 0.9}}}
+```
+
+`prompts`, `orientation` and `source_noun` are those of [guidance by a prompt](#guidance-by-a-prompt), `align` and
+`landmarks` those of [guidance by a target mesh](#guidance-by-a-target-mesh), `silhouettes` those of
+[guidance by pictures](#guidance-by-pictures). The settings of the optimiser (`steps`, `learning_rate`, `carrier`,
+`safeguard` and the weights) are refused, and a preset has nothing to fill in.
+"""
 
 PRESETS = """\
 ## Presets
@@ -263,6 +279,9 @@ def page() -> str:
             "## Guidance by pictures\n",
             PICTURES,
             section(SilhouetteGuidance, prefix=_GUIDANCE, without=("kind",)),
+            "## Guidance by an exemplar\n",
+            EXEMPLAR,
+            section(ExemplarGuidance, prefix=_GUIDANCE, without=_OF_OTHERS),
             "## params.control\n",
             "What may move, and what the result keeps, with any guidance ([Control](control.md)).\n",
             section(Control, prefix="params.control."),

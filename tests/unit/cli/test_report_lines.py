@@ -50,8 +50,8 @@ def test_the_exemplar_is_named_with_what_was_paired() -> None:
         "missing": [],
     }
     assert list(exemplar_lines([entry])) == [
-        "Fitted to: an elephant (member 37, standing); mean distance 1.23% of the diagonal, 5.00% before; it went 96% of "
-        "the way",
+        "Fitted to: an elephant (member 37, standing); mean distance 1.23% of the diagonal, 5.00% before; it went "
+        "96% of the way",
         "Paired: leg, nose as trunk; only the asset has: horn",
     ]
     sent = {**entry, "target": "target_2", "member": {"target": 1}, "pairs": [], "left_over": []}
