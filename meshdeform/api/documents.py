@@ -140,6 +140,12 @@ class Validation(Document):
         description="Every parameter, with the value with which the job would run."
     )
     estimate: JobEstimate = Field(description="The time that it would take.")
+    warnings: list[str] = Field(
+        default_factory=list,
+        description="What may not come out well, and what would work instead: of `exemplar` guidance, once the asset "
+        "was read ([A word is a shape](exemplar.md#when-it-cannot-be)).",
+        examples=[[]],
+    )
 
 
 class FoundOrientation(Document):

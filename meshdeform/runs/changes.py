@@ -9,9 +9,7 @@ A child process is asked for parts, which are found with numpy and scipy: an API
 from __future__ import annotations
 
 import base64
-import hashlib
 import re
-from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,17 +27,17 @@ from meshdeform.plain.table import OF_PARTS, WHOLE
 from meshdeform.plain.wording import says_change
 from meshdeform.plain.words import Sentence, described, read_changes
 from meshdeform.priors.builtin.grammar import ParsedPrompt, noun_of, parse
-from meshdeform.requests.choices import BackdropMode, GuidanceKind, PartsAs, is_builtin
+from meshdeform.requests.choices import GuidanceKind, PartsAs, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.runs.kept_readings import Readings, Unkept, key_of
+from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.questions import Question, answer_task
+from meshdeform.runs.read_questions import ask_about, loaded
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
     from meshdeform.plain.body import Body
 
 _SHOWN = 20
-_TIMEOUT_S = 120.0
 _UNUSED = ("regions", "rigid", "handles")
 _QUESTION = Question(
     __name__,
@@ -155,7 +153,7 @@ def check_parts(
     if not is_change(sentence) and sentence.noun != params.source_noun:
         return  # whether it is one, the run finds out
     try:
-        answer = _ask(asset, filename, params, limits, readings, prompt=prompt, only_check=True)
+        answer = ask_about(_QUESTION, asset, filename, params, limits, readings, prompt=prompt, only_check=True)
     except (DependencyError, UnavailableError):
         return  # the run refuses it
     if answer["missing"] is not None:
@@ -182,56 +180,11 @@ def parts_of(
     also that of no prompt.
     """
     asked_changes(prompt, params)  # what it refuses
-    answer = _ask(asset, filename, params, limits, readings, prompt=prompt, glb=glb)
+    answer = ask_about(_QUESTION, asset, filename, params, limits, readings, prompt=prompt, glb=glb)
     missing = answer.pop("missing")
     if missing is not None:
         raise part_not_found(missing, answer["parts"])
     return answer
-
-
-def _ask(
-    asset: Path, filename: str, params: ResolvedParams, limits: Limits, readings: Readings | None, **more: Any
-) -> dict[str, Any]:
-    """Let the child answer, with the reading that is kept; keep the one that it made."""
-    readings, suffix = readings or Unkept(), Path(filename).suffix[:16]
-    with asset.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    key = key_of(digest, suffix, params)
-    beside, kept = asset.absolute().with_name(f"{key}.reading"), readings.get(key)
-    if kept is None:
-        beside.unlink(missing_ok=True)  # of an earlier question about the same file
-    else:
-        beside.write_bytes(kept)
-    task = {
-        "filename": f"asset{suffix}",
-        "params": params.model_dump(mode="json"),
-        "limits": asdict(limits),
-        "digest": digest,
-        "reading": str(beside),
-        "samples": None if readings.samples is None else str(readings.samples.absolute()),
-        **more,
-    }
-    answer: dict[str, Any] = _QUESTION.ask_about(asset, task, _TIMEOUT_S)
-    made = beside.read_bytes() if beside.is_file() else kept
-    if made is not None and made != kept:
-        readings.put(key, made)
-    return answer
-
-
-@dataclass(frozen=True)
-class _File:
-    """A reading that the parent of this process handed to it, and takes back."""
-
-    path: Path
-    samples: Path | None
-
-    def get(self, _key: str) -> bytes | None:
-        """Return it, if there is one."""
-        return self.path.read_bytes() if self.path.is_file() else None
-
-    def put(self, _key: str, data: bytes) -> None:
-        """Hand it over."""
-        self.path.write_bytes(data)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -240,19 +193,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _answer(task: dict[str, Any]) -> dict[str, Any]:
-    from meshdeform.assets import load_asset
-    from meshdeform.plain.body import loose_body
     from meshdeform.plain.change import missing_part
-    from meshdeform.requests.selection import find_excluded
-    from meshdeform.runs.reading import Source, corrected
 
-    params = ResolvedParams.model_validate(task["params"])
-    asset = load_asset(Path(task["asset"]).read_bytes(), task["filename"], Limits(**task["limits"]))
-    asset = asset.without(find_excluded(params.exclude, asset.parts().nodes))
-    kept = _File(Path(task["reading"]), None if task["samples"] is None else Path(task["samples"]))
-    source = Source(task["digest"], task["filename"], kept=kept)
-    body = loose_body(asset, backdrop=params.backdrop is BackdropMode.DEFORM)
-    body = corrected(body, asset, params, source)
+    asset, body, params = loaded(task)
     if "only_check" not in task:
         return _parts(asset, body, task["prompt"], params, task["glb"])
     sentence = asked_changes(task["prompt"], params)

@@ -46,6 +46,7 @@ from meshdeform.runs.base import (
 )
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
 from meshdeform.runs.exemplar_kind import check_exemplar, steps_of
+from meshdeform.runs.outlook import outlook_of
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -395,6 +396,15 @@ def _check_asset(
     check_parts(asset, filename, request.prompt, params, limits, readings)
 
 
+def _outlook(
+    request: JobRequest, params: ResolvedParams, asset: Path, filename: str, limits: Limits, readings: Readings
+) -> list[str]:
+    fitted = params.guidance is GuidanceKind.EXEMPLAR and (request.prompt or params.prompts)
+    if not fitted or _is_change(request, params) or request.output.subdivide:
+        return []
+    return outlook_of(asset, filename, request, params, limits, readings)
+
+
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
     """Return the branch's request with what determines the mesh of its job, whose checkpoint fits no other."""
     output = _with_same(("output",), job.output, branch.output, ("subdivide",))
@@ -547,6 +557,7 @@ TEXT_DEFORM = Kind(
     check_files=_check_files,
     check_words=check_words,
     check_asset=_check_asset,
+    outlook=_outlook,
     as_branch=_as_branch,
     goal=_goal,
 )

@@ -197,7 +197,14 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         target=reports.get("target"),
         params=params,
         estimate=expected,
+        warnings=_warnings(app, submission.document, params, files),
     )
+
+
+def _warnings(app: AppState, request: JobRequest, params: BaseModel, files: Mapping[str, ReceivedFile]) -> list[str]:
+    kind = kind_of(request.kind)
+    first = files[kind.parts[0]]
+    return kind.outlook(request, params, first.path, first.filename, app.assets.limits, app.readings)
 
 
 def _size(summaries: Mapping[str, AssetSummary | PictureSummary]) -> dict[str, int]:
