@@ -20,7 +20,7 @@ OUTLOOK = {
     "reasons": ["A sphere has nothing that could become four legs."],
     "suggestions": ["a mushroom", "a vase"],
 }
-FIT = {"words": "a vase, tall", "distance_before": 0.1, "distance": 0.007, "kept": 1.0, "left_over": [], "missing": []}
+FIT = {"member": {"noun": "bird", "form": "bird", "pose": "folded"}, "target": None, "kept": 0.93}
 
 
 @pytest.mark.without_3d
@@ -117,12 +117,12 @@ def test_a_result_says_what_it_was_fitted_to_and_another_design_is_a_click_away(
 
     def reported(route: Route) -> None:
         report: dict[str, Any] = route.fetch().json()
-        route.fulfill(json={**report, "exemplar": FIT})
+        route.fulfill(json={**report, "exemplars": [FIT]})
 
     page.route("**/artifacts/report.json", reported)
     page.goto(f"/#/jobs/{job}")
     quality = page.get_by_role("region", name="Quality")
-    expect(quality).to_contain_text("Fitted to a vase, tall: 93% of the way")
+    expect(quality).to_contain_text("Fitted to a bird, wings folded: 93% of the way")
     with service.held_jobs():
         page.get_by_role("button", name="Another design").click()
         page.wait_for_url(re.compile(rf"#/jobs/(?!{job})job_\w+$"))

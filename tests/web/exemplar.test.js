@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { askedRows, figureRows } from "../../service/web/app/compare/model.js";
 import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
 import { estimateWords } from "../../service/web/app/format.js";
-import { fitFindings, fitsOf } from "../../service/web/app/exemplar.js";
+import { fitFindings, fitsOf, isTwin } from "../../service/web/app/exemplar.js";
 import { isUnused } from "../../service/web/app/groups.js";
 import { documents, formOf, isByShape, otherVariation, qualityWords, refinement, wishOf } from "../../service/web/app/params.js";
 import { findings } from "../../service/web/app/quality.js";
@@ -12,7 +12,7 @@ import { findings } from "../../service/web/app/quality.js";
 const WISH = { prompt: "a giraffe", model: "builtin", preset: "preview", seed: 7, variations: 1, subdivide: false, advanced: {}, kept: { params: {}, output: {} }, byShape: true };
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 // The server says what a schema cannot: which of the common parameters a fit does without.
-const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas, "x-unused": { exemplar: ["steps", "carrier", "preset"] } });
+const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas, "x-unused": { exemplar: ["steps", "carrier", "preset", "checkpoint_every_steps"] } });
 
 /** @param {any} more Of the wish. */
 const asked = (more = {}) => documents({ ...WISH, ...more }, 20, "g", FORM);
@@ -20,7 +20,7 @@ const asked = (more = {}) => documents({ ...WISH, ...more }, 20, "g", FORM);
 test("by shape, a request has what a fit takes, and nothing of the model's", () => {
   const advanced = { strength: "0.9", steps: "40", carrier: "lattice", guidance_scale: "9", negative_prompt: "a chair", appearance: "clay" };
   assert.deepEqual(asked({ advanced }), [
-    { prompt: "a giraffe", params: { seed: 7, checkpoint_every_steps: 2, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} },
+    { prompt: "a giraffe", params: { seed: 7, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} },
   ]);
   // The model, on the other hand, has no such strength.
   assert.deepEqual(asked({ advanced: { strength: "0.9" }, byShape: false })[0].params.guidance, { model: "builtin" });
@@ -51,7 +51,7 @@ test("one target is pushed or fitted to, and of several the nearest is fitted to
   // The pairs are places on one target.
   for (const byShape of [false, true]) assert.deepEqual(guideParams(guide, 2, "", byShape), { guidance: "exemplar", align: "none" });
   const [document] = asked({ prompt: "", guide: { ...guide, targets: 2 } });
-  assert.deepEqual(document, { params: { seed: 7, checkpoint_every_steps: 2, guidance: { kind: "exemplar", align: "none" } }, output: {} });
+  assert.deepEqual(document, { params: { seed: 7, guidance: { kind: "exemplar", align: "none" } }, output: {} });
 
   const files = guideFiles(["a", "b", "c"], []);
   assert.deepEqual(files, { target: "a", target_2: "b", target_3: "c" });
@@ -77,16 +77,21 @@ test("a job by shape fills the form again, and has no quality", () => {
 });
 
 test("what the asset was fitted to, and how near it came", () => {
-  const fit = { words: "a giraffe, standing", distance_before: 0.1, distance: 0.007, kept: 0.9, left_over: ["saddle"], missing: ["horns", "mane"] };
-  assert.deepEqual(fitFindings({ exemplar: fit }), [{
+  const member = { noun: "giraffe", form: "giraffe", pose: "lying", attributes: ["fat", "long neck"] };
+  const fit = { member, target: null, distance_before: 0.1, distance: 0.007, kept: 0.93, left_over: ["saddle"], missing: ["horn", "horn", "mane"] };
+  assert.deepEqual(fitFindings({ exemplars: [fit] }, {}), [{
     tone: "plain",
-    text: "Fitted to a giraffe, standing: 93% of the way",
-    note: "Only your asset has: saddle. Only that shape has: horns, mane. So that nothing folds or cuts, 10% of the move was taken back.",
+    text: "Fitted to a fat giraffe, lying: 93% of the way",
+    note: "On average 0.7% of its size from it, 10% before. Only your asset has: saddle. Only that shape has: horn, mane.",
   }]);
-  assert.deepEqual(findings({ exemplar: [fit, { words: "a cat, sitting" }] }).map(({ text }) => text), ["Fitted to a giraffe, standing: 93% of the way", "Fitted to a cat, sitting"]);
-  // It was there before: no share of the way.
-  assert.deepEqual(fitFindings({ exemplar: { words: "a cat", distance_before: 0, distance: 0, kept: 1 } }), [{ tone: "plain", text: "Fitted to a cat", note: "" }]);
-  assert.equal(fitFindings({ exemplar: { words: "an elephant", twin: true } })[0].text, "Changed as one shape of an elephant differs from another");
+  const said = (/** @type {any} */ more) => findings({ exemplars: [more] }, { target_2: { filename: "tall.glb" } })[0].text;
+  assert.equal(said({ member: { noun: "chair", form: "office-chair", pose: "" } }), "Fitted to an office chair");
+  assert.equal(said({ member: { noun: "bird", form: "general", pose: "spread" }, kept: 1 }), "Fitted to a bird, wings spread: 100% of the way");
+  assert.equal(said({ member: { target: 1 }, target: "target_2" }), "Fitted to tall.glb");
+  assert.equal(said({ member: { noun: "cat", form: "standing-cat", way: "mould" } }), "Moulded into a standing cat");
+  const twin = { member: { noun: "elephant", way: "twin", attributes: ["big ears"] }, distance_before: 0, distance: 0, kept: 1 };
+  assert.deepEqual(fitFindings({ exemplars: [twin] }, {}), [{ tone: "plain", text: "Changed: big ears", note: "It is an elephant already, so nothing else was fitted." }]);
+  assert.deepEqual([isTwin(twin), isTwin(fit)], [true, false]);
   assert.deepEqual([fitsOf(null), fitsOf({ quality: {} })], [[], []]);
 });
 
@@ -94,7 +99,7 @@ test("two designs are compared by what they are, and not by a model", () => {
   const jobs = /** @type {[any, any]} */ ([7, 8].map((seed) => ({ prompt: "a cat", asset: { filename: "dog.glb" }, params: { seed, guidance: { kind: "exemplar" } }, state: "succeeded" })));
   const asked = askedRows(jobs, [null, null]).map(({ label, values }) => [label, ...values]);
   assert.deepEqual(asked, [["Prompt", "a cat", "a cat"], ["Asset", "dog.glb", "dog.glb"], ["Quality", "By shape", "By shape"], ["Variation", "7", "8"]]);
-  const [row] = figureRows([{ exemplar: { words: "a cat, sitting", distance_before: 0.1, distance: 0.02 } }, null]);
+  const [row] = figureRows([{ exemplars: [{ member: { noun: "cat", form: "cat", pose: "sitting" }, kept: 0.8 }] }, null]);
   assert.deepEqual([row.label, ...row.values], ["Fitted to", "a cat, sitting: 80% of the way", ""]);
 });
 

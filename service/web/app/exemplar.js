@@ -2,44 +2,61 @@
 /**
  * To what shape an asset was fitted and how near it came, in words. No elements here, so that node can test it.
  *
- * @typedef {object} Fit What `report.json` says of one, as far as it is said here.
- * @property {string} [words] The shape, such as "a giraffe, standing".
- * @property {boolean} [twin] Whether the asset was what was asked for, and was changed as two such shapes differ.
+ * @typedef {object} Fit An entry of `exemplars` in `report.json`, as far as it is said here.
+ * @property {{noun?: string, form?: string, pose?: string, attributes?: string[], way?: string}} [member] The shape. `way`: "fit"; "mould",
+ *   of an asset without parts; or "twin", of one that is the noun already and only gets its attributes.
+ * @property {string | null} [target] The part with the target mesh that was taken.
+ * @property {number} [kept] Share of the way that was left when folds and cuts were mended.
  * @property {number} [distance_before] Mean distance from the shape, as a share of the diagonal.
  * @property {number} [distance]
- * @property {number} [kept] Share of the move that was left when folds and cuts were mended.
  * @property {string[]} [left_over] Parts that only the asset has.
  * @property {string[]} [missing] Parts that only the shape has.
  */
-import { percent } from "./format.js";
-
-// So much of a move is kept wherever hardly anything has to be mended.
-const WHOLE = 0.95;
+import { figure, percent } from "./format.js";
+import { withArticle } from "./vocabulary.js";
 
 /** Those that a report tells of; none where the asset was not fitted. @param {any} report @returns {Fit[]} */
 export function fitsOf(report) {
-  return [report?.exemplar ?? []].flat();
+  return Array.isArray(report?.exemplars) ? report.exemplars : [];
 }
 
-/** @param {any} report @returns {import("./quality.js").Finding[]} */
-export function fitFindings(report) {
+/** @param {any} report @param {Record<string, {filename: string}>} files Of the job, by the names of their parts. @returns {import("./quality.js").Finding[]} */
+export function fitFindings(report, files) {
   return fitsOf(report).map((fit) => {
-    const text = fit.twin ? `Changed as one shape of ${fit.words} differs from another` : `Fitted to ${fitWords(fit)}`;
-    return { tone: "plain", text, note: fitNotes(fit) };
+    const { noun = "", attributes = [], way = "" } = fit.member ?? {};
+    if (isTwin(fit)) return { tone: "plain", text: `Changed: ${attributes.join(", ")}`, note: `It is ${withArticle(noun)} already, so nothing else was fitted.` };
+    return { tone: "plain", text: `${way === "mould" ? "Moulded into" : "Fitted to"} ${fitWords(fit, files)}`, note: fitNotes(fit) };
   });
 }
 
-/** The shape, and how near the asset came to it. @param {Fit} fit */
-export function fitWords({ words = "a shape", distance_before: before, distance }) {
-  const known = typeof before === "number" && typeof distance === "number" && before > 0;
-  return known ? `${words}: ${percent(1 - distance / before)} of the way` : words;
+/** Whether no shape was chosen, as the asset is one already. @param {Fit} fit */
+export function isTwin({ member }) {
+  return member?.way === "twin";
 }
 
+/** The shape, and how far the asset went towards it. @param {Fit} fit @param {Record<string, {filename: string}>} [files] */
+export function fitWords({ target, member, kept }, files = {}) {
+  const words = target ? (files[target]?.filename ?? "a target mesh") : memberWords(member ?? {});
+  return typeof kept === "number" ? `${words}: ${percent(kept)} of the way` : words;
+}
+
+/** "a fat giraffe, lying". @param {NonNullable<Fit["member"]>} member */
+function memberWords({ noun = "shape", form = noun, pose, attributes = [] }) {
+  const kind = form.replaceAll("-", " ");
+  const named = kind.endsWith(noun) ? kind : noun;
+  // Those of parts are two words.
+  const words = withArticle([...attributes.filter((each) => !each.includes(" ")), named].join(" "));
+  return pose ? `${words}, ${POSES[pose] ?? pose}` : words;
+}
+
+const POSES = /** @type {Record<string, string>} */ ({ folded: "wings folded", spread: "wings spread" });
+
 /** @param {Fit} fit */
-function fitNotes({ kept, left_over: left = [], missing = [] }) {
+function fitNotes({ distance_before: before, distance, left_over: left = [], missing = [] }) {
+  const known = typeof before === "number" && typeof distance === "number";
   return [
-    left.length ? `Only your asset has: ${left.join(", ")}.` : "",
-    missing.length ? `Only that shape has: ${missing.join(", ")}.` : "",
-    typeof kept === "number" && kept < WHOLE ? `So that nothing folds or cuts, ${percent(1 - kept)} of the move was taken back.` : "",
+    known ? `On average ${figure(100 * distance)}% of its size from it, ${figure(100 * before)}% before.` : "",
+    left.length ? `Only your asset has: ${[...new Set(left)].join(", ")}.` : "",
+    missing.length ? `Only that shape has: ${[...new Set(missing)].join(", ")}.` : "",
   ].filter(Boolean).join(" ");
 }

@@ -40,7 +40,7 @@
 import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
 import { EXEMPLAR, GUIDE_PARAMS, guideOf, guideParams, isTarget, noGuide } from "./create/guide/model.js";
 import { count, titled } from "./format.js";
-import { groupedParams, groupsOf, isUnused, plainParams } from "./groups.js";
+import { groupedParams, groupsOf, plainParams } from "./groups.js";
 import { variationPrompts } from "./vocabulary.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
@@ -129,7 +129,7 @@ export function documents(wish, steps, group, { fields, groups }, known = null) 
     const numeric = field.type === "integer" || field.type === "number" || (field.numbers && Number.isFinite(Number(text)));
     params[field.name] = numeric ? Number(text) : text;
   }
-  const planned = isUnused("steps", params.guidance ?? "sds", groups) ? steps : (params.steps ?? steps);
+  const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
   // Each seed takes another exemplar: the prompt can stay.
   const texts = variationPrompts(wish.prompt.trim(), wish.variations, params.prompts || wish.byShape ? null : known);

@@ -46,19 +46,24 @@ function seen(appearance) {
   return typeof appearance?.notice === "string" && appearance.notice ? [plain("Seen as clay", appearance.notice)] : [];
 }
 
-/** The verdict first. Of a result that is not good nothing else is marked as good. @param {any} report @returns {Finding[]} */
-export function findings(report) {
+/**
+ * The verdict first. Of a result that is not good nothing else is marked as good.
+ * @param {any} report
+ * @param {Record<string, {filename: string}>} [files] Of the job, by the names of their parts.
+ * @returns {Finding[]}
+ */
+export function findings(report, files = {}) {
   const worthLess = isWorthLess(report);
-  const others = measured(report, worthLess);
+  const others = measured(report, worthLess, files);
   return [...verdictFinding(report), ...(worthLess ? others.map((each) => (each.tone === "good" ? plain(each.text, each.note) : each)) : others)];
 }
 
-/** What was measured. @param {any} report @param {boolean} worthLess Whether the result is not good. @returns {Finding[]} */
-function measured(report, worthLess) {
+/** What was measured. @param {any} report @param {boolean} worthLess Whether the result is not good. @param {Record<string, {filename: string}>} files @returns {Finding[]} */
+function measured(report, worthLess, files) {
   const quality = shownQuality(report);
   const mesh = report?.mesh ?? {};
   /** @type {Finding[]} */
-  const found = [...likeness(report?.likeness), ...fitFindings(report), ...(worthLess ? [] : stillYours(quality)), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
+  const found = [...likeness(report?.likeness), ...fitFindings(report, files), ...(worthLess ? [] : stillYours(quality)), ...fitted(report), ...regional(report?.prompts), ...kept(report?.source_noun, report?.carrier), ...front(report?.orientation), ...seen(report?.appearance)];
   if (Array.isArray(report?.warnings)) {
     const others = report.warnings.map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
     found.push(...others.map((/** @type {string} */ text) => warn(TITLES.find(([start]) => text.startsWith(start))?.[1] ?? "The source", text)));

@@ -75,7 +75,7 @@ export function figureRows(reports) {
   const seconds = (/** @type {any} */ report) => report.seconds && Object.values(report.seconds).reduce((sum, each) => sum + each, 0);
   return [
     take("Verdict", verdictTitle, String),
-    take("Fitted to", (report) => fitsOf(report).map(fitWords).join("; ") || null, String),
+    take("Fitted to", (report) => fitsOf(report).map((fit) => fitWords(fit)).join("; ") || null, String),
     take("Looks like", ({ likeness }) => (likeness?.noun && typeof likeness.probability === "number" ? likeness : null), ({ noun, probability }) => `${noun} ${percent(probability)}`),
     take("Still your asset", (report) => (isWorthLess(report) ? null : shownQuality(report).kept_share), percent),
     take("Flipped faces", (report) => shownQuality(report).flipped_faces, count),

@@ -51,10 +51,10 @@ const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
   family_synthesize: { "preview.png": "The shapes", "result.glb": "The first shape" },
 });
 
-/** @param {any} report @param {(HTMLElement | null)[]} remedies What does at once what the report advises. */
-export function qualityPanel(report, remedies = []) {
+/** @param {any} report @param {(HTMLElement | null)[]} [remedies] What does at once what the report advises. @param {Record<string, any>} [files] Of the job, by the names of their parts. */
+export function qualityPanel(report, remedies = [], files = {}) {
   const left = skipped(report);
-  const [first, ...others] = findings(report);
+  const [first, ...others] = findings(report, files);
   const advised = isWorthLess(report) ? [adviceList(report), remedies.length ? h("div", { class: "row" }, remedies) : null] : [];
   return panel("quality-title", "Quality", findingList(first ? [first] : []), ...advised, findingList(others), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
 }

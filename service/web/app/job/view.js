@@ -8,7 +8,7 @@ import { button, fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle, STATE_WORDS } from "../format.js";
 import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
-import { fitsOf } from "../exemplar.js";
+import { fitsOf, isTwin } from "../exemplar.js";
 import { currentLink } from "../key.js";
 import { stateBadge } from "../jobs/card.js";
 import { qualityWords } from "../params.js";
@@ -172,9 +172,9 @@ export class JobView {
       const verdict = readVerdict(this.report);
       if (verdict && this.badge) fill(this.badge, verdictBadge(verdict));
       if (this.results) {
-        fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report, this._remedies()) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
+        fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report, this._remedies(), this.job.files) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
-      this.actions?.offerDesigns(fitsOf(this.report).some(({ twin }) => !twin));
+      this.actions?.offerDesigns(fitsOf(this.report).some((fit) => !isTwin(fit)));
       if (this.report && this.stage instanceof FamilyStage) await this._family(this.stage, names);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;
@@ -193,7 +193,7 @@ export class JobView {
     const { stage, actions } = this;
     const weaker = stage instanceof JobStage ? button("Less strength", () => stage.weaken(), { title: "Show a shape nearer to your asset" }) : null;
     // A change in plain words has no variations, and those of a fit are among the actions.
-    const other = this.report.way === "change" || this.report.exemplar ? null : (actions?.variation() ?? null);
+    const other = this.report.way === "change" || fitsOf(this.report).length ? null : (actions?.variation() ?? null);
     return [other, weaker].filter((each) => each !== null);
   }
 
