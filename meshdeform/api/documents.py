@@ -123,6 +123,18 @@ class JobEstimate(Document):
     steps: int = Field(0, ge=0, description="Its steps; 0 of a change in plain words.", examples=[200])
 
 
+class Outlook(Document):
+    """Whether an asset can become what it is to become."""
+
+    doubtful: bool = Field(description="Whether the result will hardly show it, or be torn.", examples=[True])
+    reasons: list[str] = Field(
+        description="Why, in sentences.", examples=[["A castle has towers, and nothing of a house can become one."]]
+    )
+    suggestions: list[str] = Field(
+        description="Prompts that would work better, the best first.", examples=[["a tall house", "a church"]]
+    )
+
+
 class Validation(Document):
     """A valid job."""
 
@@ -140,11 +152,10 @@ class Validation(Document):
         description="Every parameter, with the value with which the job would run."
     )
     estimate: JobEstimate = Field(description="The time that it would take.")
-    warnings: list[str] = Field(
-        default_factory=list,
-        description="What may not come out well, and what would work instead: of `exemplar` guidance, once the asset "
-        "was read ([A word is a shape](exemplar.md#when-it-cannot-be)).",
-        examples=[[]],
+    outlook: Outlook | None = Field(
+        None,
+        description="Whether the asset can become what the prompts name, with `exemplar` guidance; null of other jobs, "
+        "and until the asset was read ([A word is a shape](exemplar.md#when-it-cannot-be)).",
     )
 
 

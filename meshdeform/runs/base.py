@@ -332,9 +332,9 @@ class Kind:
     """Refuses a request that does not fit the contents of the first file, where that takes more than its summary. Takes
     the request, the result of `check`, the file's path and name, the limits, and where readings are kept. Default: all
     fit. Torch-free."""
-    outlook: Callable[[JobRequest, Any, Path, str, Limits, Readings], list[str]] = lambda *_: []
-    """Returns sentences about what of a valid request may not come out, and what would. Takes what `check_asset` does.
-    Default: none. Torch-free."""
+    outlook: Callable[[JobRequest, Any, Path, str, Limits, Readings], dict[str, Any] | None] = lambda *_: None
+    """Returns whether what a valid request asks for is `doubtful`, the `reasons` in sentences, and `suggestions`:
+    prompts that would work better; None where nobody knows. Takes what `check_asset` does. Torch-free."""
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     """Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
     request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free."""

@@ -28,21 +28,19 @@ _QUESTION = Question(
 
 def outlook_of(
     asset: Path, filename: str, request: JobRequest, params: ResolvedParams, limits: Limits, readings: Readings
-) -> list[str]:
-    """Return sentences about what will not come out well, and what would; none of an asset that was not read."""
+) -> dict[str, Any] | None:
+    """Return whether what the prompts name is `doubtful`, `reasons` and `suggestions`; None if nobody knows."""
     if not is_read(asset, filename, params, readings):
-        return []
+        return None
     prompts = [each.prompt for each in active_prompts(request.prompt, params.prompts)]
     try:
-        answer = ask_about(_QUESTION, asset, filename, params, limits, readings, prompts=prompts)
+        return ask_about(_QUESTION, asset, filename, params, limits, readings, prompts=prompts)
     except (DependencyError, UnavailableError):
-        return []  # the run delivers its best, and says what that is worth
-    sentences: list[str] = answer["warnings"]
-    return sentences
+        return None  # the run delivers its best, and says what that is worth
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Carry out the task in a file of JSON: print the sentences."""
+    """Carry out the task in a file of JSON: print the outlook."""
     return answer_task(_answer, arguments)
 
 
@@ -57,8 +55,10 @@ def _answer(task: dict[str, Any]) -> dict[str, Any]:
     frame = frame_of(body.points, body.faces, reading)
     noun = "" if reading is None else reading.noun
     source = Shape(noun, frame.enter(body.points), body.faces, ReadParts(body).labels)
-    found = []
-    for prompt in task["prompts"]:
-        asked = parse(prompt)
-        found += outlook(source, Wish(asked.noun, asked.attributes), cache=samples_of(task)).warnings
-    return {"warnings": list(dict.fromkeys(found))}
+    asked = [parse(prompt) for prompt in task["prompts"]]
+    found = [outlook(source, Wish(each.noun, each.attributes), cache=samples_of(task)) for each in asked]
+    return {
+        "doubtful": any(each.doubtful for each in found),
+        "reasons": list(dict.fromkeys(reason for each in found for reason in each.reasons)),
+        "suggestions": list(dict.fromkeys(prompt for each in found for prompt in each.suggestions)),
+    }

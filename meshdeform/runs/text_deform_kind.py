@@ -398,10 +398,10 @@ def _check_asset(
 
 def _outlook(
     request: JobRequest, params: ResolvedParams, asset: Path, filename: str, limits: Limits, readings: Readings
-) -> list[str]:
+) -> dict[str, Any] | None:
     fitted = params.guidance is GuidanceKind.EXEMPLAR and (request.prompt or params.prompts)
     if not fitted or _is_change(request, params) or request.output.subdivide:
-        return []
+        return None
     return outlook_of(asset, filename, request, params, limits, readings)
 
 

@@ -29,7 +29,7 @@ import anyio
 from anyio import to_thread
 
 from meshdeform import __version__
-from meshdeform.api.documents import AssetFound, FoundOrientation, FoundParts, PictureFound, Validation
+from meshdeform.api.documents import AssetFound, FoundOrientation, FoundParts, Outlook, PictureFound, Validation
 from meshdeform.api.jobs import accepted
 from meshdeform.api.states import MAX_FETCH_S
 from meshdeform.assets import AssetSummary
@@ -197,14 +197,17 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         target=reports.get("target"),
         params=params,
         estimate=expected,
-        warnings=_warnings(app, submission.document, params, files),
+        outlook=_outlook(app, submission.document, params, files),
     )
 
 
-def _warnings(app: AppState, request: JobRequest, params: BaseModel, files: Mapping[str, ReceivedFile]) -> list[str]:
+def _outlook(
+    app: AppState, request: JobRequest, params: BaseModel, files: Mapping[str, ReceivedFile]
+) -> Outlook | None:
     kind = kind_of(request.kind)
     first = files[kind.parts[0]]
-    return kind.outlook(request, params, first.path, first.filename, app.assets.limits, app.readings)
+    found = kind.outlook(request, params, first.path, first.filename, app.assets.limits, app.readings)
+    return None if found is None else Outlook(**found)
 
 
 def _size(summaries: Mapping[str, AssetSummary | PictureSummary]) -> dict[str, int]:
