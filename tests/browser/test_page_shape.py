@@ -63,7 +63,7 @@ def test_a_word_is_used_by_its_shape(page: Page, service: Service, axe: str, sma
         service.http.post(f"/v1/jobs/{job}/cancel")
     assert document["prompt"] == "a vase"
     assert document["params"]["guidance"] == {"kind": "exemplar", "strength": 0.8}
-    expect(page.get_by_role("region", name="Control")).to_contain_text("By shape, 80% of the way")
+    expect(page.get_by_role("region", name="Control")).to_contain_text("Strength: 80%")
     page.get_by_role("button", name="Edit and run again").click()
     expect(way.get_by_label("By shape")).to_be_checked()
     expect(strength).to_have_value("80")

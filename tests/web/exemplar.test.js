@@ -78,7 +78,7 @@ test("a job by shape fills the form again, and has no quality", () => {
 
 test("what the asset was fitted to, and how near it came", () => {
   const member = { noun: "giraffe", form: "giraffe", pose: "lying", attributes: ["fat", "long neck"] };
-  const fit = { member, target: null, distance_before: 0.1, distance: 0.007, kept: 0.93, left_over: ["saddle"], missing: ["horn", "horn", "mane"] };
+  const fit = { member, target: null, distance_before: 0.0999, distance: 0.00704, kept: 0.93, left_over: ["saddle"], missing: ["horn", "horn", "mane"] };
   assert.deepEqual(fitFindings({ exemplars: [fit] }, {}), [{
     tone: "plain",
     text: "Fitted to a fat giraffe, lying: 93% of the way",

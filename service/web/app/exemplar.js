@@ -51,11 +51,16 @@ function memberWords({ noun = "shape", form = noun, pose, attributes = [] }) {
 
 const POSES = /** @type {Record<string, string>} */ ({ folded: "wings folded", spread: "wings spread" });
 
+/** @param {number} value */
+function rough(value) {
+  return Number(value.toPrecision(2));
+}
+
 /** @param {Fit} fit */
 function fitNotes({ distance_before: before, distance, left_over: left = [], missing = [] }) {
   const known = typeof before === "number" && typeof distance === "number";
   return [
-    known ? `On average ${figure(100 * distance)}% of its size from it, ${figure(100 * before)}% before.` : "",
+    known ? `On average ${figure(rough(100 * distance))}% of its size from it, ${figure(rough(100 * before))}% before.` : "",
     left.length ? `Only your asset has: ${[...new Set(left)].join(", ")}.` : "",
     missing.length ? `Only that shape has: ${[...new Set(missing)].join(", ")}.` : "",
   ].filter(Boolean).join(" ");

@@ -17,7 +17,7 @@ export function askedPanel(job) {
 /** @param {any} job @returns {string[]} what guides it besides its prompt */
 function guideWords({ files = {}, ...job }) {
   const params = plainParams(job.params);
-  const shape = isByShape(job) ? [`By shape${params.strength === undefined ? "" : `, ${percent(params.strength)} of the way`}`] : [];
+  const shape = isByShape(job) && params.strength !== undefined ? [`Strength: ${percent(params.strength)}`] : [];
   const targets = targetsOf(files).map(({ filename }) => `Target: ${filename}`);
   const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
   const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
