@@ -268,12 +268,13 @@ def exemplar_lines(exemplars: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Return lines for each of the report's `exemplars`: what was taken, how near it is, and what has no partner."""
     for each in exemplars:
         member = each["member"]
-        told = [f"member {member['number']}"] if "number" in member else []
-        told += [str(member[name]) for name in ("form", "pose") if member.get(name)]
-        what = each["target"] or " ".join([_named(member["noun"]), f"({', '.join(told)})" if told else ""]).strip()
+        if member.get("way") == "twin":
+            yield f"Changed: {', '.join(member['attributes'])}, as with other designs of {_named(member['noun'])}"
+            continue
+        verb = "Moulded into" if member.get("way") == "mould" else "Fitted to"
         yield (
-            f"Fitted to: {what}; mean distance {each['distance']:.2%} of the diagonal, {each['distance_before']:.2%} "
-            f"before; it went {each['kept']:.0%} of the way"
+            f"{verb}: {each['target'] or _design(member)}; mean distance {each['distance']:.2%} of the diagonal, "
+            f"{each['distance_before']:.2%} before; it went {each['kept']:.0%} of the way"
         )
         pairs = [
             pair["asset"] if pair["asset"] == pair["exemplar"] else f"{pair['asset']} as {pair['exemplar']}"
@@ -282,6 +283,13 @@ def exemplar_lines(exemplars: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         sides = {"paired": pairs, "only the asset has": each["left_over"], "only the exemplar has": each["missing"]}
         listed = "; ".join(f"{side}: {', '.join(dict.fromkeys(parts))}" for side, parts in sides.items() if parts)
         yield listed[:1].upper() + listed[1:]
+
+
+def _design(member: Mapping[str, Any]) -> str:
+    """Return what names a member of a noun: "a giraffe (member 37, standing)"."""
+    told = [f"member {member['number']}"] if "number" in member else []
+    told += [str(member[name]) for name in ("form", "pose") if member.get(name) not in (None, "", member["noun"])]
+    return f"{_named(member['noun'])} ({', '.join(told)})" if told else _named(member["noun"])
 
 
 def stretch_line(stretch: Mapping[str, float]) -> str:

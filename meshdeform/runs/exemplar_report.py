@@ -95,7 +95,8 @@ def exemplar_report(
         quality = measured.quality.to_dict()
         movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, Held())
         kept = [fit.result.kept for fit in fits] if mended is None else [mended.kept]
-        shape = Shape.of(kept_structure(shown.source, shown.result, quality), quality, movement.to_dict(), fitted=True)
+        # Parts take the proportions of those of the exemplar: that they swell says nothing.
+        shape = Shape(kept_structure(shown.source, shown.result, quality), swollen=False, held=0.0, moved=movement.rms)
         taken = _taken(facts, fits)
         compared = _comparisons(facts, outcome, shape, min(kept), taken)
     hardly = [_HARDLY.format(movement.rms)] if movement.rms < UNMOVED else []
