@@ -24,7 +24,7 @@ from meshdeform.exemplar.pieces import Matching, face_areas, matched, neighbours
 from meshdeform.exemplar.posing import posed_like
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import smooth_fit
-from meshdeform.exemplar.symmetry import symmetry_axes
+from meshdeform.exemplar.symmetry import evened, symmetry_axes
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import hidden, spread
@@ -66,7 +66,8 @@ def fit(source: Shape, goal: Shape, *, landmarks: tuple[Floats, Floats] | None =
     planes = symmetry_axes((own.verts, own.faces), (goal.verts, goal.faces))
     matching = matched(own, goal)
     if not (matching.partner >= 0).any():
-        return _finished(source, goal, None, source.verts.copy(), _alone(own, goal, planes, landmarks), standing)
+        alone = _alone(own, goal, planes, landmarks)
+        return _finished(source, goal, None, source.verts.copy(), evened(own.verts, alone, planes), standing)
     cloud = Cloud(samples.places, samples.normals, matching.source.of_face[samples.faces]).known()
     goal = posed_like(cloud, goal, matching)
     manner = Manner(
@@ -84,7 +85,7 @@ def fit(source: Shape, goal: Shape, *, landmarks: tuple[Floats, Floats] | None =
     smooth = first
     if not (is_built(source.noun) and is_built(goal.noun)):
         smooth = _smooth(own, goal, matching, _Codes.of(own, goal, matching, weights), first, planes, landmarks)
-    return _finished(source, goal, matching, first, smooth, standing)
+    return _finished(source, goal, matching, first, evened(own.verts, smooth, planes), standing)
 
 
 def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:

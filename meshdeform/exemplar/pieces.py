@@ -36,7 +36,7 @@ _STRADDLES, _BETWEEN, _LITTLE = 0.25, 0.12, 0.1
 """A piece has two halves if each side has this share of its area, and this strip of its width little of it."""
 _SMALL = 0.05
 """Share of the largest piece of its part under which a piece goes to the nearest other."""
-_TOO_THIN = frozenset(("horn", "tusk", "wing", "feeler"))
+_TOO_THIN = frozenset(("tusk", "wing", "feeler"))
 """What cannot be drawn out of what has none."""
 _AXES = np.array([1.5, 0.5, 1.0])
 
@@ -187,6 +187,8 @@ def _without_crumbs(own: Index, centres: Floats, areas: Floats) -> Index:
 
 def _middles(shape: Shape, pieces: Pieces) -> Floats:
     """Return the middle (N, 3) of each piece in the box of all, which reaches from -1/2 to 1/2."""
+    if not len(pieces):
+        return np.zeros((0, 3))
     areas, centres = face_areas(shape.verts, shape.faces) + 1e-12, shape.verts[shape.faces].mean(1)
     used = shape.verts[shape.faces[pieces.of_face >= 0]].reshape(-1, 3)
     low, high = used.min(0), used.max(0)

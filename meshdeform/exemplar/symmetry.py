@@ -1,7 +1,6 @@
 """Tell across which planes through the middle a surface is its own mirror image.
 
-Of samples, mirrored, the mean distance to the plane of the nearest sample counts, plus what it lies beside it by more
-than the samples' spacing, at most 0.05 of the diagonal each.
+What counts is the mean distance of the mirrored surface to itself (`distances`), at most 0.05 of the diagonal a place.
 """
 
 from __future__ import annotations
@@ -9,29 +8,25 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshdeform.exemplar.distances import one_way
+from meshdeform.exemplar.pieces import face_areas
 from meshdeform.nouns.labels import Floats, Index
-from meshdeform.reading.samples import features, spread
+from meshdeform.reading.samples import spread
 
-__all__ = ["asymmetry", "symmetry_axes"]
+__all__ = ["asymmetry", "evened", "symmetry_axes"]
 
 _SAMPLES = 3000
 _MOST, _LIMIT = 0.05, 0.01
+_IMAGE = 0.001
+"""Distance up to which a vertex is the mirror image of another."""
 
 
 def asymmetry(verts: Floats, faces: Index, axis: int) -> float:
     """Return how far a surface is from its mirror image across the plane through the origin, normal to an axis."""
     samples = spread(verts, faces, _SAMPLES, 6)
     mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
-    places, normals = samples.places * mirror, samples.normals * mirror
-    tree = cKDTree(features(samples.places, samples.normals))
-    nearest = tree.query(features(places, normals))[1]
-    apart = places - samples.places[nearest]
-    across = (apart * samples.normals[nearest]).sum(1)
-    along = np.sqrt(np.maximum(np.square(apart).sum(1) - across**2, 0))
-    corners = verts[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
-    beside = np.maximum(along - 1.5 * np.sqrt(area / _SAMPLES), 0)
-    return float(np.minimum(np.abs(across) + beside, _MOST).mean())
+    image = samples._replace(places=samples.places * mirror, normals=samples.normals * mirror)
+    return one_way(image, samples, float(np.sqrt(face_areas(verts, faces).sum() / _SAMPLES)), _MOST)
 
 
 def symmetry_axes(source: tuple[Floats, Index], goal: tuple[Floats, Index]) -> tuple[int, ...]:
@@ -44,3 +39,18 @@ def symmetry_axes(source: tuple[Floats, Index], goal: tuple[Floats, Index]) -> t
     if asymmetry(*source, 2) <= _LIMIT and asymmetry(*goal, 2) <= _LIMIT:
         axes.append(2)
     return tuple(axes)
+
+
+def evened(rest: Floats, moved: Floats, axes: tuple[int, ...]) -> Floats:
+    """Return moved vertices (V, 3) of which those that were mirror images across the axes are again.
+
+    Both of a pair take the mean of their displacements, one of them mirrored.
+    """
+    places = moved.copy()
+    for axis in axes:
+        mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
+        away, image = cKDTree(rest).query(rest * mirror)
+        rows = np.flatnonzero((away < _IMAGE) & (image[image] == np.arange(len(rest))))
+        step = places - rest
+        places[rows] = rest[rows] + (step[rows] + step[image[rows]] * mirror) / 2
+    return places

@@ -1,0 +1,121 @@
+"""Fits: a shape that is its own goal hardly moves; grounds stay; nothing folds; mirror and scale change nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from meshdeform.exemplar.distances import between, stretch
+from meshdeform.exemplar.engine import ExemplarFit
+from meshdeform.exemplar.fitting import fit
+from meshdeform.exemplar.shapes import Shape, Wish
+from meshdeform.exemplar.symmetry import asymmetry, evened, symmetry_axes
+from meshdeform.nouns.families.parts import Part, box, ellipsoid, join
+from meshdeform.nouns.labels import Floats, labelled_member
+from meshdeform.reading.result import GROUND, NO_PART
+from meshdeform.reading.samples import spread
+
+
+def shape_of(noun: str, seed: int = 1) -> Shape:
+    """Return a member in the frame of fits."""
+    member = labelled_member(noun, (), np.random.default_rng(seed))
+    low, high = member.verts.min(0), member.verts.max(0)
+    verts = (member.verts - (low + high) / 2) / np.linalg.norm(high - low)
+    return Shape(noun, verts, member.faces, member.labels, member.solid_of_face)
+
+
+def apart(one: Shape, other: Floats) -> float:
+    """Return the distance between a shape and its like with other vertices."""
+    return between(spread(one.verts, one.faces, 1500, 0), spread(other, one.faces, 1500, 1), 0.02)
+
+
+@pytest.mark.parametrize("noun", ["horse", "car"])
+def test_a_shape_fitted_to_itself_hardly_moves(noun: str) -> None:
+    shape = shape_of(noun)
+    fitted = fit(shape, shape)
+    assert np.linalg.norm(fitted.verts - shape.verts, axis=1).mean() < 0.006
+    assert fitted.mended.flipped == 0
+
+
+def test_a_dog_becomes_a_giraffe_and_stays_its_own_mirror_image() -> None:
+    dog, giraffe = shape_of("dog"), shape_of("giraffe")
+    fitted = fit(dog, giraffe)
+    near = between(
+        spread(fitted.verts, dog.faces, 1500, 0), spread(fitted.goal.verts, fitted.goal.faces, 1500, 1), 0.02
+    )
+    before = between(spread(dog.verts, dog.faces, 1500, 0), spread(giraffe.verts, giraffe.faces, 1500, 1), 0.02)
+    assert near < 0.35 * before
+    assert fitted.mended.flipped == 0
+    assert asymmetry(fitted.smooth, dog.faces, 0) < asymmetry(dog.verts, dog.faces, 0) + 0.001
+    assert abs(fitted.verts[:, 1].min() - giraffe.verts[:, 1].min()) < 0.02
+
+
+def test_the_ground_stays_and_is_not_fitted() -> None:
+    cow = shape_of("cow")
+    plate = box([0, cow.verts[:, 1].min() - 0.01, 0], [1.5, 0.01, 1.5])
+    whole = join([Part(cow.verts, cow.faces), plate])
+    labels = np.concatenate([cow.labels, np.full(len(plate.faces), GROUND)])
+    fitted = fit(Shape("cow", whole.verts, whole.faces, labels), shape_of("elephant"))
+    rows = slice(len(cow.verts), None)
+    np.testing.assert_array_equal(fitted.verts[rows], whole.verts[rows])
+
+
+def test_without_parts_there_is_only_the_smooth_fit() -> None:
+    ball = ellipsoid([0, 0, 0], 0.3, rings=16)
+    egg = Shape("", ball.verts * [1, 1.3, 1], ball.faces, np.full(len(ball.faces), NO_PART))
+    fitted = fit(Shape("", ball.verts, ball.faces, egg.labels), egg)
+    assert fitted.matching is None
+    assert apart(egg, fitted.verts) < 0.004
+
+
+def test_an_asset_is_turned_scaled_and_moved_with_its_result() -> None:
+    bottle = shape_of("bottle")
+    wish = Wish(targets=(shape_of("vase"),))
+    results = []
+    for scale, shift in ((1.0, 0.0), (40.0, 7.0)):
+        run = ExemplarFit(bottle.verts * scale + shift, bottle.faces, None, wish, labels=bottle.labels)
+        stages = list(run)
+        assert [stage.share for stage in stages] == sorted(stage.share for stage in stages)
+        assert stages[-1].share == 1
+        last = stages[-1].verts
+        assert last is not None
+        results.append((last - shift) / scale)
+        assert run.result.distance < run.result.distance_before
+    np.testing.assert_allclose(results[0], results[1], atol=1e-6)
+
+
+def test_strength_goes_part_of_the_way() -> None:
+    ball = ellipsoid([0, 0, 0], 0.3, rings=12)
+    none = np.full(len(ball.faces), NO_PART)
+    target = Shape("", ball.verts * [1, 1.5, 1], ball.faces, none)
+    ends = []
+    for strength in (1.0, 0.5):
+        run = ExemplarFit(ball.verts, ball.faces, None, Wish(targets=(target,), strength=strength), labels=none)
+        list(run)
+        ends.append(run.result.verts - run.source.verts)
+    np.testing.assert_allclose(ends[1], ends[0] / 2, atol=1e-9)
+
+
+def test_the_stretch_of_a_surface_does_not_count_its_scale() -> None:
+    ball = ellipsoid([0, 0, 0], 0.3, rings=16)
+    assert stretch(ball.verts, 3 * ball.verts, ball.faces) < 1e-9
+    plate = box([0, 0, 0], [1, 0.5, 1])
+    doubled = stretch(plate.verts, plate.verts * [1, 2, 1], plate.faces)
+    assert 0.1 < doubled < np.log(2)
+
+
+def test_symmetry_is_that_of_both() -> None:
+    vase, chair = shape_of("vase"), shape_of("chair")
+    assert symmetry_axes((vase.verts, vase.faces), (vase.verts, vase.faces)) == (0, 2)
+    assert symmetry_axes((vase.verts, vase.faces), (chair.verts, chair.faces)) == (0,)
+    leaning = chair.verts + np.outer(chair.verts[:, 1], [0.3, 0, 0])
+    assert symmetry_axes((leaning, chair.faces), (vase.verts, vase.faces)) == ()
+
+
+def test_displacements_of_mirror_images_are_made_mirror_images() -> None:
+    chair = shape_of("chair")
+    moved = chair.verts + np.random.default_rng(0).normal(0, 0.01, chair.verts.shape)
+    even = evened(chair.verts, moved, (0,))
+    np.testing.assert_allclose(evened(chair.verts, even, (0,)), even, atol=1e-12)
+    assert asymmetry(even, chair.faces, 0) < 0.5 * asymmetry(moved, chair.faces, 0)
+    np.testing.assert_array_equal(evened(chair.verts, moved, ()), moved)
