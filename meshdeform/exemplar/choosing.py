@@ -2,26 +2,27 @@
 
 All members that have the wished attributes are graded by tables of samples (`reading.banks`):
 
-    merit = d + 0.15 p + 0.05 q,    d = mean_i min_j |f_i - g_j| + 1/2 mean_j min(min_i |f_i - g_j|, 0.15),
+    merit = d + 0.3 p + 0.05 q,    d = mean_i min_j |f_i - g_j| + 1/2 mean_j min(min_i |f_i - g_j|, 0.15),
 
 with features f of the asset's samples and g of the member's (`reading.samples`), scaled to the asset's box; p tells how
 differently they hold their limbs (`posture`), and q which parts only one has: half of the sum of |s_k - t_k| for the
-shares s, t of the surfaces that are of part k, and the share of limbs without a partner. Those that come out best are
-drawn, take the asset's posture, are placed and graded once more.
+shares s, t of the surfaces that are of part k, and the share of limbs without a partner. Whoever shows no legs is not
+taken to sit or to lie, by 0.05. Those that come out best are drawn, take the asset's posture, are placed and graded
+once more.
 
 A member is scaled to the box by the geometric mean of the ratios of its sides, and each side by at most 1.15 against
 it; not at all where the noun is built or an attribute is of the whole: proportions are what they are known by. It
 stands on the asset's ground with its mirror plane at x = 0. Where nobody knows which way the asset faces, the best of
 four quarter turns is taken.
 
-Seeds other than 0 take members that are still near and unlike each other: the near ones are divided among centres, each
+Seeds other than 0 take others that are still near and unlike each other: the near ones are divided among centres, each
 the one farthest from the centres before it (Gonzalez 1985, Clustering to minimize the maximum intercluster distance),
 and a seed takes those of one centre.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -49,10 +50,11 @@ _FEW, _DENSE = 220, 2500
 """Samples by which all members are graded, and those of the other surface for the ones that are drawn."""
 _FINALISTS = 12
 _FAR = 0.15
-_POSTURE, _PARTS = 0.15, 0.05
+_POSTURE, _PARTS, _UNSEEN = 0.3, 0.05, 0.05
+_OF_LEGS = ("sitting", "lying")
 _QUARTERS = (0.0, 90.0, 180.0, -90.0)
-_STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.35, 16, 40
-"""Share of the best merit up to which members are near; how many are at least, and at most."""
+_STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.25, 10, 40
+"""Ratio to the best merit up to which members are near; how many are at least, and at most."""
 _CENTRES = 8
 AFLOAT = frozenset(("airplane", "balloon", "butterfly", "dolphin", "fish", "helicopter", "shark", "submarine", "whale"))
 """What does not stand on the ground: its middle is the asset's."""
@@ -135,9 +137,10 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
     asset = _Asset(source)
     bank = bank_of(wish.noun, cache, wish.attributes)
     chooser = _Chooser(asset, bank, wish)
-    finalists = chooser.finalists(max(_FINALISTS, 2 * count))
-    drawn = sorted((chooser.drawn(one) for one in finalists), key=lambda one: (one.merit, str(one.told)))
-    return drawn[:count]
+    nearest = chooser.drawn(chooser.graded[: max(_FINALISTS, 2 * count)])[:count]
+    if wish.seed == 0:
+        return nearest
+    return chooser.drawn(chooser.cell({one.told["number"] for one in nearest})[:count])
 
 
 class _Chooser:
@@ -149,20 +152,18 @@ class _Chooser:
         self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
         self._afloat = wish.noun in AFLOAT
 
-    def finalists(self, count: int) -> list[_Graded]:
-        """Return the members that are to be drawn."""
-        graded = self._graded()
-        if self._wish.seed == 0:
-            return graded[:count]
-        near = [one for one in graded if one.merit <= _STILL_NEAR * graded[0].merit]
-        near = graded[: int(np.clip(len(near), _LEAST_NEAR, _MOST_NEAR))]
-        cells = self._cells(near)
-        cell = cells[self._wish.seed % len(cells)]
-        first = self._wish.seed // len(cells) % len(cell)
-        return (cell[first:] + cell[:first])[:count]
+    def cell(self, taken: Set[object]) -> list[_Graded]:
+        """Return the members that a seed other than 0 takes, none of those that 0 does."""
+        others = [one for one in self.graded if one.number not in taken]
+        near = sum(one.merit <= _STILL_NEAR * self.graded[0].merit for one in others)
+        cells = self._cells(others[: int(np.clip(near, _LEAST_NEAR, _MOST_NEAR))])
+        rounds, number = divmod(self._wish.seed - 1, len(cells))
+        first = rounds % len(cells[number])
+        return cells[number][first:] + cells[number][:first]
 
-    def _graded(self) -> list[_Graded]:
-        """Return all members by the tables, the best first."""
+    @cached_property
+    def graded(self) -> list[_Graded]:
+        """All members by the tables, the best first."""
         asset, bank = self._asset, self._bank
         turns = (0.0,) if asset.has_parts or self._wish.noun in TURNED else _QUARTERS
         other = self._others()
@@ -170,7 +171,7 @@ class _Chooser:
         for turn_deg in turns:
             for number in range(len(bank)):
                 distance = _distance(self._tabled(number, turn_deg), asset.features[:_FEW])
-                result.append(_Graded(number, turn_deg, distance, distance + other[number]))
+                result.append(_Graded(number, turn_deg, distance, float(distance + other[number])))
         return sorted(result, key=lambda one: (one.merit, one.number, one.turn_deg))
 
     def _others(self) -> Floats:
@@ -180,15 +181,19 @@ class _Chooser:
             return np.zeros(len(bank))
         held = postures(bank.places, bank.limbs, bank.low, bank.high)
         shares = [_shares(labels) for labels in bank.labels.astype(np.int64)]
-        return np.array([self._other(posture, share) for posture, share in zip(held, shares, strict=True)])
+        return np.array([self._other(k, held[k], shares[k]) for k in range(len(bank))])
 
-    def _other(self, held: Posture, shares: Floats) -> float:
+    def _other(self, number: int, held: Posture, shares: Floats) -> float:
         own = self._asset.posture
         differing = float(np.abs(shares - self._asset.shares).sum()) / 2
         numbers = [np.bincount(one.kinds, minlength=len(LIMBS)) for one in (own, held)]
         lone = float(np.abs(numbers[0] - numbers[1]).sum()) / max(len(own.kinds) + len(held.kinds), 1)
         living = is_living(self._asset.shape.noun) and is_living(self._wish.noun)
-        return _POSTURE * unlikeness(own, held) * living + _PARTS * (differing + lone)
+        unseen = LIMBS.index("leg") not in own.kinds and self._pose(number) in _OF_LEGS
+        return _POSTURE * unlikeness(own, held) * living + _PARTS * (differing + lone) + _UNSEEN * unseen
+
+    def _pose(self, number: int) -> str:
+        return pose_of(self._wish.noun, number, self._wish.attributes)
 
     def _tabled(self, number: int, turn_deg: float) -> Singles:
         """Return features (N, 6) of the first samples of a member, placed on the asset."""
@@ -216,7 +221,11 @@ class _Chooser:
             at[:, 1] += (high[1] - low[1]) / 2 * scale[1] - (asset.high[1] - asset.low[1]) / 2
         return np.asarray(at)
 
-    def drawn(self, graded: _Graded) -> Exemplar:
+    def drawn(self, members: Iterable[_Graded]) -> list[Exemplar]:
+        """Return members as they are drawn, the best first."""
+        return sorted((self._drawn(one) for one in members), key=lambda one: (one.merit, str(one.told)))
+
+    def _drawn(self, graded: _Graded) -> Exemplar:
         """Draw a member, give it the asset's posture, place and grade it."""
         wish, asset = self._wish, self._asset
         member = candidate_member(wish.noun, graded.number, wish.attributes)
@@ -230,11 +239,11 @@ class _Chooser:
         to_asset = asset.dense.query(own)[0]
         to_member = _dense(member.verts, member.faces, 4).query(asset.features)[0]
         distance = float(0.5 * np.minimum(to_asset, _FAR).mean() + to_member.mean())
-        merit = distance + (self._drawn_other(member, samples) if asset.has_parts else 0.0)
+        merit = distance + (self._drawn_other(graded.number, member, samples) if asset.has_parts else 0.0)
         told = {
             "noun": wish.noun,
             "form": form_of(wish.noun, graded.number, wish.attributes),
-            "pose": pose_of(wish.noun, graded.number, wish.attributes),
+            "pose": self._pose(graded.number),
             "number": graded.number,
             "attributes": [str(each) for each in wish.attributes],
             "turn_deg": graded.turn_deg,
@@ -242,11 +251,11 @@ class _Chooser:
         shape = Shape(wish.noun, member.verts, member.faces, member.labels, member.solid_of_face)
         return Exemplar(shape, distance, merit, told)
 
-    def _drawn_other(self, member: LabelledMember, samples: Samples) -> float:
+    def _drawn_other(self, number: int, member: LabelledMember, samples: Samples) -> float:
         limbs = limb_codes(member)[samples.faces]
         low, high = member.verts.min(0), member.verts.max(0)
         held = postures(samples.places[None], limbs[None], low[None], high[None])[0]
-        return self._other(held, _shares(member.labels[samples.faces]))
+        return self._other(number, held, _shares(member.labels[samples.faces]))
 
     def _cells(self, near: Sequence[_Graded]) -> list[list[_Graded]]:
         """Divide members among centres that are unlike each other; each cell has its best first."""

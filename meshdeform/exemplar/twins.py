@@ -1,9 +1,9 @@
 """Move parts of an asset that is the wished noun already as an attribute moves those of its nearest member.
 
-Two members of one generator state, with and without the attribute, have the same faces: they are twins. Of the solids
-of one part that touch on one side, the attribute moves the vertices by the exact affine map T, in the frame in which
-the largest part of the member stays. With P the map of the solid onto the member as it was placed and posed, and A the
-map of the asset's piece to the member's (`affine_maps`), a place x of the asset goes to
+Two members of one generator state, with and without the attribute, have like faces in one order: they are twins. Of
+the solids of one part that touch on one side, the attribute moves the vertices by the exact affine map T, in the frame
+in which the largest part of the member stays. With P the map of the solid onto the member as it was placed and posed,
+and A the map of the asset's piece to the member's (`affine_maps`), a place x of the asset goes to
 
     sum_i w_i(x) A_i^-1 P_i T_i P_i^-1 A_i x,
 
@@ -93,11 +93,13 @@ def _twins(noun: str, exemplar: Exemplar, attributes: tuple[Attribute, ...]) -> 
     """Return what attributes do to an exemplar, or None if the two members are no twins."""
     number = int(str(exemplar.told["number"]))
     plain, other = candidate_member(noun, number, ()), twin_member(noun, number, attributes)
-    if not np.array_equal(plain.faces, other.faces):
+    if len(plain.faces) != len(other.faces):
         return None
     own = joined_solids(plain)
     of_vert = own[plain.solids]
-    goal = _in_one_frame(plain, other.verts, of_vert)
+    verts = np.empty_like(plain.verts)
+    verts[plain.faces] = other.verts[other.faces]  # boxes number their vertices by their places
+    goal = _in_one_frame(plain, verts, of_vert)
     diagonal = float(np.linalg.norm(np.ptp(plain.verts, axis=0)))
     maps = {}
     for cluster in range(int(own.max()) + 1):

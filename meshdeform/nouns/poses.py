@@ -16,24 +16,29 @@ from scipy.sparse import csgraph
 
 from meshdeform.nouns.labels import Flags, Floats, Index, LabelledMember
 
-__all__ = ["POSES", "limbs", "posed"]
+__all__ = ["POSES", "head_and_neck", "hind_and_front", "limbs", "posed", "throat", "top_of", "turn"]
 
 _BEASTS = "camel cow deer dog elephant fox giraffe horse lion pig rhino sheep wolf quadruped"
 _HUNTERS = "dog fox lion wolf quadruped"
 _GRAZERS = "camel cow deer horse pig sheep"
+_UPRIGHT = (
+    "standing-rabbit upright-bear upright-cat upright-cow upright-deer upright-dog upright-elephant upright-fox"
+    " upright-horse upright-lion upright-pig upright-wolf"
+)
 _NAMES: dict[str, str] = {
-    "walking": f"{_BEASTS} dinosaur dragon person robot standing-bear great-cat standing-cat",
+    "walking": f"{_BEASTS} dinosaur dragon two-legged-dragon person robot standing-bear great-cat standing-cat",
     "sitting": f"{_HUNTERS} person robot standing-bear great-cat",
     "lying": f"{_HUNTERS} {_GRAZERS} standing-bear great-cat standing-cat",
     "turned": (
         f"{_BEASTS} bear bird cat chicken dinosaur dragon duck monkey mouse owl penguin person rabbit robot snowman"
         " swan turtle standing-bear great-cat standing-cat standing-bird"
     ),
-    "T": "person robot",
+    "T": f"person robot {_UPRIGHT}",
     "A": "person robot",
     "hanging": "person robot",
-    "spread": "bird butterfly chicken dragon duck owl penguin standing-bird swan",
-    "folded": "bird dragon swan",
+    "swimming": "penguin",
+    "spread": "bird butterfly chicken dragon two-legged-dragon duck owl penguin standing-bird swan",
+    "folded": "bird dragon two-legged-dragon swan",
 }
 
 _TOUCHING = 0.01
@@ -67,7 +72,7 @@ def posed(member: LabelledMember, pose: str, rng: np.random.Generator) -> Labell
     return member.moved(_MOVES[pose](member, rng))
 
 
-def _turn(verts: Floats, rows: Index | Flags, pivot: Floats, degrees: float, axis: str) -> None:
+def turn(verts: Floats, rows: Index | Flags, pivot: Floats, degrees: float, axis: str) -> None:
     """Turn some vertices in place about an axis through a place, counter-clockwise seen from the axis's tip."""
     first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     angle = np.radians(degrees)
@@ -76,7 +81,7 @@ def _turn(verts: Floats, rows: Index | Flags, pivot: Floats, degrees: float, axi
     verts[rows, second] = pivot[second] + np.sin(angle) * one + np.cos(angle) * two
 
 
-def _top_of(verts: Floats, rows: Index) -> Floats:
+def top_of(verts: Floats, rows: Index) -> Floats:
     """Return where (3,) a limb hangs that hangs from its top."""
     own = verts[rows]
     return np.asarray(own[own[:, 1] >= own[:, 1].max() - _TOP * np.ptp(own[:, 1])].mean(0))
@@ -93,17 +98,26 @@ def _outer_end(verts: Floats, rows: Index) -> Floats:
     return np.asarray(own[reach >= reach.max() - _TOP * np.ptp(reach)].mean(0))
 
 
-def _head_and_neck(member: LabelledMember) -> Flags:
+def head_and_neck(member: LabelledMember) -> Flags:
+    """Return the vertices (V,) of neck and head, and of what they carry."""
     return member.carried("neck" if "neck" in member.parts else "head")
 
 
-def _throat(member: LabelledMember, verts: Floats) -> Floats:
+def throat(member: LabelledMember, verts: Floats) -> Floats:
     """Return where (3,) head and neck hang on the body."""
-    moving = _head_and_neck(member)
+    moving = head_and_neck(member)
     rest = verts[~moving].mean(0)
     own = verts[moving]
     away = np.linalg.norm(own - rest, axis=1)
     return np.asarray(own[away <= np.percentile(away, 8)].mean(0))
+
+
+def hind_and_front(member: LabelledMember, verts: Floats) -> tuple[list[Index], list[Index]]:
+    """Return the vertices of each hind and of each front leg."""
+    legs = limbs(member, "leg")
+    middle = np.mean([verts[rows, 2].mean() for rows in legs])
+    hind = [rows for rows in legs if verts[rows, 2].mean() < middle]
+    return hind, [rows for rows in legs if verts[rows, 2].mean() >= middle]
 
 
 def _walking(member: LabelledMember, rng: np.random.Generator) -> Floats:
@@ -113,22 +127,21 @@ def _walking(member: LabelledMember, rng: np.random.Generator) -> Floats:
     step = rng.uniform(12, 35)
     for number, rows in enumerate(legs):
         degrees = step * (-1) ** number if len(legs) == 2 else rng.normal(0, 32)
-        _turn(verts, rows, _top_of(verts, rows), degrees, "x")
+        turn(verts, rows, top_of(verts, rows), degrees, "x")
     if "arm" in member.parts:
         for number, rows in enumerate(limbs(member, "arm")):
-            _turn(verts, rows, _inner_end(verts, rows), -0.8 * step * (-1) ** number, "x")
+            turn(verts, rows, _inner_end(verts, rows), -0.8 * step * (-1) ** number, "x")
     return verts
 
 
 def _turned(member: LabelledMember, rng: np.random.Generator) -> Floats:
     """Nod head and neck about the throat, and turn the head about the neck's axis."""
     verts = member.verts.copy()
-    throat = _throat(member, verts)
     nod = rng.normal(0, 9 if "neck" not in member.parts or "leg" not in member.parts else 18)
-    _turn(verts, _head_and_neck(member), throat, nod, "x")
+    turn(verts, head_and_neck(member), throat(member, verts), nod, "x")
     head = member.carried("head")
     middle = verts[member.solids_named("head").min() == member.solids].mean(0)
-    _turn(verts, head, middle, rng.normal(0, 22), "y")
+    turn(verts, head, middle, rng.normal(0, 22), "y")
     return verts
 
 
@@ -141,37 +154,34 @@ def _sitting_upright(member: LabelledMember, rng: np.random.Generator) -> Floats
     verts = member.verts.copy()
     thigh = rng.uniform(75, 90)
     for rows in limbs(member, "leg"):
-        hip = _top_of(verts, rows)
+        hip = top_of(verts, rows)
         below = rows[verts[rows, 1] < (hip[1] + verts[rows, 1].min()) / 2]
-        _turn(verts, rows, hip, -thigh, "x")
+        turn(verts, rows, hip, -thigh, "x")
         joint = rows[~np.isin(rows, below)]
         knee = verts[joint][np.argmax(verts[joint, 2])] * [0, 1, 1] + [verts[rows, 0].mean(), 0, 0]
-        _turn(verts, below, knee, rng.uniform(0.85, 1.0) * thigh, "x")
+        turn(verts, below, knee, rng.uniform(0.85, 1.0) * thigh, "x")
     return verts
 
 
 def _sitting_on_haunches(member: LabelledMember, rng: np.random.Generator) -> Floats:
     """Raise the front about the hips, keep the head level and the front legs upright, fold the hind legs."""
     verts = member.verts.copy()
-    legs = limbs(member, "leg")
-    middle = np.mean([verts[rows, 2].mean() for rows in legs])
-    hind = [rows for rows in legs if verts[rows, 2].mean() < middle]
-    front = [rows for rows in legs if verts[rows, 2].mean() >= middle]
-    hip = np.mean([_top_of(verts, rows) for rows in hind], axis=0)
+    hind, front = hind_and_front(member, verts)
+    hip = np.mean([top_of(verts, rows) for rows in hind], axis=0)
     rise = rng.uniform(35, 55)
-    shoulders = [_top_of(verts, rows) for rows in front]
+    shoulders = [top_of(verts, rows) for rows in front]
     upper = np.ones(len(verts), bool)
     upper[np.concatenate(hind)] = False
-    _turn(verts, upper, hip, -rise, "x")
-    _turn(verts, _head_and_neck(member), _throat(member, verts), 0.85 * rise, "x")
+    turn(verts, upper, hip, -rise, "x")
+    turn(verts, head_and_neck(member), throat(member, verts), 0.85 * rise, "x")
     ground = float(verts[np.isin(member.solids, member.solids_named("body")), 1].min())
     for rows in limbs(member, "tail") if "tail" in member.parts else []:
         root = verts[rows][np.argmin(np.linalg.norm(verts[rows] - hip, axis=1))]
-        _turn(verts, rows, root, 0.9 * rise, "x")
+        turn(verts, rows, root, 0.9 * rise, "x")
     for rows, shoulder in zip(front, shoulders, strict=True):
         pivot = shoulder[None].copy()
-        _turn(pivot, np.array([0]), hip, -rise, "x")
-        _turn(verts, rows, pivot[0], rise, "x")
+        turn(pivot, np.array([0]), hip, -rise, "x")
+        turn(verts, rows, pivot[0], rise, "x")
         length = float(pivot[0, 1] - verts[rows, 1].min())
         verts[rows, 1] = pivot[0, 1] + (verts[rows, 1] - pivot[0, 1]) * (pivot[0, 1] - ground) / max(length, 1e-9)
     for rows in hind:
@@ -194,10 +204,22 @@ def _lying(member: LabelledMember, rng: np.random.Generator) -> Floats:
 
 def _lay(verts: Floats, rows: Index, ground: float, *, forward: int = 1) -> None:
     """Turn a limb forward, or back (-1), about where it hangs until its end is on the ground, in place."""
-    hip = _top_of(verts, rows)
+    hip = top_of(verts, rows)
     length = max(float(hip[1] - verts[rows, 1].min()), 1e-9)
     degrees = float(np.degrees(np.arccos(np.clip((hip[1] - ground) / length, -1, 1))))
-    _turn(verts, rows, hip, -forward * degrees, "x")
+    turn(verts, rows, hip, -forward * degrees, "x")
+
+
+def _swimming(member: LabelledMember, rng: np.random.Generator) -> Floats:
+    """Lay an upright bird on its belly, its feet behind, its head raised so that it looks ahead."""
+    verts = member.verts.copy()
+    lean = rng.uniform(70, 90)
+    turn(verts, np.arange(len(verts)), verts.mean(0), lean, "x")
+    turn(verts, head_and_neck(member), throat(member, verts), -0.85 * lean, "x")
+    for number in member.solids_named("foot"):
+        rows = np.flatnonzero(member.solids == number)
+        turn(verts, rows, top_of(verts, rows), lean, "x")
+    return verts
 
 
 def _arms(low_deg: float, high_deg: float) -> Callable[[LabelledMember, np.random.Generator], Floats]:
@@ -209,7 +231,7 @@ def _arms(low_deg: float, high_deg: float) -> Callable[[LabelledMember, np.rando
             hand = verts[rows][np.argsort(np.linalg.norm(verts[rows] - shoulder, axis=1))[-len(rows) // 8 :]].mean(0)
             side = np.sign(hand[0])
             now = np.degrees(np.arctan2(side * (hand[0] - shoulder[0]), shoulder[1] - hand[1]))
-            _turn(verts, rows, shoulder, side * (angle - now), "z")
+            turn(verts, rows, shoulder, side * (angle - now), "z")
         return verts
 
     return move
@@ -220,7 +242,7 @@ def _raise_wing(verts: Floats, rows: Index, elevation_deg: float) -> Floats:
     root, tip = _inner_end(verts, rows), _outer_end(verts, rows)
     side = np.sign(tip[0])
     now = np.degrees(np.arctan2(tip[1] - root[1], side * (tip[0] - root[0])))
-    _turn(verts, rows, root, side * (elevation_deg - now), "z")
+    turn(verts, rows, root, side * (elevation_deg - now), "z")
     return root
 
 
@@ -228,8 +250,8 @@ def _open_wing(verts: Floats, rows: Index, elevation_deg: float) -> None:
     """Turn a wing that lies on the flank, in place, until it stands off: its front end is its root."""
     own = verts[rows]
     root = own[own[:, 2] >= own[:, 2].max() - _TOP * np.ptp(own[:, 2])].mean(0)
-    _turn(verts, rows, root, 90.0, "x")  # its lower edge behind, its end up
-    _turn(verts, rows, root, float(np.sign(root[0])) * (elevation_deg - 90.0), "z")
+    turn(verts, rows, root, 90.0, "x")  # its lower edge behind, its end up
+    turn(verts, rows, root, float(np.sign(root[0])) * (elevation_deg - 90.0), "z")
 
 
 def _spread(member: LabelledMember, rng: np.random.Generator) -> Floats:
@@ -240,7 +262,7 @@ def _spread(member: LabelledMember, rng: np.random.Generator) -> Floats:
             side = np.sign(verts[rows, 0].mean())
             root, tip = _inner_end(verts, rows), _outer_end(verts, rows)
             sweep = np.degrees(np.arctan2(tip[2] - root[2], side * (tip[0] - root[0])))
-            _turn(verts, rows, root, side * (sweep + elevation), "y")
+            turn(verts, rows, root, side * (sweep + elevation), "y")
         elif np.ptp(verts[rows, 2]) > _ON_THE_FLANK * np.ptp(verts[rows, 0]):
             _open_wing(verts, rows, elevation)
         else:
@@ -254,7 +276,7 @@ def _folded(member: LabelledMember, rng: np.random.Generator) -> Floats:
     body = verts[np.isin(member.solids, member.solids_named("body"))]
     for rows in limbs(member, "wing"):
         root = _raise_wing(verts, rows, -86.0)
-        _turn(verts, rows, root, back, "x")
+        turn(verts, rows, root, back, "x")
         verts[rows, 0] += np.sign(root[0]) * 0.9 * float(np.abs(body[:, 0]).max()) - root[0]
     return verts
 
@@ -264,6 +286,7 @@ _MOVES: dict[str, Callable[[LabelledMember, np.random.Generator], Floats]] = {
     "turned": _turned,
     "sitting": _sitting,
     "lying": _lying,
+    "swimming": _swimming,
     "T": _arms(82, 95),
     "A": _arms(35, 55),
     "hanging": _arms(4, 14),

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.nouns.families import FAMILIES
-from meshdeform.nouns.forms import FORMS, drawn
+from meshdeform.nouns.forms import FORMS, GENERAL, drawn, is_able, own_forms
 from meshdeform.nouns.poses import POSES, limbs, posed
+from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.priors.builtin.vocabulary import PARTS
 from tests.cases import each_case
 
 MOVED = {
@@ -19,10 +21,18 @@ MOVED = {
     "folded": ("wing",),
     "lying": ("leg", "tail"),
 }
-"""The parts that a pose may move, with what they carry; sitting moves all."""
+"""The parts that a pose may move, with what they carry; sitting and swimming move all."""
 
 
-@each_case("form", sorted({form for forms in FORMS.values() for form in forms}))
+ALL = sorted({form for noun, forms in FORMS.items() for form in (*forms, *own_forms(noun, ()))})
+
+
+def _parts_of(form: str) -> list[Attribute]:
+    attributes = [Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees]
+    return [each for each in attributes if form not in GENERAL and is_able(form, (each,))]
+
+
+@each_case("form", ALL)
 def test_a_form_is_drawn_alike_from_the_same_state(form: str) -> None:
     one, other = (drawn(form, (), np.random.default_rng(5)) for _ in range(2))
     assert np.array_equal(one.verts, other.verts)
@@ -32,7 +42,7 @@ def test_a_form_is_drawn_alike_from_the_same_state(form: str) -> None:
 
 def test_every_noun_has_forms_and_poses_are_of_forms() -> None:
     assert FORMS.keys() == FAMILIES.keys()
-    assert set(POSES) <= {form for forms in FORMS.values() for form in forms}
+    assert set(POSES) <= set(ALL)
     assert "standing-bear" in FORMS["bear"]
     assert {"walking", "sitting", "lying", "turned"} == set(POSES["dog"])
 
@@ -49,7 +59,7 @@ def test_a_pose_keeps_the_faces_and_the_parts_that_it_does_not_move(form: str, p
         still &= ~rest.carried(part)
     assert np.array_equal(one.verts[still], rest.verts[still])
     assert np.abs(one.verts - rest.verts).max() > 0.01
-    if pose != "sitting":  # whose knees bend
+    if pose not in ("sitting", "swimming"):  # in which knees bend, or all moves
         for part in MOVED[pose]:
             for rows in limbs(rest, part) if part in ("leg", "arm", "wing") and part in rest.parts else []:
                 before, after = (
@@ -65,3 +75,40 @@ def test_a_lying_animal_is_flat_and_a_sitting_one_upright() -> None:
     sitting = posed(dog, "sitting", np.random.default_rng(0))
     rows = np.isin(dog.solids, dog.solids_named("body"))
     assert np.ptp(sitting.verts[rows, 1]) > 1.3 * np.ptp(dog.verts[rows, 1])
+
+
+def test_forms_on_hind_legs_are_upright_with_arms_and_look_ahead() -> None:
+    for form in ("upright-dog", "upright-bear"):
+        dog = drawn(form, (), np.random.default_rng(1))
+        body = dog.verts[np.isin(dog.solids, dog.solids_named("body"))]
+        assert np.ptp(body[:, 1]) > 1.5 * np.ptp(body[:, 2])
+        assert (len(dog.solids_named("arm")), len(dog.solids_named("leg"))) == (2, 2)
+        nose, head = (dog.verts[np.isin(dog.solids, dog.solids_named(part))].mean(0) for part in ("nose", "head"))
+        assert (nose - head)[2] > 2 * abs((nose - head)[1])
+        assert head[1] > body[:, 1].mean()
+    dragon = drawn("two-legged-dragon", (), np.random.default_rng(1))
+    assert len(dragon.solids_named("leg")) == 2
+    assert np.array_equal(np.unique(dragon.faces), np.arange(len(dragon.verts)))
+
+
+@each_case("form, attribute", [(form, part) for form in ALL if form not in FAMILIES for part in _parts_of(form)])
+def test_a_form_has_the_attributes_that_it_can_have(form: str, attribute: Attribute) -> None:
+    plain, other = (drawn(form, each, np.random.default_rng(3)) for each in ((), (attribute,)))
+    assert plain.faces.shape == other.faces.shape
+    assert np.abs(plain.verts[plain.faces] - other.verts[other.faces]).max() > 0.02
+
+
+def test_what_stands_on_its_hind_legs_is_tall_as_it_stands() -> None:
+    tall = drawn("upright-dog", (Attribute("whole", "tall"),), np.random.default_rng(1))
+    plain = drawn("upright-dog", (), np.random.default_rng(1))
+    slim = [np.ptp(one.verts[:, 1]) / np.ptp(one.verts[:, 0]) for one in (tall, plain)]
+    assert slim[0] > 1.3 * slim[1]
+
+
+def test_a_wing_on_the_flank_is_opened() -> None:
+    for form in ("duck", "standing-bird", "swan"):
+        rest = drawn(form, (), np.random.default_rng(1))
+        spread = posed(rest, "spread", np.random.default_rng(1))
+        wing = limbs(rest, "wing")[0]
+        assert np.ptp(spread.verts[wing, 0]) > 2 * np.ptp(rest.verts[wing, 0])
+        assert np.ptp(spread.verts[wing, 0]) > 1.2 * np.ptp(spread.verts[wing, 2])
