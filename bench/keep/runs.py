@@ -23,6 +23,7 @@ from meshdeform.support.files import write_files
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = ("exemplar", "sds")
+CHILD = Path(__file__).with_name("child.py")
 _LEFT_OUT = ("losses", "params", "input", "versions")
 """What a report has for every step or of every run alike."""
 
@@ -97,25 +98,17 @@ def measured(prompt: str, path: Path, folder: Path, code: Code, kind: str | None
     The result and what lies beside it are written into a folder that exists.
     """
     started = time.perf_counter()
-    with (folder / "problem.json").open("wb") as problem:
-        process = subprocess.Popen(
-            command(prompt, path, folder / "result.glb", kind),
-            cwd=code.folder,
-            env={**os.environ, "PYTHONPATH": str(code.folder)},
-            stdout=subprocess.DEVNULL,
-            stderr=problem,
-        )
-        _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    told = (folder / "problem.json").read_text(errors="replace").strip()
-    (folder / "problem.json").unlink()
-    cost = {
-        "cpu_seconds": round(used.ru_utime + used.ru_stime, 2),
-        "wall_seconds": round(time.perf_counter() - started, 2),
-        "megabytes": round(used.ru_maxrss / 1024),
-    }
-    if process.returncode:
-        return {**cost, "problem": f"exit {process.returncode}: {told[-500:]}", "report": None}
+    done = subprocess.run(
+        [sys.executable, "-I", str(CHILD), *command(prompt, path, folder / "result.glb", kind)],
+        cwd=code.folder,
+        env={**os.environ, "PYTHONPATH": str(code.folder)},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    cost = json.loads(done.stdout) | {"wall_seconds": round(time.perf_counter() - started, 2)}
+    if failed := cost.pop("exit"):
+        return {**cost, "problem": f"exit {failed}: {done.stderr.strip()[-500:]}", "report": None}
     report = json.loads((folder / "result.report.json").read_text())
     return {**cost, "problem": None, "report": {name: report[name] for name in report if name not in _LEFT_OUT}}
 

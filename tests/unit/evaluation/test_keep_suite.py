@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -14,7 +17,7 @@ from bench.keep.assets import DISTANCES, SPLITS, listed, pairs
 from bench.keep.blind import NOTHING, shuffled
 from bench.keep.cost import split, write_dog
 from bench.keep.grades import Row, parsed, read, saved, table
-from bench.keep.runs import command, verdict
+from bench.keep.runs import CHILD, command, verdict
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUNS
 
@@ -127,3 +130,11 @@ class TestCost:
 
     def test_dog_has_about_so_many_faces(self, tmp_path: Path) -> None:
         assert abs(write_dog(tmp_path / "dog.obj", 1000) - 1000) <= 20
+
+    def test_memory_of_a_command_is_its_own(self) -> None:
+        held = np.ones(40_000_000)  # 320 MB, which a process started from here would be said to hold
+        done = subprocess.run([sys.executable, "-I", str(CHILD), sys.executable, "-c", "pass"], capture_output=True)
+        used = json.loads(done.stdout)
+        assert held.all()
+        assert used["exit"] == 0
+        assert used["megabytes"] < 100
