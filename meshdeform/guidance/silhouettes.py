@@ -11,11 +11,8 @@ from the pixels of the mask that are not covered to the nearest vertex of the me
 a surface that has none, which the other two hardly do, since they only see how the outline itself moves. All are 0 for
 equal silhouettes only.
 
-**Scale.** A picture says nothing about the size of what it shows, but two pictures of one object agree: with an
-ellipsoid of squared half axes A, view k sees the squared width ``4 r_k A r_k`` and height ``4 u_k A u_k``, r and u the
-view's right and up. A and the squared scales of the pictures follow by non-negative least squares, so that a front and
-a side get the same height, and a front and a top the same width. The size of all together is that with which the masks
-spread on average as the asset does from the same directions.
+**Scale.** The pictures get scales that agree (`geometry.pictures`); the size of all together is that with which the
+masks spread on average as the asset does from the same directions.
 
 **Place.** Before every comparison the mask is moved so that both silhouettes have the same centre of area, since the
 solve keeps the asset's centre of mass in place.
@@ -36,8 +33,8 @@ from scipy import spatial
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.errors import SilhouetteError
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.guidance.base import Guidance, HeavyGuidance, StepContext
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer import CoverageRenderer
@@ -47,21 +44,8 @@ _SIDE = 128
 _MARGIN = 1.25
 """Radius that just fits the view, relative to the farthest point of asset or mask."""
 _DISTANCE_WEIGHT = 8.0
-_CONTRADICTION = 0.2
-"""Relative error of a width or height above which pictures contradict their directions."""
 
 _Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class SilhouetteView:
-    """A mask and the direction from which it was seen."""
-
-    mask: NDArray[np.bool_]  # (H, W) bool: row 0 at the top
-    # As in `cameras.fixed_cameras`
-    azimuth_deg: float
-    elevation_deg: float = 0.0
-    fov_deg: float = 20.0
 
 
 @dataclass(frozen=True)
@@ -114,13 +98,13 @@ class SilhouetteTerm:
         """
         self._renderer = CoverageRenderer(mesh.faces, len(mesh.verts), self._side, self._device)
         scales = picture_scales(self._views)
-        spreads = [_spread(view.mask) * scale for view, scale in zip(self._views, scales, strict=True)]
+        spreads = [mask_spread(view.mask) * scale for view, scale in zip(self._views, scales, strict=True)]
         reach = float(mesh.verts.norm(dim=1).max())
-        own = [_spread(mask) * unit for mask, unit in self._rest_masks(mesh, reach)]
+        own = [mask_spread(mask) * unit for mask, unit in self._rest_masks(mesh, reach)]
         size = math.exp(float(np.mean(np.log(np.array(own) / np.array(spreads)))))
         self._placed = []
         for view, scale in zip(self._views, scales * size, strict=True):
-            radius = _MARGIN * max(reach, _half_diagonal(view.mask) * scale)
+            radius = _MARGIN * max(reach, mask_radius(view.mask) * scale)
             self._placed.append(self._place(view, scale, radius))
 
     def _rest_masks(self, mesh: TriangleMesh, reach: float) -> list[tuple[NDArray[np.bool_], float]]:
@@ -137,7 +121,7 @@ class SilhouetteTerm:
     def _place(self, view: SilhouetteView, scale: float, radius: float) -> _Placed:
         width = _view_width(view, radius) / scale  # in pixels of the picture
         height, wide = view.mask.shape
-        centre = _centre(view.mask)
+        centre = mask_centre(view.mask)
         # A picture with the mask's centre of area in its middle, sampled finer than the view and averaged down.
         fine = 4
         steps = (np.arange(self._side * fine) + 0.5) / (self._side * fine) - 0.5
@@ -199,51 +183,11 @@ class SilhouetteTerm:
         return masks  # type: ignore[return-value]
 
 
-def picture_scales(views: Sequence[SilhouetteView]) -> _Floats:
-    """Return lengths (K,) of a pixel of each picture, relative to one another.
-
-    Raises SilhouetteError: the widths and heights of the masks contradict their directions.
-    """
-    # Unknown: the three squared half axes, then the squared scales. The first scale is 1.
-    count = len(views)
-    rows = []
-    for number, view in enumerate(views):
-        high, wide = _extents(view.mask)
-        for axis, extent in ((_right(view), wide), (_up(view), high)):
-            row = np.zeros(3 + count)
-            row[:3] = 4 * axis**2 / extent**2
-            row[3 + number] = -1.0
-            rows.append(row)
-    system = np.array(rows)
-    from scipy.optimize import nnls  # a part of scipy that no other run needs
-
-    scales, _ = nnls(np.delete(system, 3, 1), -system[:, 3])
-    squared = np.concatenate([[1.0], scales[3:]])
-    if (squared <= 0).any():
-        raise _contradiction(views)
-    seen = np.sqrt(np.maximum(system[:, :3] @ scales[:3], 0) / np.repeat(squared, 2))
-    if np.abs(seen - 1).max() > _CONTRADICTION:
-        raise _contradiction(views)
-    return np.asarray(np.sqrt(squared))
-
-
 def _centre_of(image: Tensor) -> Tensor:
     """Return the centre of area (row, column) of an image (S, S), in pixels from its middle."""
     steps = torch.arange(len(image), device=image.device, dtype=image.dtype) + 0.5 - len(image) / 2
     total = image.sum().clamp_min(1e-6)
     return torch.stack([(image.sum(1) * steps).sum() / total, (image.sum(0) * steps).sum() / total])
-
-
-def _contradiction(views: Sequence[SilhouetteView]) -> SilhouetteError:
-    sizes = "; ".join(
-        f"azimuth {view.azimuth_deg:g}, elevation {view.elevation_deg:g}: {high} high and {wide} wide"
-        for view in views
-        for high, wide in [_extents(view.mask)]
-    )
-    return SilhouetteError(
-        f"The pictures cannot show one object from these directions, whatever their scales. In pixels: {sizes}.",
-        advice="Correct the azimuths and elevations, or leave out the picture that does not fit.",
-    )
 
 
 def _cameras(view: SilhouetteView, radius: float) -> Cameras:
@@ -253,36 +197,6 @@ def _cameras(view: SilhouetteView, radius: float) -> Cameras:
 def _view_width(view: SilhouetteView, radius: float) -> float:
     """Return the width of a view in the plane through the origin."""
     return 2 * radius / math.cos(math.radians(view.fov_deg) / 2)
-
-
-def _right(view: SilhouetteView) -> _Floats:
-    azimuth = math.radians(view.azimuth_deg)
-    return np.array([math.cos(azimuth), 0.0, -math.sin(azimuth)])
-
-
-def _up(view: SilhouetteView) -> _Floats:
-    azimuth, elevation = math.radians(view.azimuth_deg), math.radians(view.elevation_deg)
-    sine = math.sin(elevation)
-    return np.array([-sine * math.sin(azimuth), math.cos(elevation), -sine * math.cos(azimuth)])
-
-
-def _extents(mask: NDArray[np.bool_]) -> tuple[int, int]:
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return int(np.ptp(rows)) + 1, int(np.ptp(columns)) + 1
-
-
-def _centre(mask: NDArray[np.bool_]) -> _Floats:
-    return np.asarray(np.argwhere(mask).mean(0) + 0.5)
-
-
-def _spread(mask: NDArray[np.bool_]) -> float:
-    """Return the root mean square distance of the covered pixels from their centre."""
-    return float(np.sqrt(np.argwhere(mask).var(0).sum()))
-
-
-def _half_diagonal(mask: NDArray[np.bool_]) -> float:
-    """Return the greatest distance of a covered pixel from the centre of area."""
-    return float(np.linalg.norm(np.argwhere(mask) + 0.5 - _centre(mask), axis=1).max())
 
 
 _UNSEEN = RenderStyle(view_size=8, supersample=1)

@@ -17,13 +17,14 @@ from meshdeform.assets.silhouette import read_silhouette
 from meshdeform.deformation.stand_in import stand_in_of
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import Guidance
 from meshdeform.guidance.points import Landmark, LandmarkTerm, diagonal_of
 from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
-from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuidance, SilhouetteTerm, SilhouetteView
+from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuidance, SilhouetteTerm
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import Frame, fixed_cameras

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import SilhouetteError
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.pictures import SilhouetteView, picture_scales
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.guidance.silhouettes import SilhouetteGuidance, SilhouetteTerm, SilhouetteView, picture_scales
+from meshdeform.guidance.silhouettes import SilhouetteGuidance, SilhouetteTerm
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.rasterizer import CoverageRenderer
 from tests.unit.deformation.worlds import params
