@@ -11,14 +11,14 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from meshdeform.exemplar.sprouts import Ground, Limb, limb_of, sprouted
+from meshdeform.exemplar.sprouts import Ground, Limb, limb_of, seat_of, sprouted
 from meshdeform.exemplar.surface_fit import Manner, SurfaceGoal, surface_fit
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["grown"]
 
-_MANNER = Manner(samples=3000, rounds=8, stiffness=(3.0, 0.5), limits=(0.2, 0.04), sliding=(1.0, 0.1), held=0.02)
+_MANNER = Manner(samples=3000, rounds=8, stiffness=(3.0, 0.1), limits=(0.2, 0.04), sliding=(1.0, 0.1), held=0.02)
 _LIMB_SAMPLES = 6000
 _OTHERS = 0.3
 
@@ -33,6 +33,7 @@ def grown(
     *,
     parents: Mapping[int, int],
     much: Collection[int] = (),
+    before: Floats | None = None,
 ) -> Floats:
     """Return the vertices (V, 3) of a surface whose parts have grown as those of its goal.
 
@@ -46,10 +47,15 @@ def grown(
         Each part that only the goal has and that is to sprout, with the part of the surface on which it does.
     much : collection of int
         Parts of both that must grow much.
+    before : array (V, 3) float64, optional
+        The surface before its last fit, of which what stuck out may have been flattened.
     """
     goal = _Goal(goal_verts, goal_faces, goal_codes)
     limbs = {code: limb for code in sorted(parents) if (limb := goal.limb(code)) is not None}
-    start, codes = _sprout(verts, faces, codes, goal, limbs, parents)
+    ground = Ground.of(verts, faces)
+    start, codes = _sprout(
+        ground, ground if before is None else Ground.of(before, faces), faces, codes, goal, limbs, parents
+    )
     growing = set(much) | set(limbs)
     growing &= set(codes.tolist()) & set(goal_codes.tolist())
     if not growing:
@@ -91,23 +97,30 @@ def _areas(verts: Floats, faces: Index) -> Floats:
 
 
 def _sprout(
-    verts: Floats, faces: Index, codes: Index, goal: _Goal, limbs: Mapping[int, Limb], parents: Mapping[int, int]
+    ground: Ground,
+    before: Ground,
+    faces: Index,
+    codes: Index,
+    goal: _Goal,
+    limbs: Mapping[int, Limb],
+    parents: Mapping[int, int],
 ) -> tuple[Floats, Index]:
     """Return where the vertices start, and the codes of the faces with those of the patches."""
-    start, codes = verts.copy(), codes.copy()
-    ground = Ground.of(verts, faces)
+    start, patched = ground.verts.copy(), codes.copy()
     carriers = {code: np.unique(faces[codes == parents[code]]) for code in limbs}
-    for code, limb in limbs.items():
-        siblings = [other for key, other in limbs.items() if parents[key] == parents[code]]
+    found = {code: seat_of(limb, ground, before, carriers[code]) for code, limb in limbs.items()}
+    seats = {code: seat for code, seat in found.items() if seat is not None}
+    for code, seat in seats.items():
+        limb = limbs[code]
+        siblings = [limbs[other] for other in seats if parents[other] == parents[code]]
         whole = goal.seen(parents[code]) + sum(other.area for other in siblings)
-        room = min((float(np.linalg.norm(limb.root - o.root)) for k, o in limbs.items() if k != code), default=np.inf)
-        sprout = sprouted(limb, ground, carriers[code], limb.area / whole, room)
-        if sprout is not None:
-            start[sprout.verts] = sprout.start
-            patch = np.zeros(len(verts), bool)
-            patch[sprout.verts] = True
-            codes[patch[faces].sum(1) >= 2] = code
-    return start, codes
+        rivals = before.verts[[other.middle for key, other in seats.items() if key != code]]
+        sprout = sprouted(limb, seat, before, carriers[code], limb.area / whole, rivals)
+        start[sprout.verts] = sprout.start
+        patch = np.zeros(len(start), bool)
+        patch[sprout.verts] = True
+        patched[patch[faces].sum(1) >= 2] = code
+    return start, patched
 
 
 def _beside(faces: Index, codes: Index, growing: Collection[int], count: int) -> set[int]:

@@ -7,8 +7,10 @@ two are laid on each other so that areas keep their ratio: a vertex inside whose
 share s of the patch goes to the height beyond which lies the share s of the limb, at its own angle about the axis. So
 two ears get two patches with a strip of head between them, and nothing is pulled out that would web them.
 
-A patch has the share of its carrier's area that the limb has of the goal's, but is no smaller than the root and
-leaves more than a quarter of the way between two roots free.
+A patch has the share of its carrier's area that the limb has of the goal's, up to 0.12 and 1.5 times the radius of the
+root, so that it takes little of a face, but is no smaller than the root and has two dozen vertices if that lets it.
+Between two patches a strip stays free, 0.28 of the way from one middle to the other: with d the distance from the plane
+half way, h that of the middle, and R the radius, r is the greater of |x - middle| / R and (h - d) / (0.72 h).
 
 Sources: Sheffer, Praun and Rose 2006, Mesh parameterization methods and their applications (area-preserving maps
 between discs); Wang et al. 2008, Computation of rotation minimizing frames.
@@ -27,17 +29,19 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import Samples
 
-__all__ = ["Ground", "Limb", "Sprout", "limb_of", "sprouted"]
+__all__ = ["Ground", "Limb", "Seat", "Sprout", "limb_of", "seat_of", "sprouted"]
 
 _NEIGHBOURS = 8
 _AT_ROOT, _FEWEST = 0.06, 30
 _BINS = 10
-_FREE = 0.36
-"""Share of the way to the next root that a patch may cover."""
-_LARGEST = 0.14
-"""Greatest radius of a patch, unless the root is larger."""
+_FREE = 0.28
+"""Share of the way between two roots that no patch covers."""
+_MOST, _WIDER, _ENOUGH = 0.12, 1.5, 24
+"""Greatest share of its carrier that a patch has; its greatest radius in those of the root if that holds enough vertices."""
 _FACING = 0.1
 """Least cosine between the normal where a limb grows and the direction in which it does."""
+_SEARCH, _SEARCH_MORE, _BESIDE, _STUCK_OUT = 2.0, 0.04, 0.06, 0.02
+"""How far from its root, in its radii and in diagonals, and to its sides, a limb seeks what sticks out so far."""
 _TURN = 0.6
 """Weight of angles beside heights where the nearest places of a limb are looked up."""
 
@@ -183,40 +187,76 @@ class Ground:
         return cls(verts, normals, areas, np.unique(edges, axis=0))
 
 
-def sprouted(limb: Limb, ground: Ground, carrier: Index, share: float, room: float) -> Sprout | None:
-    """Lay the patch of a limb on it; None where the carrier has no place for it.
+@dataclass(frozen=True)
+class Seat:
+    """Where a limb sprouts: its middle vertex, the least radius of its patch, and the shift (3,) of the limb."""
+
+    middle: int
+    radius: float
+    shift: Floats
+
+
+def seat_of(limb: Limb, ground: Ground, before: Ground, carrier: Index) -> Seat | None:
+    """Return where a limb sprouts from a carrier, vertices (C,); None where nothing faces its way.
+
+    `ground` is fitted to the goal without the limb, `before` is the same surface as it was. What stuck out there, near
+    the root and along the limb, and has been flattened, is what it grows from: an ear that nobody had named.
+    """
+    facing = carrier[ground.normals[carrier] @ limb.axis > _FACING]
+    if not len(facing):
+        return None
+    apart = np.linalg.norm(ground.verts - limb.root, axis=1)
+    flattened = (before.verts - ground.verts) @ limb.axis
+    flattened -= np.median(flattened[carrier])
+    beside = np.abs(before.verts[carrier, 0] - limb.root[0])
+    near = carrier[(apart[carrier] < _SEARCH * limb.radius + _SEARCH_MORE) & (beside < _BESIDE)]
+    if len(near):
+        middle = int(near[(flattened[near] - 0.5 * apart[near]).argmax()])
+        if flattened[middle] > max(_STUCK_OUT, 0.5 * apart[middle]):
+            return Seat(middle, max(limb.radius, 1.2 * float(flattened[middle])), np.zeros(3))
+    middle = int(facing[apart[facing].argmin()])
+    normal = ground.normals[middle]
+    return Seat(middle, limb.radius, normal * float((ground.verts[middle] - limb.root) @ normal))
+
+
+def sprouted(limb: Limb, seat: Seat, before: Ground, carrier: Index, share: float, rivals: Floats) -> Sprout:
+    """Lay the patch of a limb on it.
 
     Parameters
     ----------
+    seat : Seat
+    before : Ground
+        The surface on which the patch is measured.
     carrier : array (C,) int64
         Vertices of the part on which the limb grows.
     share : float
         Area of the patch relative to that of the carrier.
-    room : float
-        Distance from the root to the next one.
+    rivals : array (R, 3) float64
+        Middles of the patches of other limbs.
     """
-    verts = ground.verts
-    facing = carrier[ground.normals[carrier] @ limb.axis > _FACING]
-    if not len(facing):
-        return None
-    middle = int(facing[np.linalg.norm(verts[facing] - limb.root, axis=1).argmin()])
-    normal = ground.normals[middle]
-    shift = normal * float((verts[middle] - limb.root) @ normal)
-    centre = limb.root + shift
-    distance = np.linalg.norm(verts[carrier] - centre, axis=1)
-    order = np.argsort(distance, kind="stable")
-    covered = np.cumsum(ground.areas[carrier][order])
-    wanted = float(distance[order][min(int(np.searchsorted(covered, share * covered[-1])), len(order) - 1)])
-    radius = min(max(min(wanted, _LARGEST), limb.radius), _FREE * room)
-    patch = _piece(carrier[distance < radius], middle, ground.edges, len(verts))
-    apart = verts[patch] - centre
-    order = np.argsort(np.linalg.norm(apart, axis=1), kind="stable")
+    centre = before.verts[seat.middle]
+    apart = before.verts[carrier] - centre
+    toward = rivals - centre
+    halves = np.linalg.norm(toward, axis=1) / 2
+    gone = apart @ (toward / np.maximum(2 * halves, 1e-12)[:, None]).T
+    sideward = (gone / np.maximum((1 - _FREE) * halves, 1e-12)).max(1, initial=0.0)
+    far = np.linalg.norm(apart, axis=1)
+    order = np.argsort(np.where(sideward < 1, far, np.inf), kind="stable")
+    covered = np.cumsum(before.areas[carrier][order])
+    wanted = float(far[order][min(int(np.searchsorted(covered, min(share, _MOST) * covered[-1])), len(order) - 1)])
+    enough = float(far[order][min(_ENOUGH, len(order) - 1)])
+    radius = max(min(wanted, max(_WIDER * seat.radius, enough)), seat.radius)
+    outward = np.maximum(far / radius, sideward)
+    patch = _piece(carrier[outward < 1], seat.middle, before.edges, len(before.verts))
+    place = np.full(len(before.verts), np.inf)
+    place[carrier] = outward
+    order = np.argsort(place[patch], kind="stable")
     beyond = np.empty(len(patch))
-    whole = np.cumsum(ground.areas[patch][order])
-    beyond[order] = (whole - ground.areas[patch][order]) / max(float(whole[-1]), 1e-30)
-    turned = apart @ limb.across.T
+    whole = np.cumsum(before.areas[patch][order])
+    beyond[order] = (whole - before.areas[patch][order]) / max(float(whole[-1]), 1e-30)
+    turned = (before.verts[patch] - centre) @ limb.across.T
     turns = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
-    return Sprout(patch, limb.at(np.quantile(limb.heights, 1 - beyond), turns) + shift)
+    return Sprout(patch, limb.at(np.quantile(limb.heights, 1 - beyond), turns) + seat.shift)
 
 
 def _piece(patch: Index, middle: int, edges: Index, count: int) -> Index:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.growth import grown
-from meshdeform.exemplar.sprouts import Ground, limb_of, sprouted
+from meshdeform.exemplar.sprouts import Ground, limb_of, seat_of, sprouted
 from meshdeform.nouns.families.parts import ellipsoid, join, limb
 from meshdeform.reading.samples import hidden, spread
 
@@ -49,7 +49,7 @@ def test_two_ears_grow_apart_from_a_plain_head() -> None:
     top = goal[0][:, 1].max()
     for side in (-1, 1):
         ear = moved[(side * moved[:, 0] > 0) & (moved[:, 1] > 0.6)]
-        assert len(ear) > 20
+        assert len(ear) > 8
         assert ear[:, 1].max() > top - 0.03
         assert np.abs(ear[:, 0] - side * 0.09).max() < 0.05  # clean: no web to the other ear
     between = moved[(np.abs(moved[:, 0]) < 0.02) & (moved[:, 2] > 0.1)]
@@ -120,7 +120,27 @@ def test_patches_of_two_limbs_are_disjoint() -> None:
     own = goal[2][samples.faces]
     ears = [limb_of(samples, own == code, hidden(samples, own), 1.0) for code in _EARS]
     ground, head = Ground.of(verts, faces), np.unique(faces[codes == _HEAD])
-    patches = [sprouted(ear, ground, head, 0.3, 0.18) for ear in ears if ear is not None]
-    found = [set(patch.verts.tolist()) for patch in patches if patch is not None]
-    assert len(found) == 2
-    assert not found[0] & found[1]
+    patches = []
+    for ear in ears:
+        assert ear is not None
+        seat = seat_of(ear, ground, ground, head)
+        assert seat is not None
+        rivals = np.array([[-ear.root[0], 0.48, 0.2]])
+        patches.append(set(sprouted(ear, seat, ground, head, 0.3, rivals).verts.tolist()))
+    assert min(len(patch) for patch in patches) > 12
+    assert not patches[0] & patches[1]
+
+
+def test_a_limb_grows_from_what_stuck_out_and_was_flattened() -> None:
+    verts, faces, codes = _animal()
+    goal = _goal()
+    samples = spread(goal[0], goal[1], 6000, 4)
+    own = goal[2][samples.faces]
+    ear = limb_of(samples, own == _EARS[1], hidden(samples, own), 1.0)
+    assert ear is not None
+    spike = verts + [[0, 0.08, 0]] * np.exp(-np.square(verts - [0.1, 0.45, 0.24]).sum(1, keepdims=True) / 0.0015)
+    head = np.unique(faces[codes == _HEAD])
+    seat = seat_of(ear, Ground.of(verts, faces), Ground.of(spike, faces), head)
+    assert seat is not None
+    assert np.linalg.norm(verts[seat.middle] - [0.1, 0.45, 0.24]) < 0.04
+    assert spike[seat.middle, 1] > verts[seat.middle, 1] + 0.05
