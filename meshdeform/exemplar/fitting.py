@@ -188,6 +188,7 @@ def _smooth(
         codes.goal[kept],
         parents=codes.sprouting,
         much=codes.much,
+        before=first,
     )
 
 
