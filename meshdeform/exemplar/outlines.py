@@ -20,19 +20,19 @@ generators that are sought anew); Liu et al. 2019, Soft Rasterizer (silhouettes 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.smooth_fit import Pulls
+from meshdeform.exemplar.smooth_fit import Pulls, smooth_fit
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
 
-__all__ = ["Outline", "Outlines", "contour_of", "outlines_of"]
+__all__ = ["Outline", "Outlines", "contour_of", "outlined", "outlines_of"]
 
 _PLACES, _VERTS = 9_000, 4_000
 _SIDE, _MARGIN = 96, 1.25
@@ -119,6 +119,19 @@ def outlines_of(views: Sequence[SilhouetteView], verts: Floats, faces: Index, tu
         distance = _distance(view, max(reach, mask_radius(view.mask) * scale))
         found.append(Outline(turn @ view.right, turn @ view.up, points, normals, distance))
     return found
+
+
+def outlined(
+    verts: Floats, faces: Index, outlines: Sequence[Outline], *, planes: Collection[int] = (), built: bool = False
+) -> Floats:
+    """Return the vertices (V, 3) of a surface that takes on outlines, and is else bent and stretched little.
+
+    `planes`, `built`: as of `smooth_fit`.
+    """
+    none, places = np.zeros(0, np.int64), np.zeros((0, 3))
+    codes = np.zeros(len(faces), np.int64)
+    pulls = Outlines(verts, faces, outlines)
+    return smooth_fit(verts, faces, codes, places, none.reshape(0, 3), none, planes=planes, built=built, outlines=pulls)
 
 
 def _distance(view: SilhouetteView, reach: float) -> float:

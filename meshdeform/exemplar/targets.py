@@ -26,6 +26,7 @@ from scipy.spatial import cKDTree
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import LEVELS, smooth_fit
 from meshdeform.exemplar.surface_fit import Manner, SurfaceGoal, surface_fit
+from meshdeform.exemplar.symmetry import evened
 from meshdeform.nouns.labels import Floats
 from meshdeform.reading.samples import Samples, features, spread
 
@@ -37,8 +38,6 @@ _NORMALS = 0.1
 _TURNS, _HALVINGS, _GAIN = 24, 6, 0.03
 _LIMITS = (0.5, 0.05)
 _MANNER = Manner(samples=10_000, rounds=16, stiffness=(10.0, 0.01), limits=(0.1, 0.02), sliding=(0.5, 0.02), held=1e-3)
-_PARTNER = 1e-3
-"""Distance, a share of the diagonal, within which a vertex has a mirror image."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,7 @@ def fitted_to_target(
     samples = samples._replace(places=samples.places + _to_planes(source, target, planes))
     goal = SurfaceGoal(samples, np.zeros(count, np.int64), np.full(count, 1 / count))
     close = surface_fit(rough, source.faces, codes, goal, _MANNER)
-    return _mirrored(source, close, planes)
+    return evened(source.verts, close, tuple(planes))
 
 
 class _Cloud:
@@ -179,17 +178,3 @@ def _to_planes(source: Shape, target: Shape, planes: Collection[int]) -> Floats:
         own, other = (each.verts[np.unique(each.faces)][:, axis] for each in (source, target))
         shift[axis] = (own.min() + own.max() - other.min() - other.max()) / 2
     return shift
-
-
-def _mirrored(source: Shape, moved: Floats, planes: Collection[int]) -> Floats:
-    """Return moved vertices (V, 3) of which mirror images have the mean of both."""
-    used = np.unique(source.faces)
-    low, high = source.verts[used].min(0), source.verts[used].max(0)
-    for axis in planes:
-        across = np.where(np.arange(3) == axis, -1.0, 1.0)
-        shift = np.where(np.arange(3) == axis, low + high, 0.0)
-        tree = cKDTree(source.verts)
-        far, image = tree.query(source.verts * across + shift)
-        paired = (far < _PARTNER * float(np.linalg.norm(high - low))) & (image[image] == np.arange(len(image)))
-        moved = np.where(paired[:, None], (moved + moved[image] * across + shift) / 2, moved)
-    return moved

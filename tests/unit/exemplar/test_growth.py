@@ -49,7 +49,7 @@ def test_two_ears_grow_apart_from_a_plain_head() -> None:
     top = goal[0][:, 1].max()
     for side in (-1, 1):
         ear = moved[(side * moved[:, 0] > 0) & (moved[:, 1] > 0.6)]
-        assert len(ear) > 8
+        assert len(ear) > 5
         assert ear[:, 1].max() > top - 0.03
         assert np.abs(ear[:, 0] - side * 0.09).max() < 0.05  # clean: no web to the other ear
     between = moved[(np.abs(moved[:, 0]) < 0.02) & (moved[:, 2] > 0.1)]
