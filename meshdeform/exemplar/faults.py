@@ -13,18 +13,34 @@ import numpy as np
 
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.folds import FaceNeighbours, area_vectors, longest_squared, without_rounding
-from meshdeform.geometry.intersections import TooManyPairsError, intersecting_faces, newly_cutting_pairs
+from meshdeform.geometry.intersections import TooManyPairsError, faces_near, intersecting_faces, newly_cutting_pairs
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["Faults", "Found"]
 
+_LOCAL = 0.3
+"""Share of changed faces from which the whole surface is searched again."""
+
 
 @dataclass(frozen=True)
 class Found:
-    """The faces (F,) of a deformed surface that are folded, and those that newly cut another one."""
+    """What is broken in a shape.
 
+    `verts` (V, 3) float64: the shape; `folded` (F,): its folded faces; `pairs` (P, 2) int64: those that newly cut each
+    other, ascending; `crowded`: so many meet that they were not listed.
+    """
+
+    verts: Floats
     folded: Flags
-    cutting: Flags
+    pairs: Index
+    crowded: bool = False
+
+    @cached_property
+    def cutting(self) -> Flags:
+        """Which faces (F,) newly cut another one."""
+        flags = np.full(len(self.folded), self.crowded)
+        flags[self.pairs.ravel()] = True
+        return flags
 
     def clean(self, share: float) -> bool:
         """Whether nothing is folded and at most this share of the faces cuts."""
@@ -32,7 +48,7 @@ class Found:
 
     def too_many(self, share: float) -> bool:
         """Whether more than this share of the faces cuts."""
-        return int(self.cutting.sum()) > share * len(self.cutting)
+        return int(self.cutting.sum()) > share * len(self.folded)
 
     def to_mend(self, share: float) -> Flags:
         """Return which faces (F,) have to change: the folded ones, and if too many cut, those."""
@@ -42,8 +58,12 @@ class Found:
 class Faults:
     """Finds the faults of shapes of the same faces (F, 3), whose vertices (V, 3) float64 lie at `rest` at first.
 
-    Where so many faces lie on or in each other at rest that their pairs cannot be searched, no cuts are found; where
-    only a deformed shape has so many, all its faces count as cutting.
+    Where so many faces lie on or in each other at rest that their pairs cannot be searched, no cuts are found.
+
+    Attributes
+    ----------
+    areas : (F,) float64
+        At rest.
     """
 
     def __init__(self, rest: Floats, faces: Index) -> None:
@@ -53,7 +73,7 @@ class Faults:
         self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest)
 
     @cached_property
-    def searchable(self) -> bool:
+    def _searchable(self) -> bool:
         """Whether the pairs of faces that cut at rest can be searched."""
         try:
             intersecting_faces(self._rest, self._faces)
@@ -61,13 +81,27 @@ class Faults:
             return False
         return True
 
-    def find(self, verts: Floats) -> Found:
-        """Return the faults of vertices (V, 3) float64."""
+    def find(self, verts: Floats, last: Found | None = None) -> Found:
+        """Return the faults of vertices (V, 3) float64.
+
+        `last`: those of a shape before; where few vertices moved since, only around these are pairs searched again.
+        """
         verts = without_rounding(self._rest, verts)
-        folded, cutting = (np.zeros(len(self._faces), bool) for _ in range(2))
+        folded = np.zeros(len(self._faces), bool)
         folded[self._solid] = self._neighbours.folded(verts)
         try:
-            cutting[newly_cutting_pairs(self._rest, verts, self._faces).ravel()] = True
+            return Found(verts, folded, self._pairs(verts, last))
         except TooManyPairsError:
-            cutting[:] = self.searchable
-        return Found(folded, cutting)
+            return Found(verts, folded, np.zeros((0, 2), np.int64), self._searchable)
+
+    def _pairs(self, verts: Floats, last: Found | None) -> Index:
+        """List the pairs that newly cut."""
+        if last is None or last.crowded:
+            return newly_cutting_pairs(self._rest, verts, self._faces)
+        changed = (verts != last.verts).any(1)[self._faces].any(1)
+        if changed.mean() > _LOCAL:
+            return newly_cutting_pairs(self._rest, verts, self._faces)
+        near = np.flatnonzero(faces_near(verts, self._faces, changed))
+        pairs = near[newly_cutting_pairs(self._rest, verts, self._faces[near])]
+        pairs = np.concatenate([pairs[changed[pairs].any(1)], last.pairs[~changed[last.pairs].any(1)]])
+        return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])

@@ -33,18 +33,22 @@ _LEAST_STRETCH = 0.05
 """Of a map's largest stretch; what is flatter folds over at a crease."""
 
 
-def affine_map(points: Floats, goals: Floats, masses: Floats) -> Floats:
+def affine_map(
+    points: Floats, goals: Floats, masses: Floats, toward: Floats | None = None, *, ridge: float = 1e-6
+) -> Floats:
     """Return the affine map (4, 3) of points (N, 3) nearest to their goals, by masses (N,); it mirrors nothing.
 
-    It takes a point as the row (x, y, z, 1). Points in a plane go by a map that keeps what is across it.
+    It takes a point as the row (x, y, z, 1). Across points in a plane, it is the linear map `toward` (3, 3), or keeps
+    what is across; `ridge` is how much it is drawn there, a share of the points' moments.
     """
+    toward = np.eye(3) if toward is None else toward
     masses = masses / masses.sum()
     a, b = masses @ points, masses @ goals
     centred = points - a
     moments = (masses[:, None] * centred).T @ centred
-    ridge = 1e-6 * float(np.trace(moments)) + 1e-300
+    pull = ridge * float(np.trace(moments)) + 1e-12
     right = (masses[:, None] * centred).T @ (goals - b)
-    linear = np.linalg.solve(moments + ridge * np.eye(3), right + ridge * np.eye(3))
+    linear = np.linalg.solve(moments + pull * np.eye(3), right + pull * toward)
     u, stretches, v = np.linalg.svd(linear)
     if np.linalg.det(u @ v) < 0:
         stretches[2] *= -1

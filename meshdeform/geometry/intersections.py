@@ -399,3 +399,46 @@ def newly_cutting_pairs(rest: _Floats, verts: _Floats, faces: _Index) -> _Index:
     touching = cutting[touching_pairs(rest, faces[cutting], np.full(len(cutting), reach))]
     keys, known = (pair[:, 0] * len(faces) + pair[:, 1] for pair in (pairs, touching))
     return np.asarray(pairs[~np.isin(keys, known)])
+
+
+_CELLS = 64
+"""Cells along the longest side of the grid that finds what is near."""
+
+
+@kernel
+def _mark_cells(low: _Floats, high: _Floats, marked: _Flags) -> None:
+    """Mark the cells of a grid (A, B, C) that boxes, in cells, meet."""
+    for f in range(len(low)):
+        for i in range(int(low[f, 0]), int(high[f, 0]) + 1):
+            for j in range(int(low[f, 1]), int(high[f, 1]) + 1):
+                for k in range(int(low[f, 2]), int(high[f, 2]) + 1):
+                    marked[i, j, k] = True
+
+
+@kernel
+def _in_marked_cells(low: _Floats, high: _Floats, marked: _Flags) -> _Flags:
+    """Return which boxes (F,), in cells, meet a marked cell."""
+    out = np.zeros(len(low), np.bool_)
+    for f in range(len(low)):
+        for i in range(int(low[f, 0]), int(high[f, 0]) + 1):
+            for j in range(int(low[f, 1]), int(high[f, 1]) + 1):
+                for k in range(int(low[f, 2]), int(high[f, 2]) + 1):
+                    out[f] |= marked[i, j, k]
+    return out
+
+
+def faces_near(verts: _Floats, faces: _Index, some: _Flags) -> _Flags:
+    """Find the faces that may touch some of them: those in cells of a grid that these meet, and these.
+
+    `verts` is (V, 3) float64; `faces` is (F, 3) int64; `some` is (F,) bool. Returns (F,) bool.
+    """
+    if not some.any():
+        return some.copy()
+    low, high = _boxes(np.ascontiguousarray(verts, np.float64), faces)
+    origin, far = low.min(0), high.max(0)
+    scale = _CELLS / max(float((far - origin).max()), 1e-300)
+    shape = ((far - origin) * scale).astype(np.int64) + 1
+    low, high = (np.clip((ends - origin) * scale, 0, shape - 1) for ends in (low, high))
+    marked = np.zeros(tuple(shape), np.bool_)
+    _mark_cells(low[some], high[some], marked)
+    return np.asarray(_in_marked_cells(low, high, marked))
