@@ -2,12 +2,12 @@
 
 All members that have the wished attributes are graded by tables of samples (`reading.banks`):
 
-    merit = d + 0.3 p + 0.05 q,    d = mean_i min_j |f_i - g_j| + 1/2 mean_j min(min_i |f_i - g_j|, 0.15),
+    merit = d + 0.3 p + q,    d = mean_i min_j |f_i - g_j| + 1/2 mean_j min(min_i |f_i - g_j|, 0.15),
 
 with features f of the asset's samples and g of the member's (`reading.samples`), scaled to the asset's box; p tells how
-differently they hold their limbs (`posture`), and q which parts only one has: half of the sum of |s_k - t_k| for the
-shares s, t of the surfaces that are of part k, and the share of limbs without a partner. Whoever shows no legs is not
-taken to sit or to lie, by 0.05. Those that come out best are drawn, take the asset's posture, are placed and graded
+differently they hold their limbs (`posture`), and q which parts only one has: 0.025 of the sum of |s_k - t_k| for the
+shares s, t of the surfaces that are of part k, 0.15 of the share of limbs without a partner, and 0.05 if one that
+shows no legs is to sit or to lie. Those that come out best are drawn, take the asset's posture, are placed and graded
 once more.
 
 A member is scaled to the box by the geometric mean of the ratios of its sides, and each side by at most 1.15 against
@@ -43,14 +43,14 @@ from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
 
-__all__ = ["AFLOAT", "Exemplar", "exemplars"]
+__all__ = ["AFLOAT", "Exemplar", "exemplars", "nearest_of"]
 
 _EASE = 1.15
 _FEW, _DENSE = 220, 2500
 """Samples by which all members are graded, and those of the other surface for the ones that are drawn."""
-_FINALISTS = 12
+_FINALISTS, _SKETCHED = 12, 4
 _FAR = 0.15
-_POSTURE, _PARTS, _UNSEEN = 0.3, 0.05, 0.05
+_POSTURE, _SHARES, _LONE, _UNSEEN = 0.3, 0.05, 0.15, 0.05
 _OF_LEGS = ("sitting", "lying")
 _QUARTERS = (0.0, 90.0, 180.0, -90.0)
 _STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.25, 10, 40
@@ -135,22 +135,32 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
         A folder in which tables of members are kept (`reading.banks`).
     """
     asset = _Asset(source)
-    bank = bank_of(wish.noun, cache, wish.attributes)
-    chooser = _Chooser(asset, bank, wish)
+    chooser = _Chooser(asset, wish, cache)
     nearest = chooser.drawn(chooser.graded[: max(_FINALISTS, 2 * count)])[:count]
     if wish.seed == 0:
         return nearest
     return chooser.drawn(chooser.cell({one.told["number"] for one in nearest})[:count])
 
 
+def nearest_of(source: Shape, noun: str) -> Exemplar:
+    """Return the nearest of a few members of a noun, drawn without a table: to tell how near the noun is at all."""
+    few = range(_SKETCHED)
+    chooser = _Chooser(_Asset(source), Wish(noun))
+    return chooser.drawn(_Graded(number, 0.0, 0.0, 0.0) for number in few)[0]
+
+
 class _Chooser:
     """The members of a wish, beside an asset."""
 
-    def __init__(self, asset: _Asset, bank: Bank, wish: Wish) -> None:
-        self._asset, self._bank, self._wish = asset, bank, wish
+    def __init__(self, asset: _Asset, wish: Wish, cache: Path | None = None) -> None:
+        self._asset, self._wish, self._cache = asset, wish, cache
         whole = any(attribute.part == "whole" for attribute in wish.attributes)
         self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
         self._afloat = wish.noun in AFLOAT
+
+    @cached_property
+    def _bank(self) -> Bank:
+        return bank_of(self._wish.noun, self._cache, self._wish.attributes)
 
     def cell(self, taken: Set[object]) -> list[_Graded]:
         """Return the members that a seed other than 0 takes, none of those that 0 does."""
@@ -190,7 +200,7 @@ class _Chooser:
         lone = float(np.abs(numbers[0] - numbers[1]).sum()) / max(len(own.kinds) + len(held.kinds), 1)
         living = is_living(self._asset.shape.noun) and is_living(self._wish.noun)
         unseen = LIMBS.index("leg") not in own.kinds and self._pose(number) in _OF_LEGS
-        return _POSTURE * unlikeness(own, held) * living + _PARTS * (differing + lone) + _UNSEEN * unseen
+        return _POSTURE * unlikeness(own, held) * living + _SHARES * differing + _LONE * lone + _UNSEEN * unseen
 
     def _pose(self, number: int) -> str:
         return pose_of(self._wish.noun, number, self._wish.attributes)

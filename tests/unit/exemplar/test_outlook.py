@@ -1,0 +1,52 @@
+"""What cannot be is told before a run, with prompts that can be sent instead."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshdeform.exemplar.choosing import exemplars
+from meshdeform.exemplar.outlook import Outlook, outlook
+from meshdeform.exemplar.shapes import Wish
+from meshdeform.nouns.forms import drawn
+from meshdeform.priors.builtin.grammar import parse
+from tests.cases import each_case
+from tests.unit.exemplar.test_choosing import asset, unread
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("banks")
+
+
+def of(noun: str, wished: str, cache: Path) -> Outlook:
+    source, wish = asset(drawn(noun, (), np.random.default_rng(7))), Wish(wished)
+    return outlook(source, wish, exemplars(source, wish, 1, cache=cache)[0])
+
+
+@each_case("noun, wished", [("house", "castle"), ("van", "boat"), ("airplane", "rocket"), ("frog", "turtle")])
+def test_what_cannot_be_is_told_with_prompts_that_are_accepted(noun: str, wished: str, cache: Path) -> None:
+    told = of(noun, wished, cache)
+    assert told.doubtful
+    assert any(wished in reason and noun in reason for reason in told.reasons)
+    assert parse(told.suggestions[-1]).noun == noun
+    assert wished not in {parse(prompt).noun for prompt in told.suggestions}
+    assert of(noun, wished, cache) == told
+
+
+@each_case(
+    "noun, wished", [("fox", "cat"), ("horse", "giraffe"), ("bottle", "vase"), ("dog", "bear"), ("duck", "duck")]
+)
+def test_what_is_near_raises_no_doubt(noun: str, wished: str, cache: Path) -> None:
+    told = of(noun, wished, cache)
+    assert (told.doubtful, told.reasons, told.suggestions) == (False, (), ())
+    assert 0 < told.distance < 0.17
+
+
+def test_an_asset_of_which_nothing_is_known_is_told_by_its_distance(cache: Path) -> None:
+    source, wish = unread(asset(drawn("snake", (), np.random.default_rng(7)))), Wish("chair")
+    told = outlook(source, wish, exemplars(source, wish, 1, cache=cache)[0])
+    assert told.doubtful
+    assert told.reasons == ("The nearest chair is too unlike this asset.",)
