@@ -4,12 +4,13 @@ A smooth map moves and stretches parts; it makes no towers, masts or tracks. Wit
 (`choosing`) and the share r of the surfaces that is of parts which only one of the two has, half of
 sum_k |s_k - t_k| for the shares s, t of part k, an outlook is doubtful
 
-    between animals and figures               if r > 0.56,
+    between animals and figures               if d > 0.18,
     if one is built and not both are turned   if d + 0.1 r > 0.165,
     else                                      if d > 0.172.
 
-The three bounds were set by eye on 44 pairs of assets and nouns: of 18 that they call doubtful 16 were not worth
-keeping, of the other 26 five were not.
+The three bounds were set by eye on 44 pairs of assets and nouns: of the 15 that they call doubtful 12 were not worth
+keeping, of the other 29 five were not. A lump without parts becomes whatever is wished (`clay`), and an asset that is
+the noun already changes.
 
 What is suggested are prompts: other nouns of the same group, the nearest of which lies within the bound, and the noun
 that the asset is with an adjective that brings it nearer to the proportions of the wish and a greater part.
@@ -18,10 +19,12 @@ that the asset is with an adjective that brings it nearer to the proportions of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from meshdeform.exemplar.choosing import Exemplar, nearest_of
+from meshdeform.exemplar.choosing import Exemplar, exemplars, nearest_of
+from meshdeform.exemplar.clay import is_clay
 from meshdeform.exemplar.kinds import is_living, is_turned
 from meshdeform.exemplar.pieces import face_areas
 from meshdeform.exemplar.shapes import Shape, Wish
@@ -33,7 +36,7 @@ from meshdeform.reading.result import GROUND
 
 __all__ = ["Outlook", "outlook"]
 
-_LIVING, _BUILT, _PARTS, _ELSE = 0.56, 0.165, 0.1, 0.172
+_LIVING, _BUILT, _PARTS, _ELSE = 0.18, 0.165, 0.1, 0.172
 _MOST_NOUNS, _OFFERED = 8, 2
 _MADE = ("vehicles", "furniture", "buildings")
 _GROUPS = ("animals", "figures", *_MADE)
@@ -59,9 +62,13 @@ class Outlook:
     suggestions: tuple[str, ...] = ()
 
 
-def outlook(source: Shape, wish: Wish, exemplar: Exemplar) -> Outlook:
-    """Return the outlook of a fit of an asset to the nearest member of what is wished."""
-    if source.noun == wish.noun or not _excess(source, exemplar) > 0:
+def outlook(source: Shape, wish: Wish, exemplar: Exemplar | None = None, *, cache: Path | None = None) -> Outlook:
+    """Return the outlook of a fit of an asset to the nearest member of what is wished.
+
+    `exemplar`: that member, which is found without it; `cache`: a folder with tables of members (`reading.banks`).
+    """
+    exemplar = exemplar or exemplars(source, wish, 1, cache=cache)[0]
+    if source.noun == wish.noun or is_clay(source) or not _excess(source, exemplar) > 0:
         return Outlook(False, exemplar.distance)
     return Outlook(True, exemplar.distance, _reasons(source, exemplar), _suggestions(source, wish, exemplar))
 
@@ -77,11 +84,11 @@ def _shares(shape: Shape) -> Floats:
 def _excess(source: Shape, exemplar: Exemplar) -> float:
     """Return by how much a fit is beyond what can be, by the bounds at the head."""
     goal = exemplar.shape
-    unlike = float(np.abs(_shares(source) - _shares(goal)).sum()) / 2
     if is_living(source.noun) and is_living(goal.noun):
-        return unlike - _LIVING
+        return exemplar.distance - _LIVING
     turned = is_turned(source.noun) and is_turned(goal.noun)
     if source.noun and not turned and (_is_made(source.noun) or _is_made(goal.noun)):
+        unlike = float(np.abs(_shares(source) - _shares(goal)).sum()) / 2
         return exemplar.distance + _PARTS * unlike - _BUILT
     return exemplar.distance - _ELSE
 
