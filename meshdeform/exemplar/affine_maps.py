@@ -17,7 +17,7 @@ each round solves the linear least squares (`reading.affine_systems`)
 
 while l falls from 0.5 to 0.08 and the limit from 0.3 to 0.06 of the diagonal.
 
-What has no partner keeps its size, or less; tails, horns and ears shrink. After the first rounds L_i is diagonal for
+What has no partner keeps its size, or less; limbs of animals shrink. After the first rounds L_i is diagonal for
 legs and for all that is straight, unless it leans; a wheel has one scale in its plane.
 
 Sources: as in `reading.articulated`.
@@ -67,7 +67,8 @@ _SHRUNK, _SHRUNK_WEIGHT = 0.35, 0.05
 _GROUND, _ON_GROUND = 2.0, 0.02
 _BOX, _LENGTHS, _WIDTHS = (0.3, 3.5), (0.3, 4.0), (0.4, 2.5)
 _LONG, _NOT_BACK = 1.5, -0.3
-_SHRINKING = frozenset(("tail", "horn", "ear", "feeler"))
+_SHRINKING = frozenset(("tail", "horn", "ear", "feeler", "trunk", "tusk", "wing", "fin", "leg", "foot", "spike"))
+"""Limbs of animals that become small where the goal has none."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,8 @@ class _Articulated:
             self.centres[piece] = own.mean(0)
             self.radii[piece] = max(float(np.sqrt(np.square(own - own.mean(0)).sum(1).mean())), _LEAST_RADIUS)
         self.known = self._known(partner)
-        self.shrinking = np.array([name in _SHRINKING and k not in self.known for k, name in enumerate(names)])
+        small = not manner.straight
+        self.shrinking = np.array([small and k not in self.known and name in _SHRINKING for k, name in enumerate(names)])
         self.start = np.tile(np.eye(3), (count, 1, 1))
         self.maps = np.concatenate([np.eye(3) * self.radii[:, None, None], self.centres[:, :, None]], 2)
         for piece, known in self.known.items():

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from meshdeform.exemplar.kinds import is_living
+from meshdeform.exemplar.kinds import is_figure, is_living
 
-__all__ = ["LIMBS", "MANY", "TWO_SIDED", "grows_from", "made_alike"]
+__all__ = ["LIMBS", "MANY", "TWO_SIDED", "grows_from", "large_parts", "made_alike"]
 
 
 def _table(lines: str) -> dict[str, tuple[str, ...]]:
@@ -41,6 +41,7 @@ _COUNTS_WITH = _table("""
     guard: handle
     flap: body
     stand fork clapper roller: body
+    cabin load: body
 """)
 """The parts that are too small for maps of their own, and what they count with: the first that the noun has."""
 
@@ -52,6 +53,9 @@ _LIVING_ROLES = _table("""
     arm: wing fin
     wing: arm fin
     fin: wing arm
+    foot: leg
+    leg: foot
+    hand: arm wing
     ear: horn feeler
     horn: ear feeler
     feeler: ear horn
@@ -115,12 +119,12 @@ _GROWS_FROM = _table("""
     head: neck body tower handle stem
     neck: head body
     mane: neck head body
-    arm wing leg fin tail spike hump shell: body seat frame head
-    body: seat frame top stem base head
+    arm wing leg fin tail spike hump shell: body seat top mattress frame head
+    body: seat top mattress frame stem base head
     seat top: body frame
     mattress: frame seat body
     frame: body seat mattress
-    back arm: seat body frame
+    back arm: seat top mattress body frame
     cabin load turret gun chimney roof tower keep mast sail track skid rotor wheel: body tower
     crown cap canopy shade leaf branch cream flame: stem trunk body
     stem trunk: head body crown cap
@@ -137,6 +141,7 @@ _SWELLINGS = _words("""
     screen skirt shaft stand neck tank back body seat top head tower
 """)
 """Parts that are not limbs: where the other noun has none, they count with what they grow from."""
+_SEATS = frozenset(("seat", "top", "mattress"))
 _LIVING_LIMBS = frozenset(("neck", "head", "trunk", "body"))
 
 LIMBS = _words(
@@ -156,7 +161,8 @@ def made_alike(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Return the name by which each part of a source, and of its goal, is known to both.
 
-    Names that are in both are those that can be matched.
+    Names that are in both are those that can be matched. Legs of what becomes a figure without any, such as a snowman,
+    count with its body.
     """
     living = is_living(source_noun) and is_living(goal_noun)
     one = _with_carriers(set(source))
@@ -164,7 +170,7 @@ def made_alike(
     roles = _LIVING_ROLES if living else _OTHER_ROLES
     _take_roles(one, other, roles)
     _take_roles(other, one, roles)
-    _fold(one, other, living)
+    _fold(one, other, living, figure=is_figure(goal_noun))
     _fold(other, one, living)
     return one, other
 
@@ -192,12 +198,13 @@ def _take_roles(own: dict[str, str], other: Mapping[str, str], roles: Mapping[st
             _rename(own, name, role)
 
 
-def _fold(own: dict[str, str], other: Mapping[str, str], living: bool) -> None:
+def _fold(own: dict[str, str], other: Mapping[str, str], living: bool, *, figure: bool = False) -> None:
     """Let what only one has, and is no limb, count with what it grows from, in place."""
     for name in sorted(set(own.values()) - set(other.values())):
         matched = set(own.values()) & set(other.values())
         limb = name not in _SWELLINGS or (living and name in _LIVING_LIMBS)
-        if limb and not (name == "arm" and not living and "seat" in matched):
+        joined = (name == "arm" and not living and bool(matched & _SEATS)) or (name == "leg" and figure)
+        if limb and not joined:
             continue
         base = grows_from(name, matched)
         if base is not None:
@@ -208,6 +215,11 @@ def _rename(names: dict[str, str], old: str, new: str) -> None:
     for part, name in names.items():
         if name == old:
             names[part] = new
+
+
+def large_parts(parts: Iterable[str]) -> set[str]:
+    """Return those parts that do not count with others."""
+    return set(parts) - set(_COUNTS_WITH)
 
 
 def grows_from(part: str, present: Iterable[str]) -> str | None:

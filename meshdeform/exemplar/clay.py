@@ -27,6 +27,8 @@ __all__ = ["Mould", "is_clay", "mould_of", "moulded"]
 
 _HULL_AREA = 0.04
 """By how much the area of clay and that of its convex hull may differ."""
+_HULL_VOLUME = 0.9
+"""Share of its hull that clay fills at least."""
 _VERTICES = 6000
 """Of the member's surface on the sphere; of a mirrored one, half as many."""
 _WELD = 1e-7
@@ -64,7 +66,7 @@ class Mould:
 
 
 def is_clay(source: Shape) -> bool:
-    """Return whether a surface is one lump without parts: closed, and nearly as large as its convex hull."""
+    """Return whether a surface is one lump without parts: closed, and nearly its convex hull."""
     verts, faces = _welded(source.verts, source.faces)
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     if len(faces) < 4 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
@@ -78,7 +80,8 @@ def is_clay(source: Shape) -> bool:
         return False
     a, b, c = verts[faces].transpose(1, 0, 2)
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
-    return abs(area / float(hull.area) - 1) < _HULL_AREA
+    volume = float((a * np.cross(b, c)).sum()) / 6
+    return abs(area / float(hull.area) - 1) < _HULL_AREA and volume > _HULL_VOLUME * float(hull.volume)
 
 
 def moulded(source: Shape, goal: Shape) -> Floats:

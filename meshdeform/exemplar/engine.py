@@ -1,14 +1,15 @@
 """Turn an asset into what a noun stands for.
 
-1. An asset that is the noun already, wished with attributes of parts, moves as the attributes do (`twins`).
+1. An asset that is the noun already moves as attributes of parts do (`twins`), and of the whole (`whole_attributes`).
 2. A lump without parts is moulded (`clay`).
 3. Else the nearest members are chosen (`choosing`), or the nearest of given surfaces; the asset is fitted to each
    (`fitting`), and the one with the least
 
-       distance + 0.02 stretch + 0.05 (1 - kept)
+       distance + 0.02 stretch + 0.02 faults
 
-   is taken: the distance left between the surfaces, how far the asset was stretched (`distances`), and what mending
-   left of the fit.
+   is taken: the distance left between the surfaces, how far the asset was stretched (`distances`), and the share of
+   faces that fold or newly cut others. If mending leaves under 0.6 of it, the next is mended as well, and the one of
+   which more is left is taken.
 
 With a strength below 1 the asset goes that share of the way, and what breaks on it is mended.
 """
@@ -16,8 +17,8 @@ With a strength below 1 the asset goes that share of the way, and what breaks on
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,19 +26,22 @@ import numpy as np
 from meshdeform.exemplar.choosing import Exemplar, exemplars
 from meshdeform.exemplar.clay import is_clay, moulded
 from meshdeform.exemplar.distances import between, stretch
+from meshdeform.exemplar.faults import Faults
 from meshdeform.exemplar.fitting import fit
-from meshdeform.exemplar.mending import Mended, mended
+from meshdeform.exemplar.mending import mended
 from meshdeform.exemplar.pieces import Matching, face_areas
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
 from meshdeform.exemplar.twins import twin
+from meshdeform.exemplar.whole_attributes import reshaped
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["ExemplarFit", "Stage"]
 
-_TRIED = 3
-_STRETCH, _LOST = 0.02, 0.05
+_TRIED, _MENDED = 3, 2
+_ENOUGH = 0.6
+_STRETCH, _FAULTS = 0.02, 0.02
 _SAMPLES = 2500
 _CHOSEN, _FITTED = 0.2, 0.95
 
@@ -49,6 +53,17 @@ class Stage:
     name: str
     share: float
     verts: Floats | None = None
+
+
+@dataclass
+class _Way:
+    """Where one exemplar takes the asset: vertices (V, 3) in the frame, before mending, and what it was."""
+
+    verts: Floats
+    told: Mapping[str, object]
+    goal: Shape | None = None
+    matching: Matching | None = None
+    merit: float | None = None
 
 
 class ExemplarFit:
@@ -89,41 +104,35 @@ class ExemplarFit:
         self._wish, self._cache = wish, cache
         standing = faces[labels != GROUND]
         self._standing = standing if len(standing) else faces
+        self._faults = Faults(self.source.verts, faces)
 
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
-        result = self._twin()
-        if result is None:
+        way = self._twin()
+        ways = [] if way is None else [way]
+        if way is None:
             chosen = self._chosen()
             yield Stage("choose", _CHOSEN)
-            tries = []
+            clay = not self._wish.targets and is_clay(self.source)
             for number, exemplar in enumerate(chosen):
-                tries.append(self._tried(exemplar))
+                ways += [self._moulded(exemplar)] if clay else self._fitted(exemplar)
                 share = _CHOSEN + (_FITTED - _CHOSEN) * (number + 1) / len(chosen)
-                yield Stage("fit", share, self._left(min(tries, key=self._merit)))
-            result = min(tries, key=self._merit)
-        self.result = self._weakened(result)
-        yield Stage("mend", 1.0, self._left(self.result))
+                yield Stage("fit", share, self.frame.leave(min(ways, key=self._merit).verts))
+        self.result = self._mended(sorted(ways, key=self._merit))
+        yield Stage("mend", 1.0, self.frame.leave(self.result.verts))
 
-    def _left(self, result: ExemplarResult) -> Floats:
-        """Return the vertices of a result in the asset's own coordinates."""
-        return self.frame.leave(result.verts)
-
-    @staticmethod
-    def _merit(result: ExemplarResult) -> float:
-        return result.distance + _STRETCH * result.stretch + _LOST * (1 - result.kept)
-
-    def _twin(self) -> ExemplarResult | None:
-        """Return the asset with attributes of its parts, if it is the wished noun and has any."""
+    def _twin(self) -> _Way | None:
+        """Return the asset with attributes, if it is the wished noun and can have them."""
         wish, source = self._wish, self.source
-        if wish.targets or source.noun != wish.noun or not any(each.part != "whole" for each in wish.attributes):
+        if wish.targets or source.noun != wish.noun or not wish.attributes:
             return None
         verts = twin(source, wish, cache=self._cache)
         if verts is None:
             return None
-        done = mended(source.verts, verts, source.faces)
+        if any(each.part == "whole" for each in wish.attributes):
+            verts = reshaped(source, verts, wish.attributes, wish.seed)
         told = {"noun": wish.noun, "way": "twin", "attributes": [str(each) for each in wish.attributes]}
-        return self._measured(done, told, None, None)
+        return _Way(verts, told)
 
     def _chosen(self) -> list[Exemplar]:
         if self._wish.targets:
@@ -133,32 +142,50 @@ class ExemplarFit:
             ]
         return exemplars(self.source, self._wish, _TRIED, cache=self._cache)
 
-    def _tried(self, exemplar: Exemplar) -> ExemplarResult:
-        """Fit the asset to an exemplar."""
-        source = self.source
-        if not self._wish.targets and is_clay(source):
-            done = mended(source.verts, moulded(source, exemplar.shape), source.faces)
-            return self._measured(done, {**exemplar.told, "way": "mould"}, exemplar.shape, None)
-        fitted = fit(source, exemplar.shape, landmarks=self._wish.landmarks)
-        return self._measured(fitted.mended, {**exemplar.told, "way": "fit"}, fitted.goal, fitted.matching)
+    def _moulded(self, exemplar: Exemplar) -> _Way:
+        return _Way(moulded(self.source, exemplar.shape), {**exemplar.told, "way": "mould"}, exemplar.shape)
 
-    def _measured(
-        self, done: Mended, told: Mapping[str, object], goal: Shape | None, matching: Matching | None
-    ) -> ExemplarResult:
-        """Return the facts of a mended fit."""
-        pairs, left_over, missing = _told(matching)
+    def _fitted(self, exemplar: Exemplar) -> list[_Way]:
+        """Return the ways in which the asset was fitted to an exemplar."""
+        fitted = fit(self.source, exemplar.shape, landmarks=self._wish.landmarks)
+        return [
+            _Way(verts, {**exemplar.told, "way": name}, fitted.goal, fitted.matching)
+            for name, verts in fitted.ways.items()
+        ]
+
+    def _merit(self, way: _Way) -> float:
+        """Return how far from good a way is."""
+        if way.merit is None:
+            left = 0.0 if way.goal is None else self._distance(way.verts, way.goal)
+            found = self._faults.find(way.verts)
+            faulty = float((found.folded | found.cutting).mean())
+            way.merit = left + _STRETCH * stretch(self.source.verts, way.verts, self._standing) + _FAULTS * faulty
+        return way.merit
+
+    def _mended(self, ways: Sequence[_Way]) -> ExemplarResult:
+        """Return the facts of the best way, mended, or of the next if too little of it is left."""
+        rest, faces, strength = self.source.verts, self.source.faces, self._wish.strength
+        best, done = ways[0], None
+        for way in ways[:_MENDED]:
+            now = mended(rest, rest + strength * (way.verts - rest), faces)
+            if done is None or now.kept > done.kept:
+                best, done = way, now
+            if done.kept >= _ENOUGH:
+                break
+        assert done is not None
+        pairs, left_over, missing = _told(best.matching)
         return ExemplarResult(
             done.verts,
-            told,
-            0.0 if goal is None else self._distance(self.source.verts, goal),
-            0.0 if goal is None else self._distance(done.verts, goal),
+            best.told,
+            0.0 if best.goal is None else self._distance(rest, best.goal),
+            0.0 if best.goal is None else self._distance(done.verts, best.goal),
             pairs,
             left_over,
             missing,
             done.kept,
             done.flipped,
             done.cut,
-            stretch(self.source.verts, done.verts, self._standing),
+            stretch(rest, done.verts, self._standing),
         )
 
     def _distance(self, verts: Floats, goal: Shape) -> float:
@@ -169,15 +196,6 @@ class ExemplarFit:
             other = other.rows(~hidden(other, goal.solids[other.faces]))
         spacing = float(np.sqrt(face_areas(verts, self._standing).sum() / _SAMPLES))
         return between(own, other, spacing)
-
-    def _weakened(self, result: ExemplarResult) -> ExemplarResult:
-        """Return a result that goes only the wished share of the way."""
-        if self._wish.strength >= 1:
-            return result
-        rest = self.source.verts
-        done = mended(rest, rest + self._wish.strength * (result.verts - rest), self.source.faces)
-        moved = stretch(rest, done.verts, self._standing)
-        return replace(result, verts=done.verts, flipped=done.flipped, cut=done.cut, stretch=moved)
 
 
 def _told(matching: Matching | None) -> tuple[list[tuple[str, str]], list[str], list[str]]:

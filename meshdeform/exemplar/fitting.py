@@ -1,8 +1,8 @@
 """Fit a surface to another one whose parts are known as well: piece to piece, then smoothly, then mended.
 
 1. Pieces with like names are matched (`pieces`), and the goal takes the source's pose (`posing`).
-2. Each piece goes to its partner by an affine map (`affine_maps`); the maps are blended over the surface (`blending`).
-3. What is not built is fitted smoothly, like pieces to like pieces (`smooth_fit`). What only the goal has counts with
+2. Few maps bring the source near the goal (`starting`).
+3. What came there piece by piece is fitted smoothly, like pieces to like pieces (`smooth_fit`). What only the goal has counts with
    the piece from which it grows, with limits three times as wide.
 4. Faces that turned over or cut others are mended (`mending`).
 
@@ -12,28 +12,26 @@ The plate on which an asset stands is left as it is. Without any matched piece t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from meshdeform.exemplar.affine_maps import Cloud, Manner, articulated, touching
-from meshdeform.exemplar.blending import blend_weights, blended
 from meshdeform.exemplar.growth import grown
-from meshdeform.exemplar.kinds import is_boxed, is_built, is_living
+from meshdeform.exemplar.kinds import is_built
 from meshdeform.exemplar.mending import Mended, mended
-from meshdeform.exemplar.pieces import Matching, face_areas, matched, neighbours
+from meshdeform.exemplar.pieces import Matching, face_areas, matched
 from meshdeform.exemplar.posing import posed_like
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.starting import cloud_of, started
 from meshdeform.exemplar.symmetry import evened, symmetry_axes
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.result import GROUND
-from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["Fitted", "fit"]
 
-_SAMPLES, _GOAL_SAMPLES = 1600, 3000
 _LEVELS, _LIMITS, _REACH = ((3, 3), (6, 5), (12, 5)), (0.15, 0.05), 3.0
-_SPROUTING = frozenset(("ear", "nose", "beak", "trunk", "horn", "fin", "tail", "hump"))
+_SPROUTING = frozenset(("ear", "nose", "beak", "trunk", "horn", "fin", "tail", "hump", "wing"))
 """Parts that sprout from a surface that lacks them."""
 _MUCH = 2.5
 _ALONE = ((3, 6), (6, 6), (12, 5))
@@ -43,16 +41,25 @@ _ALONE = ((3, 6), (6, 6), (12, 5))
 class Fitted:
     """A source fitted to its goal.
 
-    `verts` (V, 3) float64; `blended` and `smooth`: the stages before mending; `goal`: the goal in the source's pose;
-    `matching`: pieces of both, None if the parts of one are unknown.
+    `goal`: the goal in the source's pose; `matching`: pieces of both, None if none of them match; `ways`: where the
+    source's vertices (V, 3) go, with folds and cuts: in the first place by the way that suits the nouns, `smooth`,
+    `axes` or `outline`, then by others.
     """
 
-    verts: Floats
-    blended: Floats
-    smooth: Floats
+    source: Shape
     goal: Shape
     matching: Matching | None
-    mended: Mended
+    ways: dict[str, Floats]
+
+    @cached_property
+    def mended(self) -> Mended:
+        """The first way without folds and with few cuts."""
+        return mended(self.source.verts, next(iter(self.ways.values())), self.source.faces)
+
+    @property
+    def verts(self) -> Floats:
+        """The vertices (V, 3) of the mended fit."""
+        return self.mended.verts
 
 
 def fit(source: Shape, goal: Shape, *, landmarks: tuple[Floats, Floats] | None = None) -> Fitted:
@@ -62,49 +69,20 @@ def fit(source: Shape, goal: Shape, *, landmarks: tuple[Floats, Floats] | None =
     """
     standing = source.labels != GROUND
     own = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing])
-    samples = spread(own.verts, own.faces, _SAMPLES, 1)
     planes = symmetry_axes((own.verts, own.faces), (goal.verts, goal.faces))
     matching = matched(own, goal)
     if not (matching.partner >= 0).any():
-        alone = _alone(own, goal, planes, landmarks)
-        return _finished(source, goal, None, source.verts.copy(), evened(own.verts, alone, planes), standing)
-    cloud = Cloud(samples.places, samples.normals, matching.source.of_face[samples.faces]).known()
+        alone = evened(own.verts, _alone(own, goal, planes, landmarks), planes)
+        return _finished(source, goal, None, {"smooth": alone}, standing)
+    cloud = cloud_of(own, matching)
     goal = posed_like(cloud, goal, matching)
-    manner = Manner(
-        straight=not is_living(source.noun) and not is_living(goal.noun),
-        boxed=is_boxed(source.noun) and is_boxed(goal.noun),
-        mirrored=0 in planes,
-    )
-    ties = touching(cloud, len(matching.source), _borders(own, matching))
-    names = matching.source.names
-    maps = articulated(cloud, _seen(goal, matching), names, matching.partner, ties, manner)
-    loose = np.array([name == "wheel" for name in names])
-    weights = blend_weights(own.verts, own.faces, matching.source.of_face, loose)
-    first = blended(own.verts, maps, weights)
-    first[weights.sum(1) == 0] = own.verts[weights.sum(1) == 0]
-    smooth = first
-    if not (is_built(source.noun) and is_built(goal.noun)):
-        smooth = _smooth(own, goal, matching, _Codes.of(own, goal, matching, weights), first, planes, landmarks)
-    return _finished(source, goal, matching, first, evened(own.verts, smooth, planes), standing)
-
-
-def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:
-    """Return the middles (P, 3) of the edges between two pieces."""
-    pairs = neighbours(own.faces, len(own.verts))
-    pieces = np.sort(matching.source.of_face[pairs], 1)
-    hit = (pieces[:, 0] != pieces[:, 1]) & (pieces[:, 0] >= 0)
-    pairs, pieces = pairs[hit], pieces[hit]
-    middles = own.verts[own.faces[pairs]].mean((1, 2))
-    keys = [tuple(row) for row in np.unique(pieces, axis=0).tolist()]
-    return {key: middles[(pieces == key).all(1)] for key in keys}
-
-
-def _seen(goal: Shape, matching: Matching) -> Cloud:
-    """Return samples of the goal that are not inside others of its solids."""
-    samples = spread(goal.verts, goal.faces, _GOAL_SAMPLES, 2)
-    if goal.solids is not None:
-        samples = samples.rows(~hidden(samples, goal.solids[samples.faces]))
-    return Cloud(samples.places, samples.normals, matching.goal.of_face[samples.faces]).known()
+    start = started(own, goal, matching, cloud, planes)
+    ways = {name: evened(own.verts, verts, planes) for name, verts in start.ways.items()}
+    if "pieces" in ways:
+        codes = _Codes.of(own, goal, matching, start.weights)
+        smooth = _smooth(own, goal, matching, codes, ways["pieces"], planes, landmarks)
+        ways = {"smooth": evened(own.verts, smooth, planes), **ways}
+    return _finished(source, goal, matching, ways, standing)
 
 
 @dataclass(frozen=True)
@@ -211,16 +189,10 @@ def _alone(own: Shape, goal: Shape, planes: tuple[int, ...], landmarks: tuple[Fl
 
 
 def _finished(
-    source: Shape,
-    goal: Shape,
-    matching: Matching | None,
-    first: Floats,
-    smooth: Floats,
-    standing: Flags,
+    source: Shape, goal: Shape, matching: Matching | None, ways: dict[str, Floats], standing: Flags
 ) -> Fitted:
-    """Mend a fit; the ground stays."""
+    """Return a fit in which the ground stays."""
     ground = np.unique(source.faces[~standing])
-    for stage in (first, smooth):
-        stage[ground] = source.verts[ground]
-    result = mended(source.verts, smooth, source.faces)
-    return Fitted(result.verts, first, smooth, goal, matching, result)
+    for verts in ways.values():
+        verts[ground] = source.verts[ground]
+    return Fitted(source, goal, matching, ways)

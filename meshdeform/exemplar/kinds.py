@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 
-__all__ = ["is_boxed", "is_built", "is_living", "is_turned"]
+__all__ = ["is_boxed", "is_built", "is_figure", "is_living", "is_turned"]
 
 _LIVING = frozenset((*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]))
 _BUILT = frozenset((*NOUN_GROUPS["vehicles"], *NOUN_GROUPS["furniture"], *NOUN_GROUPS["buildings"]))
@@ -16,6 +16,11 @@ _BOXED = frozenset(NOUN_GROUPS["furniture"]) - {"lamp", "pillow"}
 def is_living(noun: str) -> bool:
     """Return whether a noun is an animal or a figure, whose limbs turn and bend."""
     return noun in _LIVING
+
+
+def is_figure(noun: str) -> bool:
+    """Return whether a noun stands upright, as people do."""
+    return noun in NOUN_GROUPS["figures"]
 
 
 def is_built(noun: str) -> bool:

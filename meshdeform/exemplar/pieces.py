@@ -18,11 +18,12 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.alike import MANY, TWO_SIDED, grows_from, made_alike
-from meshdeform.exemplar.kinds import is_built
+from meshdeform.exemplar.alike import MANY, TWO_SIDED, grows_from, large_parts, made_alike
+from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.nouns.labels import Flags, Floats, Index
-from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.nouns.solids import LAYOUTS, PART_NAMES
+from meshdeform.reading.result import NO_PART
 from meshdeform.reading.samples import spread
 
 __all__ = ["Matching", "Pieces", "face_areas", "matched", "pieces_of"]
@@ -36,7 +37,7 @@ _STRADDLES, _BETWEEN, _LITTLE = 0.25, 0.12, 0.1
 """A piece has two halves if each side has this share of its area, and this strip of its width little of it."""
 _SMALL = 0.05
 """Share of the largest piece of its part under which a piece goes to the nearest other."""
-_TOO_THIN = frozenset(("tusk", "wing", "feeler"))
+_TOO_THIN = frozenset(("tusk", "feeler"))
 """What cannot be drawn out of what has none."""
 _AXES = np.array([1.5, 0.5, 1.0])
 
@@ -198,12 +199,27 @@ def _middles(shape: Shape, pieces: Pieces) -> Floats:
     return np.asarray((np.stack(sums, 1) / mass[:, None] - (low + high) / 2) / np.maximum(high - low, 1e-9))
 
 
+def _completed(shape: Shape) -> Shape:
+    """Return a shape whose unknown faces are of the one large part of its noun that was not found, if it is one."""
+    unknown = shape.labels == NO_PART
+    if shape.noun not in LAYOUTS or is_living(shape.noun) or not unknown.any():
+        return shape
+    lines = [line.replace("/", " ").replace("*", " ").split() for line in LAYOUTS[shape.noun].split("|")]
+    usual = set(PART_NAMES).intersection(*lines)
+    missing = large_parts(usual) - _parts(shape)
+    if len(missing) != 1:
+        return shape
+    labels = np.where(unknown, PART_NAMES.index(missing.pop()), shape.labels)
+    return Shape(shape.noun, shape.verts, shape.faces, labels, shape.solids)
+
+
 def _parts(shape: Shape) -> set[str]:
     return {PART_NAMES[number] for number in np.unique(shape.labels) if number >= 0}
 
 
 def matched(source: Shape, goal: Shape) -> Matching:
     """Divide both shapes into pieces and match them."""
+    source = _completed(source)
     own_names, goal_names = made_alike(_parts(source), _parts(goal), source.noun, goal.noun)
     own, other = pieces_of(source, own_names), pieces_of(goal, goal_names)
     if is_built(source.noun) and is_built(goal.noun):

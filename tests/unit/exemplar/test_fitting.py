@@ -46,7 +46,7 @@ def test_a_dog_becomes_a_giraffe_and_stays_its_own_mirror_image() -> None:
     before = between(spread(dog.verts, dog.faces, 1500, 0), spread(giraffe.verts, giraffe.faces, 1500, 1), 0.02)
     assert near < 0.35 * before
     assert fitted.mended.flipped == 0
-    assert asymmetry(fitted.smooth, dog.faces, 0) < asymmetry(dog.verts, dog.faces, 0) + 0.001
+    assert asymmetry(fitted.ways["smooth"], dog.faces, 0) < asymmetry(dog.verts, dog.faces, 0) + 0.001
     assert abs(fitted.verts[:, 1].min() - giraffe.verts[:, 1].min()) < 0.02
 
 

@@ -1,0 +1,157 @@
+"""Bring a surface near its goal by few maps, before it is fitted closely.
+
+- What is built moves along each axis by itself (`axis_maps`), as the affine maps of its pieces would have it; its
+  wheels go along, with one scale in their plane, and stay on the ground.
+- What is no animal and alike from all four sides, as its goal is, takes the goal's outline (`profiles`).
+- Else each piece goes to its partner, and the maps are blended (`affine_maps`, `blending`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshdeform.exemplar.affine_maps import AffineMaps, Cloud, Manner, articulated, touching
+from meshdeform.exemplar.axis_maps import axis_maps
+from meshdeform.exemplar.blending import blend_weights, blended
+from meshdeform.exemplar.kinds import is_boxed, is_built, is_living, is_turned
+from meshdeform.exemplar.pieces import Matching, face_areas, neighbours
+from meshdeform.exemplar.profiles import outlined
+from meshdeform.exemplar.shapes import Shape
+from meshdeform.nouns.labels import Floats
+from meshdeform.reading.samples import hidden, spread
+
+__all__ = ["Start", "cloud_of", "seen", "started"]
+
+_SAMPLES, _GOAL_SAMPLES, _OUTLINE_SAMPLES = 1600, 3000, 6000
+_WHOLE = 0.85
+"""Share of the samples of both that is to be of matched pieces for their heights to count."""
+_ROUND = "wheel"
+_ON_GROUND = 0.02
+
+
+@dataclass(frozen=True)
+class Start:
+    """Ways to bring a surface near its goal, and the weight (V, G) of each piece for each vertex.
+
+    `ways`: vertices (V, 3) by `axes`, `outline` or `pieces`; the first is the one that its nouns tell.
+    """
+
+    ways: dict[str, Floats]
+    weights: Floats
+
+
+def cloud_of(own: Shape, matching: Matching) -> Cloud:
+    """Return samples of the pieces of a source."""
+    samples = spread(own.verts, own.faces, _SAMPLES, 1)
+    return Cloud(samples.places, samples.normals, matching.source.of_face[samples.faces]).known()
+
+
+def seen(goal: Shape, matching: Matching) -> Cloud:
+    """Return samples of the pieces of a goal that are not inside others of its solids."""
+    samples = spread(goal.verts, goal.faces, _GOAL_SAMPLES, 2)
+    if goal.solids is not None:
+        samples = samples.rows(~hidden(samples, goal.solids[samples.faces]))
+    return Cloud(samples.places, samples.normals, matching.goal.of_face[samples.faces]).known()
+
+
+def started(own: Shape, goal: Shape, matching: Matching, cloud: Cloud, planes: tuple[int, ...]) -> Start:
+    """Return ways to bring a source near its goal.
+
+    `planes`: the axes across which it is to stay its own mirror image.
+    """
+    nouns = (own.noun, goal.noun)
+    manner = Manner(
+        straight=not any(map(is_living, nouns)),
+        boxed=all(map(is_boxed, nouns)),
+        mirrored=0 in planes,
+    )
+    ties = touching(cloud, len(matching.source), _borders(own, matching))
+    goal_cloud = seen(goal, matching)
+    names = matching.source.names
+    maps = articulated(cloud, goal_cloud, names, matching.partner, ties, manner)
+    loose = np.array([name == _ROUND for name in names])
+    weights = blend_weights(own.verts, own.faces, matching.source.of_face, loose)
+    ways = {}
+    if all(map(is_built, nouns)) and not (planes == (0, 2) and not manner.boxed):
+        ways["axes"] = _by_axes(own, matching, cloud, maps, weights, mirrored=manner.mirrored)
+    elif not manner.straight or planes != (0, 2):
+        ways["pieces"] = blended(own.verts, maps, weights)
+    if manner.straight and not manner.boxed and (planes == (0, 2) or all(map(is_turned, nouns))):
+        height = _heights(own, goal, matching, cloud, goal_cloud, maps)
+        places, goal_places = (spread(one.verts, one.faces, _OUTLINE_SAMPLES, 5).places for one in (own, goal))
+        ways["outline"] = outlined(own.verts, places, goal_places, height, _span(own))
+    idle = weights.sum(1) == 0
+    for verts in ways.values():
+        verts[idle] = own.verts[idle]
+    return Start(ways, weights)
+
+
+def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:
+    """Return the middles (P, 3) of the edges between two pieces."""
+    pairs = neighbours(own.faces, len(own.verts))
+    pieces = np.sort(matching.source.of_face[pairs], 1)
+    hit = (pieces[:, 0] != pieces[:, 1]) & (pieces[:, 0] >= 0)
+    pairs, pieces = pairs[hit], pieces[hit]
+    middles = own.verts[own.faces[pairs]].mean((1, 2))
+    keys = [tuple(row) for row in np.unique(pieces, axis=0).tolist()]
+    return {key: middles[(pieces == key).all(1)] for key in keys}
+
+
+def _goals(matching: Matching, cloud: Cloud, maps: AffineMaps) -> tuple[Floats, Floats]:
+    """Return the places (N, 3) of matched pieces, and where their maps take them."""
+    rows = np.flatnonzero(matching.partner[cloud.own] >= 0)
+    places, own = cloud.places[rows], cloud.own[rows]
+    goals = np.empty_like(places)
+    for piece in np.unique(own):
+        goals[own == piece] = maps.take(places[own == piece], int(piece))
+    return places, goals
+
+
+def _heights(
+    own: Shape, goal: Shape, matching: Matching, cloud: Cloud, goal_cloud: Cloud, maps: AffineMaps
+) -> Callable[[Floats], Floats]:
+    """Return the way from heights of the source to those of the goal: by its pieces, if nearly all are matched."""
+    low, high = own.verts[own.faces][..., 1].min(), own.verts[own.faces][..., 1].max()
+    goal_low, goal_high = goal.verts[:, 1].min(), goal.verts[:, 1].max()
+    whole = (matching.partner[cloud.own] >= 0).mean() > _WHOLE
+    if not whole or not (~matching.grows[goal_cloud.own]).mean() > _WHOLE:
+        scale = (goal_high - goal_low) / max(high - low, 1e-9)
+        return lambda y: goal_low + (y - low) * scale
+    places, goals = _goals(matching, cloud, maps)
+    axes = axis_maps(places, goals, np.ones(len(places)), mirrored=True)
+    reached = axes.along(1, np.array([low, high]))
+    stretch = (goal_high - goal_low) / max(float(reached[1] - reached[0]), 1e-9)
+    return lambda y: goal_low + (axes.along(1, y) - reached[0]) * stretch
+
+
+def _span(own: Shape) -> float:
+    """Return the height that faces span in the mean, weighed by area."""
+    heights = own.verts[own.faces][..., 1]
+    return float(np.average(np.ptp(heights, axis=1), weights=face_areas(own.verts, own.faces) + 1e-12))
+
+
+def _by_axes(
+    own: Shape, matching: Matching, cloud: Cloud, maps: AffineMaps, weights: Floats, *, mirrored: bool
+) -> Floats:
+    """Return the vertices moved along each axis by itself; wheels keep round."""
+    places, goals = _goals(matching, cloud, maps)
+    axes = axis_maps(places, goals, np.ones(len(places)), mirrored=mirrored)
+    verts = axes.take(own.verts)
+    ground, new_ground = cloud.places[:, 1].min(), axes.along(1, cloud.places[:, 1].min(keepdims=True))[0]
+    for piece in matching.source.named(_ROUND):
+        rows = np.flatnonzero(weights[:, piece] > 0.5)
+        if not len(rows):
+            continue
+        wheel = own.verts[rows]
+        middle = (wheel.min(0) + wheel.max(0)) / 2
+        linear = maps.linear[piece]
+        plane = float(np.sqrt(max(np.linalg.det(linear[1:, 1:]), 1e-3)))
+        across = np.ptp(verts[rows, 0]) / max(float(np.ptp(wheel[:, 0])), 1e-9)
+        to = axes.take(middle[None])[0]
+        if wheel[:, 1].min() < ground + _ON_GROUND:
+            to[1] = new_ground + plane * (middle[1] - ground)
+        verts[rows] = to + (wheel - middle) * [across, plane, plane]
+    return verts
