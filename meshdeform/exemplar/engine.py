@@ -2,8 +2,8 @@
 
 1. An asset that is the noun already moves as attributes of parts do (`twins`), and of the whole (`whole_attributes`).
 2. A lump without parts is moulded (`clay`).
-3. Else the nearest members are chosen (`choosing`), or the nearest of given surfaces; the asset is fitted to each
-   (`fitting`), and the one with the least
+3. To the nearest of given surfaces it is fitted as `targets` does, or piece by piece if their parts are known.
+4. Else the nearest members are chosen (`choosing`), the asset is fitted to each (`fitting`), and the one with the least
 
        distance + 0.02 stretch + 0.02 faults
 
@@ -31,6 +31,8 @@ from meshdeform.exemplar.fitting import fit
 from meshdeform.exemplar.mending import mended
 from meshdeform.exemplar.pieces import Matching, face_areas
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
+from meshdeform.exemplar.symmetry import asymmetry
+from meshdeform.exemplar.targets import fitted_to_target
 from meshdeform.exemplar.twins import twin
 from meshdeform.exemplar.whole_attributes import reshaped
 from meshdeform.nouns.labels import Floats, Index
@@ -43,6 +45,7 @@ _TRIED, _MENDED = 3, 2
 _ENOUGH = 0.6
 _STRETCH, _FAULTS = 0.02, 0.02
 _SAMPLES = 2500
+_EVEN = 0.01
 _CHOSEN, _FITTED = 0.2, 0.95
 
 
@@ -136,10 +139,9 @@ class ExemplarFit:
 
     def _chosen(self) -> list[Exemplar]:
         if self._wish.targets:
-            return [
-                Exemplar(target, self._distance(self.source.verts, target), 0.0, {"target": number})
-                for number, target in enumerate(self._wish.targets)
-            ]
+            away = [self._distance(self.source.verts, target) for target in self._wish.targets]
+            nearest = int(np.argmin(away))
+            return [Exemplar(self._wish.targets[nearest], away[nearest], away[nearest], {"target": nearest})]
         return exemplars(self.source, self._wish, _TRIED, cache=self._cache)
 
     def _moulded(self, exemplar: Exemplar) -> _Way:
@@ -147,11 +149,22 @@ class ExemplarFit:
 
     def _fitted(self, exemplar: Exemplar) -> list[_Way]:
         """Return the ways in which the asset was fitted to an exemplar."""
-        fitted = fit(self.source, exemplar.shape, landmarks=self._wish.landmarks)
+        source, goal, landmarks = self.source, exemplar.shape, self._wish.landmarks
+        if self._wish.targets and not (goal.labels >= 0).any():
+            own = Shape(source.noun, source.verts, self._standing, np.full(len(self._standing), NO_PART))
+            planes = [axis for axis in (0, 2) if self._even(axis, goal)]
+            verts = fitted_to_target(own, goal, planes=planes, landmarks=landmarks)
+            return [_Way(verts, {**exemplar.told, "way": "target"}, goal)]
+        fitted = fit(source, goal, landmarks=landmarks)
         return [
             _Way(verts, {**exemplar.told, "way": name}, fitted.goal, fitted.matching)
             for name, verts in fitted.ways.items()
         ]
+
+    def _even(self, axis: int, goal: Shape) -> bool:
+        """Return whether asset and goal are both their own mirror images across an axis."""
+        own, other = (self.source.verts, self._standing), (goal.verts, goal.faces)
+        return max(asymmetry(*own, axis), asymmetry(*other, axis)) < _EVEN
 
     def _merit(self, way: _Way) -> float:
         """Return how far from good a way is."""

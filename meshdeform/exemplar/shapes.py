@@ -71,7 +71,8 @@ class Shape:
 class Wish:
     """What an asset is to become: a noun with attributes, or a given surface.
 
-    `targets`: surfaces in coordinates of their own, of which the nearest is taken; without any, a member of `noun` is.
+    `targets`: surfaces placed in the frame (`targets.placed`), of which the nearest is taken; without any, a member of
+    `noun` is.
     `strength`: how much of the way is gone, from 0 to 1. `landmarks`: places (L, 3) of the asset and their goals,
     both in the frame.
     """

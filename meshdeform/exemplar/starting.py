@@ -20,6 +20,7 @@ from meshdeform.exemplar.kinds import is_boxed, is_built, is_living, is_turned
 from meshdeform.exemplar.pieces import Matching, face_areas, neighbours
 from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
+from meshdeform.exemplar.symmetry import quarter_asymmetry
 from meshdeform.nouns.labels import Floats
 from meshdeform.reading.samples import hidden, spread
 
@@ -28,6 +29,7 @@ __all__ = ["Start", "cloud_of", "seen", "started"]
 _SAMPLES, _GOAL_SAMPLES, _OUTLINE_SAMPLES = 1600, 3000, 6000
 _WHOLE = 0.85
 """Share of the samples of both that is to be of matched pieces for their heights to count."""
+_ALIKE = 0.012
 _ROUND = "wheel"
 _ON_GROUND = 0.02
 
@@ -36,7 +38,7 @@ _ON_GROUND = 0.02
 class Start:
     """Ways to bring a surface near its goal, and the weight (V, G) of each piece for each vertex.
 
-    `ways`: vertices (V, 3) by `axes`, `outline` or `pieces`; the first is the one that its nouns tell.
+    `ways`: vertices (V, 3) by `axes` or `pieces`, and by the `outline` where both have one.
     """
 
     ways: dict[str, Floats]
@@ -75,11 +77,11 @@ def started(own: Shape, goal: Shape, matching: Matching, cloud: Cloud, planes: t
     loose = np.array([name == _ROUND for name in names])
     weights = blend_weights(own.verts, own.faces, matching.source.of_face, loose)
     ways = {}
-    if all(map(is_built, nouns)) and not (planes == (0, 2) and not manner.boxed):
+    if all(map(is_built, nouns)):
         ways["axes"] = _by_axes(own, matching, cloud, maps, weights, mirrored=manner.mirrored)
-    elif not manner.straight or planes != (0, 2):
+    else:
         ways["pieces"] = blended(own.verts, maps, weights)
-    if manner.straight and not manner.boxed and (planes == (0, 2) or all(map(is_turned, nouns))):
+    if manner.straight and not manner.boxed and (all(map(is_turned, nouns)) or _is_lathed(own, goal)):
         height = _heights(own, goal, matching, cloud, goal_cloud, maps)
         places, goal_places = (spread(one.verts, one.faces, _OUTLINE_SAMPLES, 5).places for one in (own, goal))
         ways["outline"] = outlined(own.verts, places, goal_places, height, _span(own))
@@ -125,6 +127,12 @@ def _heights(
     reached = axes.along(1, np.array([low, high]))
     stretch = (goal_high - goal_low) / max(float(reached[1] - reached[0]), 1e-9)
     return lambda y: goal_low + (axes.along(1, y) - reached[0]) * stretch
+
+
+def _is_lathed(own: Shape, goal: Shape) -> bool:
+    """Return whether both are alike from all four sides, the goal by its noun if not by its shape."""
+    alike = quarter_asymmetry(own.verts, own.faces) < _ALIKE
+    return alike and (is_turned(goal.noun) or quarter_asymmetry(goal.verts, goal.faces) < _ALIKE)
 
 
 def _span(own: Shape) -> float:

@@ -13,7 +13,7 @@ from meshdeform.exemplar.pieces import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
 
-__all__ = ["asymmetry", "evened", "symmetry_axes"]
+__all__ = ["asymmetry", "evened", "quarter_asymmetry", "symmetry_axes"]
 
 _SAMPLES = 3000
 _MOST, _LIMIT = 0.05, 0.01
@@ -23,9 +23,17 @@ _IMAGE = 0.001
 
 def asymmetry(verts: Floats, faces: Index, axis: int) -> float:
     """Return how far a surface is from its mirror image across the plane through the origin, normal to an axis."""
+    return _unlike(verts, faces, np.diag(np.where(np.arange(3) == axis, -1.0, 1.0)))
+
+
+def quarter_asymmetry(verts: Floats, faces: Index) -> float:
+    """Return how far a surface is from itself after a quarter turn about the upright axis."""
+    return _unlike(verts, faces, np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]))
+
+
+def _unlike(verts: Floats, faces: Index, turn: Floats) -> float:
     samples = spread(verts, faces, _SAMPLES, 6)
-    mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
-    image = samples._replace(places=samples.places * mirror, normals=samples.normals * mirror)
+    image = samples._replace(places=samples.places @ turn.T, normals=samples.normals @ turn.T)
     return one_way(image, samples, float(np.sqrt(face_areas(verts, faces).sum() / _SAMPLES)), _MOST)
 
 
