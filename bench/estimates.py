@@ -60,7 +60,7 @@ def assets(folder: Path, more: Path | None) -> Iterator[tuple[str, bytes]]:
 
 
 def requests(number: int) -> Iterator[tuple[str, Row]]:
-    """Yield two documents for an asset, such that all combinations come about."""
+    """Yield three documents for an asset, such that all combinations come about."""
     steps = _STEPS[number % len(_STEPS)]
     prompt = _NOUNS[number % len(_NOUNS)]
     silhouettes = {"kind": "silhouettes", "silhouettes": [{"azimuth": 0}]}
@@ -74,6 +74,7 @@ def requests(number: int) -> Iterator[tuple[str, Row]]:
     ]
     yield of_all[number % 6]
     yield of_all[(number + 3) % 6]
+    yield "exemplar", {"prompt": prompt, "params": {"guidance": {"kind": "exemplar"}}}
 
 
 def measured(filename: str, asset: bytes, document: Row, prior: Any) -> Row:
@@ -106,7 +107,9 @@ def fitted(rows: Sequence[Row]) -> Costs:
     one = np.ones(len(rows))
     once, step = (np.array([row[name] for row in rows]) for name in ("once", "step"))
     costs = []
-    for known, took in ((mesh[:, :1], once), (mesh[:, 1:], step)):
+    # Only fits to exemplars deform all faces of a large mesh.
+    of_step = mesh[:, [1, 2, 0]] if rows[0]["kind"].endswith("exemplar") else mesh[:, 1:]
+    for known, took in ((mesh[:, :1], once), (of_step, step)):
         shares = np.column_stack([one, known]) / took[:, None]
         found = nnls(shares, one)[0]
         costs += [float(f"{cost:.3g}") for cost in found / np.median(shares @ found)]

@@ -151,6 +151,7 @@ class Tools:
     ) -> dict[str, Any]:
         """Start a job that deforms an asset towards a prompt, and return its id at once. Then call wait.
 
+        With params {"guidance": {"kind": "exemplar"}} the asset is fitted to what the noun stands for, in seconds.
         Topology, UVs, materials and rig stay as they are.
         """
         async with self._client(ctx) as client:
@@ -166,7 +167,7 @@ class Tools:
         """Start a job that gives an asset the shape of another mesh, and return its id at once. Then call wait."""
         async with self._client(ctx) as client:
             own = (params or {}).get("guidance") or {}
-            merged = {**(params or {}), "guidance": {**own, "kind": "target"}}
+            merged = {**(params or {}), "guidance": {"kind": "target", **own}}
             job = await client.submit(self._folders.source(asset), params=merged, target=self._folders.source(target))
             return _summary(job)
 

@@ -42,7 +42,7 @@ from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
 from meshdeform.runs.control import Control, WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
-from meshdeform.runs.exemplar_control import controlled, is_free
+from meshdeform.runs.exemplar_control import controlled
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import ExemplarFacts, Fit, exemplar_report
 from meshdeform.runs.goals import SilhouetteFit, TargetFit
@@ -198,16 +198,15 @@ class ExemplarRun(JobRun):
         moved = self._body.points.copy()
         for move, share in zip(self._moves, self._shares, strict=True):
             moved += move if share is None else share[:, None] * move
-        return controlled(self._facts.control, self._facts.frame, self._facts.welded.mesh, moved)
+        return controlled(self._facts.control, self._facts.welded.mesh, moved)
 
     def _whole(self) -> _Floats:
         """Return the vertices (V, 3) of the result; what blending and controls broke is mended."""
-        blended = self._blended()
-        if len(self._moves) == 1 and is_free(self._facts.control):
+        blended, mesh = self._blended(), self._facts.welded.mesh
+        if len(self._moves) == 1 and np.array_equal(blended, self._body.points + self._moves[0]):
             return blended
-        rest, faces = self._facts.welded.mesh.verts.numpy(), self._facts.welded.mesh.faces.numpy()
-        self._mended = mended(rest, blended, faces)
-        return controlled(self._facts.control, self._facts.frame, self._facts.welded.mesh, self._mended.verts)
+        self._mended = mended(mesh.verts.numpy(), blended, mesh.faces.numpy())
+        return controlled(self._facts.control, mesh, self._mended.verts)
 
 
 def _wishes(facts: ExemplarFacts, body: Body) -> list[tuple[str, Wish]]:

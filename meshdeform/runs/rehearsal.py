@@ -42,11 +42,12 @@ def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
 
 
 def main() -> None:
-    """Also do what only some jobs do: find the front, fit a target, carry several components, walk a morph's path."""
+    """Also do what only some jobs do: find the front, fit a target or an exemplar, carry parts, walk a morph's path."""
     prior = load_prior(BUILTIN_MODEL, device="cpu")
     for glb in (_glb(1), _glb(2)):
         _run(glb, {"prompt": _PROMPT, "output": {"morph": True}}, prior=prior).finish()
         _run(glb, {"params": {"guidance": {"kind": "target"}}}, target=_glb(1), target_filename="sphere.glb").finish()
+        _run(glb, {"prompt": _PROMPT, "params": {"guidance": {"kind": "exemplar"}}}).finish()
 
 
 def _glb(components: int) -> bytes:

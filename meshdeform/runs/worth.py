@@ -43,6 +43,8 @@ UNMOVED = 0.01
 _MET, _WITHIN = 0.35, 2 / 3
 """Share of the distance at the start that may be left of what a target or pictures are met by, and share of the target
 that must be within 1 % of the result."""
+_ALIKE = 0.001
+"""Distances to and from a target, together and as a share of the diagonal, below which nothing is left."""
 _STRETCHED = 1.15
 """Factor by which an axis grew against the others from which a change in plain words says it."""
 _KEPT = 0.5
@@ -234,8 +236,8 @@ def of_exemplars(kept: float, shape: Shape) -> dict[str, Any]:
 
 def of_target(fit: Mapping[str, Any], shape: Shape) -> dict[str, Any]:
     """Return the verdict of a fit to a mesh, by the report's `fit`."""
-    before = fit["before"]["to_target"] + fit["before"]["from_target"]
-    left = (fit["to_target"] + fit["from_target"]) / before if before > 0 else 0.0
+    before, after = (each["to_target"] + each["from_target"] for each in (fit["before"], fit))
+    left = after / before if after > _ALIKE else 0.0
     found = f"{left:.0%} of the distance to the target is left, and {fit['within']:.0%} of the target is within 1 %."
     advice = [
         "Name places that belong together (landmarks), and turn the target as the asset is.",

@@ -236,7 +236,7 @@ class AsyncClient:
             For example `{"preset": "preview", "seed": 7}`.
         output : OutputOptions or mapping, optional
         target : like `asset`, optional
-            A second mesh, for `params` with `{"guidance": {"kind": "target"}}`.
+            A second mesh, for `params` with `{"guidance": {"kind": "target"}}` or `exemplar`.
         files : mapping of str to files like `asset`, optional
             Other files by the names of their parts, such as `silhouette_1`: a picture; `limits().kinds` lists them.
         metadata : mapping, optional

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("meshdeform.exemplar.engine")
-
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.shapes import icosphere

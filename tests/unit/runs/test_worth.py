@@ -10,6 +10,7 @@ from meshdeform.runs.verdict import LIMITS
 from meshdeform.runs.worth import (
     Shape,
     Source,
+    of_exemplars,
     of_noun,
     of_pictures,
     of_prompts,
@@ -213,6 +214,20 @@ def test_a_target_is_met_by_the_distance_that_is_left(
     assert said["value"] == value
     assert said["reasons"][0].startswith(f"{left:.0%} of the distance to the target is left")
     assert bool(said["advice"]) is (value != GOOD)
+
+
+def test_a_target_that_the_source_is_already_is_met() -> None:
+    alike = {"to_target": 2e-5, "from_target": 3e-5, "within": 1.0, "before": {"to_target": 1e-5, "from_target": 1e-5}}
+    said = of_target(alike, WHOLE)
+    assert said["value"] == GOOD
+    assert said["reasons"][0].startswith("0% of the distance")
+
+
+@each_case("kept, value", [(1.0, GOOD), (0.5, GOOD), (0.49, DOUBTFUL), (0.0, DOUBTFUL)])
+def test_a_fit_that_mending_took_back_is_doubtful(kept: float, value: str) -> None:
+    said = of_exemplars(kept, WHOLE)
+    assert said["value"] == value
+    assert bool(said["advice"]) is (value == DOUBTFUL)
 
 
 @each_case("iou, value", [((0.9, 0.75), GOOD), ((0.8, 0.8), DOUBTFUL), ((0.5, 0.5), DOUBTFUL)])

@@ -8,8 +8,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("meshdeform.exemplar.engine")
-
 from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import Job, JobState, NewJob, StoredFile
