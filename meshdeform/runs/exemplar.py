@@ -28,7 +28,7 @@ from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import stored_shape
 from meshdeform.exemplar.engine import ExemplarFit
-from meshdeform.exemplar.mending import Mended, mended
+from meshdeform.exemplar.mending import Mended
 from meshdeform.exemplar.shapes import Frame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
 from meshdeform.geometry.mesh import RestMesh
@@ -42,7 +42,7 @@ from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
 from meshdeform.runs.control import Control, WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
-from meshdeform.runs.exemplar_control import controlled
+from meshdeform.runs.exemplar_control import Controls
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import ExemplarFacts, Fit, exemplar_report
 from meshdeform.runs.goals import SilhouetteFit, TargetFit
@@ -136,6 +136,7 @@ class ExemplarRun(JobRun):
         self._wishes = _wishes(facts, body)
         super().__init__(STEPS * len(self._wishes), 0, log)
         self._facts, self._body, self._cache = facts, body, job_input.readings.samples
+        self._controls = Controls(facts.control, facts.frame, facts.welded.mesh)
         self._shares = [None] if facts.prompts is None else facts.prompts.of_vertices(facts.welded.mesh)
         self._moves = [np.zeros_like(body.points) for _ in self._wishes]
         self._fits: list[Fit] = []
@@ -198,15 +199,15 @@ class ExemplarRun(JobRun):
         moved = self._body.points.copy()
         for move, share in zip(self._moves, self._shares, strict=True):
             moved += move if share is None else share[:, None] * move
-        return controlled(self._facts.control, self._facts.welded.mesh, moved)
+        return self._controls.laid_over(moved)
 
     def _whole(self) -> _Floats:
         """Return the vertices (V, 3) of the result; what blending and controls broke is mended."""
-        blended, mesh = self._blended(), self._facts.welded.mesh
+        blended = self._blended()
         if len(self._moves) == 1 and np.array_equal(blended, self._body.points + self._moves[0]):
             return blended
-        self._mended = mended(mesh.verts.numpy(), blended, mesh.faces.numpy())
-        return controlled(self._facts.control, mesh, self._mended.verts)
+        self._mended = self._controls.mended(blended)
+        return self._mended.verts
 
 
 def _wishes(facts: ExemplarFacts, body: Body) -> list[tuple[str, Wish]]:

@@ -108,6 +108,43 @@ def test_what_is_kept_keeps_its_bits_and_the_rest_goes() -> None:
     assert np.allclose(result[lowest], (REST * GIRAFFE)[lowest], atol=1e-6)
 
 
+def test_handles_are_at_their_goals_and_soft_ones_go_their_share() -> None:
+    top, side = REST[:, 1].argmax(), REST[:, 0].argmax()
+    goals = {int(top): REST[top] * [1, 2, 1], int(side): REST[side] + [0, 0.2, 0]}
+    handles = [{"vertex": vertex, "to": goal.tolist()} for vertex, goal in goals.items()]
+    free = places(finished(run_of())["result.glb"])
+    files = finished(run_of(handles=handles))
+    result, told = places(files["result.glb"]), json.loads(files["report.json"])
+    assert max(each["distance"] for each in told["handles"]) < 1e-6
+    assert np.allclose(result[list(goals)], list(goals.values()), atol=1e-5)
+    far = np.linalg.norm(free - free[top], axis=1) > 2.2
+    assert np.allclose(result[far & (REST[:, 0] < 0)], free[far & (REST[:, 0] < 0)], atol=1e-3)
+    soft = moved(handles=[{**handles[0], "weight": 0.25}])
+    assert np.allclose(soft[top], free[top] + 0.25 * (goals[int(top)] - free[top]), atol=1e-5)
+
+
+def test_a_handle_and_its_mirror_image_go_together() -> None:
+    side, other = REST[:, 0].argmax(), REST[:, 0].argmin()
+    goal = REST[side] + [0.3, 0.2, 0]
+    files = finished(run_of(symmetry="x", handles=[{"vertex": int(side), "to": goal.tolist()}]))
+    result, told = places(files["result.glb"]), json.loads(files["report.json"])
+    assert np.allclose(result[side], goal, atol=1e-5)
+    assert np.allclose(result[other], goal * [-1, 1, 1], atol=1e-5)
+    assert told["symmetry"]["added_deviation"] < 1e-6
+
+
+@pytest.mark.parametrize("mode", ["rigid", "similarity"])
+def test_a_rigid_part_keeps_its_shape_and_its_surroundings_go_along(mode: str) -> None:
+    lid = {"box": {"min": [-2, 0.7, -2], "max": [2, 2, 2]}, "mode": mode}
+    files = finished(run_of(rigid=[lid], falloff=0.2))
+    result, told = places(files["result.glb"]), json.loads(files["report.json"])
+    assert told["rigid"]["bodies"] == 1
+    assert told["rigid"]["max_deviation"] < 1e-6
+    assert told["quality"]["flipped_faces"] == 0
+    low = REST[:, 1] < 0
+    assert np.allclose(result[low], (REST * GIRAFFE)[low], atol=1e-5)
+
+
 def test_the_report_says_what_was_taken_and_what_became_of_it() -> None:
     told = report("a tall giraffe")
     (entry,) = told["exemplars"]
