@@ -17,10 +17,10 @@ from torch.nn import functional
 
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, coarsening
 from meshdeform.errors import AssetError
+from meshdeform.geometry.isosurface import continued, isosurface
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree, surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
-from meshdeform.geometry.isosurface import continued, isosurface
 from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
 from meshdeform.requests.surface_fit import MAX_BASE_FACES
 

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
 from meshdeform.errors import AssetError, AssetTooLargeError
 from meshdeform.geometry.edge_splits import unique_edges
+from meshdeform.geometry.isosurface import isosurface
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.kinds.surface_fit.base_places import border_places
@@ -27,7 +28,6 @@ from meshdeform.kinds.surface_fit.intrinsic import (
     mass,
     spectrum,
 )
-from meshdeform.geometry.isosurface import isosurface
 from meshdeform.kinds.surface_fit.measures import EIGENVALUES, Reference
 from meshdeform.kinds.surface_fit.patches import divided, level_of
 from meshdeform.kinds.surface_fit.surface_sources import surface_of
