@@ -42,6 +42,8 @@ _BACK = 1.5
 _EDGE = (0.2, 5.0)
 """Least and greatest weight of an edge."""
 _MOST_VERTICES, _NODES, _NEAREST = 12_000, 6000, 6
+_RINGS = 2
+"""Of faces around those that are fitted, which stay, so that the displacements end smoothly there."""
 _TOUCHING, _TOUCHED = 0.012, 12
 _TINY = 1e-12
 
@@ -86,27 +88,46 @@ def surface_fit(
     """
     if not (codes >= 0).any() or not len(goal.codes):
         return verts.copy()
-    return _SurfaceFit(verts, faces, codes, goal, manner).run(verts if start is None else start)
+    near = np.zeros(len(verts), bool)
+    near[faces[codes >= 0]] = True
+    for _ in range(_RINGS):
+        near[faces[near[faces].any(1)]] = True
+    inner = near[faces].all(1)
+    place = np.cumsum(near) - 1
+    whole = float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0))), _area(verts, faces)
+    fit = _SurfaceFit(verts[near], place[faces[inner]], codes[inner], goal, manner, *whole)
+    moved = verts.copy()
+    moved[near] = fit.run((verts if start is None else start)[near])
+    return moved
 
 
 class _SurfaceFit:
     """The nodes that may move, the smoothness of their displacements, and the samples of what they become."""
 
-    def __init__(self, verts: Floats, faces: Index, codes: Index, goal: SurfaceGoal, manner: Manner) -> None:
-        self._rest, self._manner = verts, manner
+    def __init__(
+        self,
+        verts: Floats,
+        faces: Index,
+        codes: Index,
+        goal: SurfaceGoal,
+        manner: Manner,
+        diagonal: float,
+        area: float,
+    ) -> None:
+        """Take what is fitted and what is around it, and the diagonal and area of the whole surface."""
+        self._rest, self._manner, self._diagonal = verts, manner, max(diagonal, _TINY)
         fitted = codes >= 0
         self._faces, self._codes = faces[fitted], codes[fitted]
-        used = verts[np.unique(faces)]
-        self._diagonal = max(float(np.linalg.norm(np.ptp(used, axis=0))), _TINY)
         nodes = _nodes(verts, faces)
         places = nodes.mean @ verts
         free = np.zeros(len(verts), bool)
         free[self._faces] = True
         moving = np.unique(nodes.mean[:, free].nonzero()[0])
         self._spread = (sparse.diags(free.astype(float)) @ nodes.weights[:, moving]).tocsr()
-        self._count = len(places)
-        self._smooth = _smoothness(places, nodes, self._diagonal)[:, moving]
-        self._smooth = (self._smooth.T @ self._smooth).tocsc()
+        # As many as there would be on the whole surface.
+        self._count = len(places) * area / max(_area(verts, faces), _TINY)
+        laplacian = _laplacian(places, nodes, self._diagonal)[:, moving]
+        self._smooth = (laplacian.T @ laplacian * (_SCALE / self._count)).tocsc()
         self._goal = goal
         self._features = self._described(goal.samples.places, goal.samples.normals, goal.codes)
         self._tree = cKDTree(self._features)
@@ -182,8 +203,8 @@ def _nodes(verts: Floats, faces: Index) -> _Nodes:
     components = np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
     if count <= _MOST_VERTICES:
         return _Nodes(sparse.identity(count, format="csr"), sparse.identity(count, format="csr"), edges, components)
-    normals, area = _vertex_normals(verts, faces)
-    side = 1.1 * np.sqrt(area / _NODES)
+    normals = _vertex_normals(verts, faces)
+    side = 1.1 * np.sqrt(_area(verts, faces) / _NODES)
     keys = np.column_stack([components, np.floor((verts - verts.min(0)) / side), normals > 0]).astype(np.int64)
     number = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     mean = sparse.csr_matrix((np.ones(count), (number, np.arange(count))))
@@ -209,19 +230,23 @@ def _nodes(verts: Floats, faces: Index) -> _Nodes:
     )
 
 
-def _vertex_normals(verts: Floats, faces: Index) -> tuple[Floats, float]:
-    """Return the unit normals (V, 3), and the area of all faces."""
+def _area(verts: Floats, faces: Index) -> float:
+    a, b, c = verts[faces].transpose(1, 0, 2)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+
+
+def _vertex_normals(verts: Floats, faces: Index) -> Floats:
+    """Return the unit normals (V, 3)."""
     a, b, c = verts[faces].transpose(1, 0, 2)
     doubled = np.cross(b - a, c - a)
     normals = np.zeros_like(verts)
     for corner in range(3):
         np.add.at(normals, faces[:, corner], doubled)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    return normals, float(np.linalg.norm(doubled, axis=1).sum()) / 2
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
-def _smoothness(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_matrix:
-    """Return the scaled Laplacian (M, M) whose square, twice, is the roughness of the displacements."""
+def _laplacian(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_matrix:
+    """Return the Laplacian (M, M) of the displacements of the nodes, times the diagonal over the mean edge."""
     count = len(places)
     edges = np.concatenate([nodes.edges, _touching(places, nodes.components, diagonal)])
     lengths = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
@@ -231,7 +256,7 @@ def _smoothness(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_ma
     graph = graph + graph.T
     degree = np.maximum(np.asarray(graph.sum(1)).ravel(), _TINY)
     laplacian = sparse.identity(count) - sparse.diags(1 / degree) @ graph
-    return (np.sqrt(_SCALE / count) * diagonal / mean * laplacian).tocsc()
+    return (diagonal / mean * laplacian).tocsc()
 
 
 def _touching(places: Floats, components: Index, diagonal: float) -> Index:
