@@ -6,7 +6,8 @@ asset moves by::
 
     d(v) = sum_i s_i(v) d_i(v)
 
-Then what is kept, held and rigid is laid over that, and what broke is mended.
+Pictures beside the prompts pull at the outlines of that. Then what is kept, held and rigid is laid over it, and what
+broke is mended.
 
 The run is shorter than the interval of checkpoints, and its stages hold no state that is worth storing: a checkpoint
 holds the shape, from which a branch starts, and a run that resumes starts again, to the same bytes.
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,9 +30,13 @@ from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, finge
 from meshdeform.deformation.loop import stored_shape
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.mending import Mended
+from meshdeform.exemplar.outlines import Outlines, outlines_of
 from meshdeform.exemplar.shapes import Frame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
+from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.symmetry import symmetry_axes
 from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
 from meshdeform.priors.builtin.grammar import parse
@@ -194,6 +199,17 @@ class ExemplarRun(JobRun):
         """Return the current welded vertices (V, 3), in world space."""
         return torch.from_numpy(self._blended() if self._result is None else self._result)
 
+    def _outlined(self, views: Sequence[SilhouetteView], verts: _Floats) -> _Floats:
+        """Return vertices (V, 3) pulled to the outlines of pictures by a smooth map."""
+        body, codes = self._body, np.zeros(len(self._body.faces), np.int64)
+        nothing = np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64)
+        frame = frame_of(body.points, body.faces, self._facts.reading)
+        now = frame.enter(verts)
+        outlines = outlines_of(views, frame.enter(body.points), body.faces, frame.turn)
+        planes = symmetry_axes((now, body.faces), (now, body.faces))
+        pulls = Outlines(now, body.faces, outlines)
+        return frame.leave(smooth_fit(now, body.faces, codes, *nothing, planes=planes, outlines=pulls))
+
     def _blended(self) -> _Floats:
         """Return the vertices (V, 3) that the fits have moved so far, each prompt by its share, within the controls."""
         moved = self._body.points.copy()
@@ -202,9 +218,11 @@ class ExemplarRun(JobRun):
         return self._controls.laid_over(moved)
 
     def _whole(self) -> _Floats:
-        """Return the vertices (V, 3) of the result; what blending and controls broke is mended."""
-        blended = self._blended()
-        if len(self._moves) == 1 and np.array_equal(blended, self._body.points + self._moves[0]):
+        """Return the vertices (V, 3) of the result; what blending, pictures and controls broke is mended."""
+        blended, pictures = self._blended(), self._facts.silhouettes
+        if pictures is not None:
+            blended = self._controls.laid_over(self._outlined(pictures.views, blended))
+        elif len(self._moves) == 1 and np.array_equal(blended, self._body.points + self._moves[0]):
             return blended
         self._mended = self._controls.mended(blended)
         return self._mended.verts

@@ -141,7 +141,7 @@ class SilhouetteFit:
     """
 
     def __init__(self, params: ResolvedParams, views: Sequence[SilhouetteView], sha256: str) -> None:
-        self._params, self._views, self._sha256 = params, views, sha256
+        self._params, self.views, self._sha256 = params, views, sha256
 
     @classmethod
     def of(cls, params: ResolvedParams, pictures: Sequence[bytes]) -> Self:
@@ -160,17 +160,17 @@ class SilhouetteFit:
     def guidance(self, device: str) -> Guidance:
         """Return the guidance by the pictures alone."""
         identity = {"id": "silhouettes", "revision": "", "sha256": self._sha256}
-        return SilhouetteGuidance(SilhouetteTerm(self._views, device=device), self._params.silhouette_weight, identity)
+        return SilhouetteGuidance(SilhouetteTerm(self.views, device=device), self._params.silhouette_weight, identity)
 
     def beside(self, guidance: Guidance, device: str) -> Guidance:
         """Return a guidance by the pictures beside another one."""
         identity = {**guidance.identity, "silhouettes_sha256": self._sha256}
-        term = SilhouetteTerm(self._views, device=device)
+        term = SilhouetteTerm(self.views, device=device)
         return BesideSilhouettes(guidance, term, self._params.silhouette_weight, identity)
 
     def measure(self, rest: TriangleMesh, verts: Tensor) -> list[dict[str, Any]]:
         """Return `silhouettes` of the report for a result (V, 3) in the cameras' frame."""
-        term = SilhouetteTerm(self._views)
+        term = SilhouetteTerm(self.views)
         term.begin(rest)
         before, after = term.overlaps(rest.verts), term.overlaps(verts)
         return [

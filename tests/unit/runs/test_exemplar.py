@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.errors import CheckpointError
@@ -143,6 +145,25 @@ def test_a_rigid_part_keeps_its_shape_and_its_surroundings_go_along(mode: str) -
     assert told["quality"]["flipped_faces"] == 0
     low = REST[:, 1] < 0
     assert np.allclose(result[low], (REST * GIRAFFE)[low], atol=1e-5)
+
+
+def disc(wide: float, high: float) -> bytes:
+    picture, file = Image.new("L", (128, 128)), io.BytesIO()
+    ImageDraw.Draw(picture).ellipse((64 - wide, 64 - high, 64 + wide, 64 + high), fill=255)
+    picture.save(file, "PNG")
+    return file.getvalue()
+
+
+def test_pictures_pull_at_the_outlines_of_a_fit() -> None:
+    views = [{"azimuth": 0.0}, {"azimuth": 90.0}]
+    files = finished(run_of(silhouettes=views, pictures=[disc(20, 50), disc(40, 50)]))
+    result, told = places(files["result.glb"]), json.loads(files["report.json"])
+    wide, high, deep = np.ptp(result, axis=0)
+    assert wide / high == pytest.approx(0.4, abs=0.06)
+    assert deep / high == pytest.approx(0.8, abs=0.08)
+    assert min(each["iou"] for each in told["silhouettes"]) > 0.9
+    assert told["quality"]["flipped_faces"] == 0
+    assert told["guidance"]["sha256"]
 
 
 def test_the_report_says_what_was_taken_and_what_became_of_it() -> None:
