@@ -7,16 +7,19 @@ and A the map of the asset's piece to the member's (`affine_maps`), a place x of
 
     sum_i w_i(x) A_i^-1 P_i T_i P_i^-1 A_i x,
 
-w the blended weights of the pieces (`blending`). What carries no name goes with the piece that is nearest, so that
-what is attached stays attached. All that stands on the ground is lifted or lowered as a whole until it stands there
-again.
+w the blended weights of the pieces (`blending`), and each map is moved so that pieces that touch still do. What carries
+no name goes with the piece that is nearest, so that what is attached stays attached. All that stands on the ground is
+lifted or lowered as a whole until it stands there again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -42,7 +45,11 @@ __all__ = ["twin"]
 
 _CANDIDATES = 6
 _SAMPLES, _MEMBER_SAMPLES = 1600, 3000
-_EXACT = 1e-6
+_EXACT, _TOUCHING = 1e-6, 0.03
+_TIE_SAMPLES, _SPACING, _FAR = 4000, 0.002, 0.12
+_NEAR = 0.03
+_PRIOR, _BY_CHANCE, _FIXED = 0.01, 0.03, 1e6
+"""What a piece's own place weighs beside a tie, and a tie that the member has not."""
 _STILL = 0.004
 """Share of the member's diagonal by which a solid must move to count as moved."""
 _AXES = np.array([1.5, 0.5, 1.0])
@@ -154,14 +161,14 @@ def _moved(source: Shape, member: Shape, twins: _Twins) -> Floats | None:
     numbers = {pair: number for number, pair in enumerate(sorted(moves))}
     if not numbers:
         return None
-    of_face = np.array([numbers.get((int(k), int(p)), len(numbers)) for k, p in zip(cluster, piece, strict=True)])
-    loose = np.zeros(len(numbers) + 1, bool)
-    weights = blend_weights(own.verts, own.faces, of_face, loose)
+    still = len(numbers)
+    of_face = np.array([numbers.get((int(k), int(p)), still) for k, p in zip(cluster, piece, strict=True)])
+    groups = [_Group(link.matrix(p), twins.maps[k]) for k, p in numbers]
+    maps = _kept_together(groups, _ties(own, of_face, _contacts(member, twins, [k for k, _ in numbers])))
+    weights = blend_weights(own.verts, own.faces, of_face, np.zeros(still + 1, bool))
     step = np.zeros_like(own.verts)
-    for (k, p), number in numbers.items():
+    for number, change in enumerate(maps):
         rows = np.flatnonzero(weights[:, number])
-        there = link.matrix(p)
-        change = np.linalg.inv(there) @ twins.maps[k] @ there
         places = own.verts[rows]
         step[rows] += weights[rows, number, None] * (places @ change[:3, :3].T + change[:3, 3] - places)
     verts = source.verts + step
@@ -169,6 +176,123 @@ def _moved(source: Shape, member: Shape, twins: _Twins) -> Floats | None:
     if source.noun not in AFLOAT:
         verts[used, 1] += float(source.verts[used, 1].min() - verts[used, 1].min())
     return np.asarray(verts)
+
+
+def _contacts(member: Shape, twins: _Twins, clusters: Sequence[int]) -> Floats:
+    """Return where some clusters, and all that stay as the last, touch each other in the member, else nan.
+
+    (G + 1, G + 1, 3); a cluster that two groups share touches itself in its middle.
+    """
+    chosen = [*(twins.cluster == k for k in clusters), ~np.isin(twins.cluster, list(twins.maps))]
+    places = [member.verts[np.unique(member.faces[rows])] for rows in chosen]
+    contacts = np.full((len(places), len(places), 3), np.nan)
+    for i, one in enumerate(places):
+        for j, other in enumerate(places[:i]):
+            if i < len(clusters) and clusters[i] == clusters[j]:
+                contacts[i, j] = contacts[j, i] = one.mean(0)
+            elif len(one) and len(other):
+                away, nearest = cKDTree(other).query(one)
+                close = away <= 1.02 * away.min() + _SPACING
+                if away.min() < _TOUCHING:
+                    contacts[i, j] = contacts[j, i] = (one[close] + other[nearest[close]]).mean(0) / 2
+    return contacts
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Faces of the asset that move as one: their map (4, 4) to the member, `there`, and what moves them there."""
+
+    there: Floats
+    change: Floats
+
+    @cached_property
+    def back(self) -> Floats:
+        """The map (4, 4) from the member."""
+        return np.asarray(np.linalg.inv(self.there))
+
+    @cached_property
+    def map(self) -> Floats:
+        """How the asset moves (4, 4)."""
+        return np.asarray(self.back @ self.change @ self.there)
+
+
+def _kept_together(groups: Sequence[_Group], ties: Sequence[_Tie]) -> Floats:
+    """Return the maps (G, 4, 4) of groups, moved so that what touches is as far apart as it is in the member.
+
+    With maps x -> L x + t, the sum over ties at places c of w |(L_i c + t_i) - (L_j c + t_j) - g|^2 and of
+    0.01 |t_i - t_i0|^2 is least, g the gap T_i y - T_j y in the member, taken back to the asset; y is the mean of where
+    the two take c on the member, or where two that move touch there, if that is far away.
+    """
+    still = len(groups)
+    maps = np.array([*(group.map for group in groups), np.eye(4)])
+    matrix, right = _PRIOR * np.eye(still + 1), np.zeros((still + 1, 3))
+    matrix[still, still] = _FIXED
+    right[:still] = _PRIOR * maps[:still, :3, 3]
+    for tie in ties:
+        pair = (tie.one, tie.other)
+        known = [groups[number] for number in pair if number < still]
+        there = np.mean([group.there @ np.append(tie.place, 1.0) for group in known], axis=0)
+        if len(known) > 1 and float(np.linalg.norm(there[:3] - tie.contact)) > _FAR:  # never of one that is nan
+            there[:3] = tie.contact
+        moved = [groups[number].change @ there if number < still else there for number in pair]
+        gap = np.mean([group.back[:3, :3] for group in known], axis=0) @ (moved[0] - moved[1])[:3]
+        row = np.zeros(still + 1)
+        row[list(pair)] = 1.0, -1.0
+        matrix += tie.weight * np.outer(row, row)
+        right += tie.weight * np.outer(row, gap - (maps[tie.one, :3, :3] - maps[tie.other, :3, :3]) @ tie.place)
+    maps[:, :3, 3] = np.linalg.solve(matrix, right)
+    return maps[:still]
+
+
+class _Tie(NamedTuple):
+    """A place (3,) at which two groups touch, that in the member, which may be nan, and what the tie weighs."""
+
+    one: int
+    other: int
+    place: Floats
+    contact: Floats
+    weight: float
+
+
+def _ties(own: Shape, of_face: Index, contacts: Floats) -> list[_Tie]:
+    """Return where groups of faces touch; `contacts` (G + 1, G + 1, 3): where they do in the member.
+
+    Those that share edges or touch in both are tied firmly, those that only happen to be near loosely. Of those that
+    touch in the member alone the nearest are tied, as long as they join what nothing else does (Kruskal 1956, On the
+    shortest spanning subtree of a graph).
+    """
+    samples = spread(own.verts, own.faces, _TIE_SAMPLES, 5)
+    places = [samples.places[of_face[samples.faces] == group] for group in range(len(contacts))]
+    borders = _borders(own, of_face)
+    ties: list[_Tie] = []
+    far: list[tuple[float, _Tie]] = []
+    for i, j in combinations(range(len(contacts)), 2):
+        contact, beside = contacts[i, j], not np.isnan(contacts[i, j]).any()
+        if (i, j) in borders:
+            ties.append(_Tie(i, j, borders[i, j].mean(0), contact, 1.0))
+        elif len(places[i]) and len(places[j]):
+            away, nearest = cKDTree(places[j]).query(places[i])
+            close = away <= 1.02 * away.min() + _SPACING
+            middle = (places[i][close] + places[j][nearest[close]]).mean(0) / 2
+            tie = _Tie(i, j, middle, contact, 1.0 if beside else _BY_CHANCE)
+            if away.min() < _NEAR:
+                ties.append(tie)
+            elif beside:
+                far.append((float(away.min()), tie))
+    return [*ties, *_joining(ties, [tie for _, tie in sorted(far, key=lambda pair: pair[0])], len(contacts))]
+
+
+def _joining(ties: Sequence[_Tie], others: Iterable[_Tie], count: int) -> list[_Tie]:
+    """Return those of other ties, in their order, that join groups which nothing before them joins."""
+    whole = np.arange(count)
+    for tie in ties:
+        whole[whole == whole[tie.other]] = whole[tie.one]
+    joining = []
+    for tie in others:
+        if whole[tie.one] != whole[tie.other]:
+            whole[whole == whole[tie.other]] = whole[tie.one]
+            joining.append(tie)
+    return joining
 
 
 @dataclass(frozen=True)
@@ -197,7 +321,7 @@ class _Link:
         living = is_living(own.noun)
         planes = symmetry_axes((own.verts, own.faces), (member.verts, member.faces))
         manner = Manner(straight=not living, boxed=is_boxed(own.noun), mirrored=0 in planes)
-        ties = touching(cloud, len(mine), _borders(own, mine))
+        ties = touching(cloud, len(mine), _borders(own, mine.of_face))
         return cls(mine, articulated(cloud, goal, mine.names, partner, ties, manner), partner)
 
     def matrix(self, piece: int) -> Floats:
@@ -216,10 +340,10 @@ def _as_one_each(mine: Pieces, others: Pieces) -> tuple[Pieces, Pieces]:
     return mine, others
 
 
-def _borders(own: Shape, pieces: Pieces) -> dict[tuple[int, int], Floats]:
-    """Return the middles (P, 3) of the edges between two pieces."""
+def _borders(own: Shape, of_face: Index) -> dict[tuple[int, int], Floats]:
+    """Return the middles (P, 3) of the edges between two pieces; `of_face` (F,): the piece of each face, or -1."""
     pairs = neighbours(own.faces, len(own.verts))
-    two = np.sort(pieces.of_face[pairs], 1)
+    two = np.sort(of_face[pairs], 1)
     hit = (two[:, 0] != two[:, 1]) & (two[:, 0] >= 0)
     pairs, two = pairs[hit], two[hit]
     middles = own.verts[own.faces[pairs]].mean((1, 2))
