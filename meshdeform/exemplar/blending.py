@@ -6,7 +6,8 @@ With w0 (V, G) the share of the area around each vertex that is of each piece, a
 
 so that maps blend over about l on either side of a border; the rows of w are at least 0 and sum to 1. Vertices without
 a part take the piece nearest to them, for little. Components that nearly touch are joined where they do, at vertices
-and where a vertex of one lies on a face of another, with the median of the weights of edges.
+and where a vertex of one lies on a face of another, with the median of the weights of edges. Weights of a large mesh
+are means of those of a coarser one, whose vertices are the middles of what lies in a cell.
 
 Source: Baran and Popovic 2007, Automatic rigging and animation of 3D characters (weights by diffusion).
 """
@@ -33,7 +34,11 @@ _LEAST_EDGE = 1e-4
 _UNKNOWN = 0.02
 """What the nearest piece weighs for a vertex without a part."""
 _ON_FACES, _CANDIDATES = 6000, 4
-_TOLERANCE, _MOST_STEPS = 1e-7, 400
+_TOLERANCE, _MOST_STEPS = 1e-5, 400
+_NONE = 1e-4
+"""Weights below this are none."""
+_MOST, _COARSE, _MEAN_OF = 12_000, 0.008, 6
+"""Vertices from which on the weights are those of a coarser mesh, the size of its cells, and of how many a mean is."""
 
 
 def blended(verts: Floats, maps: AffineMaps, weights: Floats) -> Floats:
@@ -66,12 +71,42 @@ def blend_weights(verts: Floats, faces: Index, of_face: Index, loose: Flags) -> 
         start[unknown, of_face[known[nearest]]] = 1
         mass[unknown] = _UNKNOWN
     start /= start.sum(1, keepdims=True)
-    graph = _graph(own_verts, own_faces, start @ loose > 0.5)
-    solved = _solved(graph, mass, start)
+    if len(own_verts) > _MOST:
+        solved = _by_fewer(own_verts, own_faces, start, mass, loose)
+    else:
+        solved = _solved(_graph(own_verts, own_faces, start @ loose > 0.5), mass, start)
     weights = np.zeros((len(verts), count))
-    solved[solved < 1e-5] = 0
+    solved[solved < _NONE] = 0
     weights[used] = solved / solved.sum(1, keepdims=True)
     return weights
+
+
+def _by_fewer(verts: Floats, faces: Index, start: Floats, mass: Floats, loose: Flags) -> Floats:
+    """Return the weights (V, G) of a large mesh by those of a coarser one, of which each place takes a mean."""
+    components = solids_of(Part(verts, faces))
+    cells = np.floor((verts - verts.min(0)) / _COARSE).astype(np.int64)
+    keys = np.column_stack([components, cells])
+    of_vert = np.asarray(np.unique(keys, axis=0, return_inverse=True)[1], np.int64).ravel()
+    count = int(of_vert.max()) + 1
+    each = np.bincount(of_vert, mass, count)
+
+    def mean(values: Floats) -> Floats:
+        sums = [np.bincount(of_vert, mass * column, count) for column in values.T]
+        return np.asarray(np.stack(sums, 1) / each[:, None])
+
+    places, fewer = mean(verts), of_vert[faces]
+    kept = (fewer[:, 0] != fewer[:, 1]) & (fewer[:, 1] != fewer[:, 2]) & (fewer[:, 2] != fewer[:, 0])
+    shares = mean(start)
+    solved = _solved(_graph(places, fewer[kept], shares @ loose > 0.5), np.minimum(each, 1.0), shares)
+    home = np.zeros(count, np.int64)
+    home[of_vert] = components
+    # Components lie so far from each other that the nearest nodes are of the same one.
+    apart = 4.0 * np.arange(int(components.max()) + 1)
+    tree = cKDTree(np.column_stack([places, apart[home]]))
+    away, near = tree.query(np.column_stack([verts, apart[components]]), k=_MEAN_OF)
+    share = np.square(np.maximum(1 - away / np.maximum(away[:, -1:], 1e-12), 0)) + 1e-9
+    share[away > 1] = 0
+    return np.asarray(np.einsum("vk,vkg->vg", share / share.sum(1, keepdims=True), solved[near]))
 
 
 def _shares(verts: Floats, faces: Index, of_face: Index, count: int) -> Floats:

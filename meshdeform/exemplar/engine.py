@@ -27,11 +27,11 @@ from meshdeform.exemplar.choosing import Exemplar, exemplars
 from meshdeform.exemplar.clay import is_clay, moulded
 from meshdeform.exemplar.distances import between, stretch
 from meshdeform.exemplar.faults import Faults
-from meshdeform.exemplar.fitting import fit
+from meshdeform.exemplar.fitting import SourceFit
 from meshdeform.exemplar.mending import mended
 from meshdeform.exemplar.pieces import Matching, face_areas
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
-from meshdeform.exemplar.symmetry import asymmetry
+from meshdeform.exemplar.symmetry import is_even
 from meshdeform.exemplar.targets import fitted_to_target
 from meshdeform.exemplar.twins import twin
 from meshdeform.exemplar.whole_attributes import reshaped
@@ -45,7 +45,6 @@ _TRIED, _MENDED = 3, 2
 _ENOUGH = 0.6
 _STRETCH, _FAULTS = 0.02, 0.02
 _SAMPLES = 2500
-_EVEN = 0.01
 _CHOSEN, _FITTED = 0.2, 0.95
 
 
@@ -107,7 +106,7 @@ class ExemplarFit:
         self._wish, self._cache = wish, cache
         standing = faces[labels != GROUND]
         self._standing = standing if len(standing) else faces
-        self._faults = Faults(self.source.verts, faces)
+        self._faults, self._fit = Faults(self.source.verts, faces), SourceFit(self.source)
 
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
@@ -152,19 +151,15 @@ class ExemplarFit:
         source, goal, landmarks = self.source, exemplar.shape, self._wish.landmarks
         if self._wish.targets and not (goal.labels >= 0).any():
             own = Shape(source.noun, source.verts, self._standing, np.full(len(self._standing), NO_PART))
-            planes = [axis for axis in (0, 2) if self._even(axis, goal)]
+            surfaces = (own, goal)
+            planes = [axis for axis in (0, 2) if all(is_even(each.verts, each.faces, axis) for each in surfaces)]
             verts = fitted_to_target(own, goal, planes=planes, landmarks=landmarks)
             return [_Way(verts, {**exemplar.told, "way": "target"}, goal)]
-        fitted = fit(source, goal, landmarks=landmarks)
+        fitted = self._fit.fit(goal, landmarks=landmarks)
         return [
             _Way(verts, {**exemplar.told, "way": name}, fitted.goal, fitted.matching)
             for name, verts in fitted.ways.items()
         ]
-
-    def _even(self, axis: int, goal: Shape) -> bool:
-        """Return whether asset and goal are both their own mirror images across an axis."""
-        own, other = (self.source.verts, self._standing), (goal.verts, goal.faces)
-        return max(asymmetry(*own, axis), asymmetry(*other, axis)) < _EVEN
 
     def _merit(self, way: _Way) -> float:
         """Return how far from good a way is."""

@@ -19,16 +19,16 @@ import numpy as np
 from meshdeform.exemplar.growth import grown
 from meshdeform.exemplar.kinds import is_built
 from meshdeform.exemplar.mending import Mended, mended
-from meshdeform.exemplar.pieces import Matching, face_areas, matched
+from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, matched
 from meshdeform.exemplar.posing import posed_like
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import smooth_fit
-from meshdeform.exemplar.starting import cloud_of, started
-from meshdeform.exemplar.symmetry import evened, symmetry_axes
-from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.exemplar.starting import cloud_of, piece_weights, started
+from meshdeform.exemplar.symmetry import evened, is_even
+from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND
 
-__all__ = ["Fitted", "fit"]
+__all__ = ["Fitted", "SourceFit", "fit"]
 
 _LEVELS, _LIMITS, _REACH = ((3, 3), (6, 5), (12, 5)), (0.15, 0.05), 3.0
 _SPROUTING = frozenset(("ear", "nose", "beak", "trunk", "horn", "fin", "tail", "hump", "wing"))
@@ -67,22 +67,52 @@ def fit(source: Shape, goal: Shape, *, landmarks: tuple[Floats, Floats] | None =
 
     `landmarks`: places (L, 3) of the source and their goals.
     """
-    standing = source.labels != GROUND
-    own = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing])
-    planes = symmetry_axes((own.verts, own.faces), (goal.verts, goal.faces))
-    matching = matched(own, goal)
-    if not (matching.partner >= 0).any():
-        alone = evened(own.verts, _alone(own, goal, planes, landmarks), planes)
-        return _finished(source, goal, None, {"smooth": alone}, standing)
-    cloud = cloud_of(own, matching)
-    goal = posed_like(cloud, goal, matching)
-    start = started(own, goal, matching, cloud, planes)
-    ways = {name: evened(own.verts, verts, planes) for name, verts in start.ways.items()}
-    if "pieces" in ways:
-        codes = _Codes.of(own, goal, matching, start.weights)
-        smooth = _smooth(own, goal, matching, codes, ways["pieces"], planes, landmarks)
-        ways = {"smooth": evened(own.verts, smooth, planes), **ways}
-    return _finished(source, goal, matching, ways, standing)
+    return SourceFit(source).fit(goal, landmarks=landmarks)
+
+
+class SourceFit:
+    """A source that is fitted to several goals."""
+
+    def __init__(self, source: Shape) -> None:
+        self.source, self._standing = source, source.labels != GROUND
+        standing = self._standing
+        self._own = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing])
+        self._even = [axis for axis in (0, 2) if is_even(self._own.verts, self._own.faces, axis)]
+        self._weights: tuple[Pieces, Floats] | None = None
+
+    def fit(self, goal: Shape, *, landmarks: tuple[Floats, Floats] | None = None) -> Fitted:
+        """Fit the source to a goal in its frame."""
+        own, matching = self._own, matched(self._own, goal)
+        planes = tuple(axis for axis in self._even if axis == 0 or is_even(goal.verts, goal.faces, axis))
+        if not (matching.partner >= 0).any():
+            return self._finished(goal, None, {"smooth": _alone(own, goal, planes, landmarks)}, planes)
+        cloud = cloud_of(own, matching)
+        goal = posed_like(cloud, goal, matching)
+        weights = self._piece_weights(matching.source)
+        ways = started(own, goal, matching, cloud, weights, mirrored=0 in planes)
+        if "pieces" in ways:
+            codes = _Codes.of(own, goal, matching, weights)
+            ways = {"smooth": _smooth(own, goal, matching, codes, ways["pieces"], planes, landmarks), **ways}
+        return self._finished(goal, matching, ways, planes)
+
+    def _piece_weights(self, pieces: Pieces) -> Floats:
+        """Return the weights of pieces, which are mostly the same for all goals."""
+        if self._weights is not None:
+            known, weights = self._weights
+            if known.names == pieces.names and np.array_equal(known.of_face, pieces.of_face):
+                return weights
+        self._weights = pieces, piece_weights(self._own, pieces)
+        return self._weights[1]
+
+    def _finished(
+        self, goal: Shape, matching: Matching | None, ways: dict[str, Floats], planes: tuple[int, ...]
+    ) -> Fitted:
+        """Return a fit in which mirror images stay such, and the ground stays."""
+        ground = np.unique(self.source.faces[~self._standing])
+        even = {name: evened(self._own.verts, verts, planes) for name, verts in ways.items()}
+        for verts in even.values():
+            verts[ground] = self.source.verts[ground]
+        return Fitted(self.source, goal, matching, even)
 
 
 @dataclass(frozen=True)
@@ -186,13 +216,3 @@ def _alone(own: Shape, goal: Shape, planes: tuple[int, ...], landmarks: tuple[Fl
         levels=_ALONE,
         landmarks=landmarks,
     )
-
-
-def _finished(
-    source: Shape, goal: Shape, matching: Matching | None, ways: dict[str, Floats], standing: Flags
-) -> Fitted:
-    """Return a fit in which the ground stays."""
-    ground = np.unique(source.faces[~standing])
-    for verts in ways.values():
-        verts[ground] = source.verts[ground]
-    return Fitted(source, goal, matching, ways)

@@ -9,7 +9,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,14 +16,14 @@ from meshdeform.exemplar.affine_maps import AffineMaps, Cloud, Manner, articulat
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.blending import blend_weights, blended
 from meshdeform.exemplar.kinds import is_boxed, is_built, is_living, is_turned
-from meshdeform.exemplar.pieces import Matching, face_areas, neighbours
+from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, neighbours
 from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.symmetry import quarter_asymmetry
 from meshdeform.nouns.labels import Floats
 from meshdeform.reading.samples import hidden, spread
 
-__all__ = ["Start", "cloud_of", "seen", "started"]
+__all__ = ["cloud_of", "piece_weights", "seen", "started"]
 
 _SAMPLES, _GOAL_SAMPLES, _OUTLINE_SAMPLES = 1600, 3000, 6000
 _WHOLE = 0.85
@@ -32,17 +31,6 @@ _WHOLE = 0.85
 _ALIKE = 0.012
 _ROUND = "wheel"
 _ON_GROUND = 0.02
-
-
-@dataclass(frozen=True)
-class Start:
-    """Ways to bring a surface near its goal, and the weight (V, G) of each piece for each vertex.
-
-    `ways`: vertices (V, 3) by `axes` or `pieces`, and by the `outline` where both have one.
-    """
-
-    ways: dict[str, Floats]
-    weights: Floats
 
 
 def cloud_of(own: Shape, matching: Matching) -> Cloud:
@@ -59,26 +47,32 @@ def seen(goal: Shape, matching: Matching) -> Cloud:
     return Cloud(samples.places, samples.normals, matching.goal.of_face[samples.faces]).known()
 
 
-def started(own: Shape, goal: Shape, matching: Matching, cloud: Cloud, planes: tuple[int, ...]) -> Start:
-    """Return ways to bring a source near its goal.
+def piece_weights(own: Shape, pieces: Pieces) -> Floats:
+    """Return the weight (V, G) of each piece for each vertex; wheels are not blended with what they touch."""
+    loose = np.array([name == _ROUND for name in pieces.names])
+    return blend_weights(own.verts, own.faces, pieces.of_face, loose)
 
-    `planes`: the axes across which it is to stay its own mirror image.
+
+def started(
+    own: Shape, goal: Shape, matching: Matching, cloud: Cloud, weights: Floats, *, mirrored: bool
+) -> dict[str, Floats]:
+    """Return ways to bring a source near its goal: vertices (V, 3) by `axes` or `pieces`, and by the `outline`.
+
+    `weights` (V, G) are those of the pieces; `mirrored`: whether it is to stay its own mirror image.
     """
     nouns = (own.noun, goal.noun)
     manner = Manner(
         straight=not any(map(is_living, nouns)),
         boxed=all(map(is_boxed, nouns)),
-        mirrored=0 in planes,
+        mirrored=mirrored,
     )
     ties = touching(cloud, len(matching.source), _borders(own, matching))
     goal_cloud = seen(goal, matching)
     names = matching.source.names
     maps = articulated(cloud, goal_cloud, names, matching.partner, ties, manner)
-    loose = np.array([name == _ROUND for name in names])
-    weights = blend_weights(own.verts, own.faces, matching.source.of_face, loose)
     ways = {}
     if all(map(is_built, nouns)):
-        ways["axes"] = _by_axes(own, matching, cloud, maps, weights, mirrored=manner.mirrored)
+        ways["axes"] = _by_axes(own, matching, cloud, maps, weights, mirrored=mirrored)
     else:
         ways["pieces"] = blended(own.verts, maps, weights)
     if manner.straight and not manner.boxed and (all(map(is_turned, nouns)) or _is_lathed(own, goal)):
@@ -88,7 +82,7 @@ def started(own: Shape, goal: Shape, matching: Matching, cloud: Cloud, planes: t
     idle = weights.sum(1) == 0
     for verts in ways.values():
         verts[idle] = own.verts[idle]
-    return Start(ways, weights)
+    return ways
 
 
 def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:

@@ -13,7 +13,7 @@ from meshdeform.exemplar.pieces import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
 
-__all__ = ["asymmetry", "evened", "quarter_asymmetry", "symmetry_axes"]
+__all__ = ["asymmetry", "evened", "is_even", "quarter_asymmetry", "symmetry_axes"]
 
 _SAMPLES = 3000
 _MOST, _LIMIT = 0.05, 0.01
@@ -37,16 +37,18 @@ def _unlike(verts: Floats, faces: Index, turn: Floats) -> float:
     return one_way(image, samples, float(np.sqrt(face_areas(verts, faces).sum() / _SAMPLES)), _MOST)
 
 
+def is_even(verts: Floats, faces: Index, axis: int) -> bool:
+    """Return whether a surface is its own mirror image across the plane through the origin, normal to an axis."""
+    return asymmetry(verts, faces, axis) <= _LIMIT
+
+
 def symmetry_axes(source: tuple[Floats, Index], goal: tuple[Floats, Index]) -> tuple[int, ...]:
     """Return the axes across which a source stays its own mirror image when it becomes a goal.
 
     Both are vertices (V, 3) and faces (F, 3). Left and right stay alike if they are; front and back only if those of
     the goal are, too.
     """
-    axes = [0] if asymmetry(*source, 0) <= _LIMIT else []
-    if asymmetry(*source, 2) <= _LIMIT and asymmetry(*goal, 2) <= _LIMIT:
-        axes.append(2)
-    return tuple(axes)
+    return tuple(axis for axis in (0, 2) if is_even(*source, axis) and (axis == 0 or is_even(*goal, axis)))
 
 
 def evened(rest: Floats, moved: Floats, axes: tuple[int, ...]) -> Floats:
