@@ -31,6 +31,7 @@ from meshdeform.deformation.loop import stored_shape
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.mending import Mended
 from meshdeform.exemplar.outlines import Outlines, outlines_of
+from meshdeform.exemplar.outlook import Outlook, outlook
 from meshdeform.exemplar.shapes import Frame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
 from meshdeform.exemplar.smooth_fit import smooth_fit
@@ -141,6 +142,7 @@ class ExemplarRun(JobRun):
         self._wishes = _wishes(facts, body)
         super().__init__(STEPS * len(self._wishes), 0, log)
         self._facts, self._body, self._cache = facts, body, job_input.readings.samples
+        self._labels = ReadParts(body).labels
         self._controls = Controls(facts.control, facts.frame, facts.welded.mesh)
         self._shares = [None] if facts.prompts is None else facts.prompts.of_vertices(facts.welded.mesh)
         self._moves = [np.zeros_like(body.points) for _ in self._wishes]
@@ -150,8 +152,8 @@ class ExemplarRun(JobRun):
 
     def _steps(self) -> Iterator[dict[str, float]]:
         for number, (prompt, wish) in enumerate(self._wishes):
-            body, labels = self._body, ReadParts(self._body).labels
-            fit = ExemplarFit(body.points, body.faces, self._facts.reading, wish, labels=labels, cache=self._cache)
+            body, reading = self._body, self._facts.reading
+            fit = ExemplarFit(body.points, body.faces, reading, wish, labels=self._labels, cache=self._cache)
             seconds: dict[str, float] = {}
             began = time.perf_counter()
             for stage in fit:
@@ -185,8 +187,19 @@ class ExemplarRun(JobRun):
         with self.log.phase("write"):
             shape = self._new_shape()
         return shape.delivered(
-            lambda outcome: exemplar_report(self._facts, self._fits, self._mended, outcome, self.log), self.log
+            lambda outcome: exemplar_report(self._facts, self._fits, self._mended, outcome, self.log, self._foreseen),
+            self.log,
         )
+
+    def _foreseen(self) -> Outlook | None:
+        """Return what there is to expect of a fit to the only prompt."""
+        (_, wish), body = self._wishes[0], self._body
+        if len(self._wishes) > 1 or wish.targets:
+            return None
+        reading = self._facts.reading
+        frame = frame_of(body.points, body.faces, reading)
+        source = Shape("" if reading is None else reading.noun, frame.enter(body.points), body.faces, self._labels)
+        return outlook(source, wish, cache=self._cache)
 
     def _new_shape(self) -> NewShape:
         facts, verts = self._facts, self._verts()

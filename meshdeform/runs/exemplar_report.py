@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from meshdeform.exemplar.mending import Mended
+from meshdeform.exemplar.outlook import Outlook
 from meshdeform.exemplar.shapes import ExemplarResult
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.reading import Reading
@@ -30,7 +31,18 @@ from meshdeform.runs.text_report import (
     source_of,
 )
 from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
-from meshdeform.runs.worth import UNMOVED, Shape, of_exemplars, of_noun, of_pictures, of_prompts, of_target, worst
+from meshdeform.runs.worth import (
+    UNMOVED,
+    Shape,
+    as_foreseen,
+    of_exemplars,
+    of_noun,
+    of_pictures,
+    of_prompts,
+    of_target,
+    worst,
+)
+from meshdeform.verdicts import Verdict
 
 __all__ = ["ExemplarFacts", "Fit", "exemplar_report"]
 
@@ -83,11 +95,17 @@ class Fit:
 
 
 def exemplar_report(
-    facts: ExemplarFacts, fits: Sequence[Fit], mended: Mended | None, outcome: Outcome, log: RunLog
+    facts: ExemplarFacts,
+    fits: Sequence[Fit],
+    mended: Mended | None,
+    outcome: Outcome,
+    log: RunLog,
+    foresee: Callable[[], Outlook | None],
 ) -> bytes:
     """Return `report.json`.
 
-    `mended`: what mending left of the blended fits within the controls; None of a fit that is mended itself.
+    `mended`: what mending left of the blended fits within the controls; None of a fit that is mended itself. `foresee`:
+    returns what there was to expect, of which a result that is not good tells.
     """
     params, asset, shown = facts.params, facts.asset, outcome.shown
     with log.phase("measure"):
@@ -99,6 +117,8 @@ def exemplar_report(
         shape = Shape(kept_structure(shown.source, shown.result, quality), swollen=False, held=0.0, moved=movement.rms)
         taken = _taken(facts, fits)
         compared = _comparisons(facts, outcome, shape, min(kept), taken)
+        if compared["verdict"]["value"] != Verdict.GOOD:
+            compared["verdict"] = as_foreseen(compared["verdict"], foresee())
     hardly = [_HARDLY.format(movement.rms)] if movement.rms < UNMOVED else []
     report = {
         **common_members(facts, outcome, measured),

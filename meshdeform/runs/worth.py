@@ -18,13 +18,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 from meshdeform.runs.recognition import CROOKED
 from meshdeform.runs.verdict import broken
 from meshdeform.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from meshdeform.exemplar.outlook import Outlook
 
 _SHOWN = 0.8
 """Probability of the noun from which a shape shows it."""
@@ -232,6 +235,16 @@ def of_exemplars(kept: float, shape: Shape) -> dict[str, Any]:
         return _said(Verdict.GOOD, [], shape)
     why = f"It could go only {kept:.0%} of the way without breaking the surface."
     return _said(Verdict.DOUBTFUL, [why], shape, [_NEARER])
+
+
+def as_foreseen(verdict: Mapping[str, Any], outlook: Outlook | None) -> dict[str, Any]:
+    """Return a verdict with what there was to expect of a fit, where that was doubtful, and what to ask for instead."""
+    if outlook is None or not outlook.doubtful:
+        return dict(verdict)
+    instead = " or ".join(f"“{prompt}”" for prompt in outlook.suggestions)
+    advice = [*([f"Ask for what it can become: {instead}."] if instead else []), *verdict["advice"]]
+    reasons = list(dict.fromkeys([*verdict["reasons"], *outlook.reasons]))
+    return {**verdict, "reasons": reasons, "advice": advice[:_MOST_ADVICE]}
 
 
 def of_target(fit: Mapping[str, Any], shape: Shape) -> dict[str, Any]:

@@ -16,9 +16,8 @@ from meshdeform.errors import CheckpointError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading import NO_PART
-from meshdeform.runs import exemplar
 from meshdeform.runs.exemplar_kind import STEPS
-from tests.fake_exemplars import FACTORS, FakeFit
+from tests.fake_exemplars import FACTORS, FakeFit, install
 from tests.unit.runs.jobs import started
 
 BALL = icosphere(2)
@@ -30,7 +29,7 @@ KNOWN: dict[str, Any] = {"guidance": "exemplar", "source_noun": "pumpkin", "orie
 
 @pytest.fixture(autouse=True)
 def _stretched(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(exemplar, "ExemplarFit", FakeFit)
+    install(monkeypatch)
     yield
     FakeFit.made.clear()
 

@@ -12,9 +12,9 @@ from meshdeform.assets import build_glb
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import Job, JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs import exemplar, start_run
+from meshdeform.runs import start_run
 from meshdeform.runs.exemplar_kind import STEPS
-from tests.fake_exemplars import FakeFit, FakeStage
+from tests.fake_exemplars import FakeFit, FakeStage, install
 from tests.worker_world import World, new_world
 
 BALL = icosphere(1)
@@ -23,7 +23,7 @@ GUIDANCE = {"kind": "exemplar", "source_noun": "pumpkin", "orientation": 0.0}
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
-    monkeypatch.setattr(exemplar, "ExemplarFit", FakeFit)
+    install(monkeypatch)
     with new_world(tmp_path) as world:
         yield world
     FakeFit.made.clear()
