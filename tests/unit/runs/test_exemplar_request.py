@@ -195,3 +195,12 @@ def test_the_check_loads_neither_torch_nor_numpy() -> None:
     )
     result = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert result.stdout.strip() == "[]"
+
+
+def test_a_branch_of_a_fit_is_a_fit() -> None:
+    kind = kind_of(request().kind)
+    other = JobRequest(prompt="a cat")
+    assert kind.as_branch(request(), request("a cat")).prompt == "a cat"
+    assert kind.as_branch(other, request("a dog")).params.kind is GuidanceKind.EXEMPLAR
+    with pytest.raises(ParameterError, match="no optimiser can go on"):
+        kind.as_branch(request(), other)
