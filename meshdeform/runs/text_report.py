@@ -71,7 +71,7 @@ _HELD = (
     "The safeguard held back {held:.0%} of the surface in the end, because it would have folded or cut itself: these "
     "parts lag behind. Ask for less (a nearer noun, a lower strength), or for a change of one part in plain words."
 )
-_PARTS_UNUSED = "params.control.parts was not used: only changes in plain words know parts."
+_PARTS_UNUSED = "params.control.parts was not used: only changes in plain words and `exemplar` know parts."
 _THEN = ", "
 _ROUND = "xz"
 """The mirror planes that were kept of what is alike from all sides."""
