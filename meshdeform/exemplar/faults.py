@@ -18,7 +18,7 @@ from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["Faults", "Found"]
 
-_LOCAL = 0.3
+_LOCAL = 0.5
 """Share of changed faces from which the whole surface is searched again."""
 
 
@@ -94,11 +94,16 @@ class Faults:
         except TooManyPairsError:
             return Found(verts, folded, np.zeros((0, 2), np.int64), self._searchable)
 
+    def _touching(self, some: Flags) -> Flags:
+        """Return which faces (F,) have one of some vertices (V,)."""
+        a, b, c = self._faces.T
+        return np.asarray(some[a] | some[b] | some[c])
+
     def _pairs(self, verts: Floats, last: Found | None) -> Index:
         """List the pairs that newly cut."""
         if last is None or last.crowded:
             return newly_cutting_pairs(self._rest, verts, self._faces)
-        changed = (verts != last.verts).any(1)[self._faces].any(1)
+        changed = self._touching(np.logical_or.reduce((verts != last.verts).T))
         if changed.mean() > _LOCAL:
             return newly_cutting_pairs(self._rest, verts, self._faces)
         near = np.flatnonzero(faces_near(verts, self._faces, changed))

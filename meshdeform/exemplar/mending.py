@@ -21,10 +21,11 @@ from meshdeform.nouns.labels import Floats, Index
 __all__ = ["Mended", "mended"]
 
 _SHARE = 0.009
-_STEPS = (1.0, *8 * (0.25,))
+_STEPS = (1.0, *6 * (0.25,))
 _TRIES = 14
-_RADIUS, _GROWTH = 0.01, 1.5
+_RADIUS, _GROWTH = 0.007, 1.5
 _TOWARD_REST = (0.0, 0.5, 0.75, 0.9)
+"""A map that stretches much in one direction may fold the surface at a crease."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +74,14 @@ def _masses(faces: Index, areas: Floats, count: int) -> Floats:
 
 def _base(rest: Floats, goal: Floats, masses: Floats, faults: Faults, around: Surroundings, share: float) -> Found:
     """Return a shape without faults near the goal."""
-    start = _whole_map(rest, goal, masses, faults, share)
-    for stage in reversed(invertible_stages(rest, goal, masses, start.verts)):
+    affine = affine_map(rest, goal, masses)
+    start = rest @ affine[:3] + affine[3]
+    for stage in reversed(invertible_stages(rest, goal, around.faces, start)):
         base = mended_by_regions(faults.find(stage), faults, around, masses, share)
         if base is not None:
             return base
-    return start
-
-
-def _whole_map(rest: Floats, goal: Floats, masses: Floats, faults: Faults, share: float) -> Found:
-    """Return the surface moved by one affine map near the goal that breaks nothing; where each does, at rest."""
-    affine = affine_map(rest, goal, masses)
-    fitted = rest @ affine[:3] + affine[3]
     for part in _TOWARD_REST:
-        found = faults.find(fitted + part * (rest - fitted))
+        found = faults.find(start + part * (rest - start))
         if found.clean(share):
             return found
     return faults.find(rest)
@@ -105,8 +100,9 @@ def _moved_on(base: Found, goal: Floats, faults: Faults, around: Surroundings, s
                 gone, best = tried, last
                 break
             seeds = around.corners(last.to_mend(share))
-            hits[seeds] += 1
-            for number in np.unique(hits[seeds]):
-                rows, weights = around.weights(seeds[hits[seeds] == number], _RADIUS * _GROWTH ** (number - 1))
+            number = hits[seeds] + 1
+            for times in np.unique(number):
+                rows, weights = around.weights(seeds[number == times], _RADIUS * _GROWTH ** (times - 1))
                 free[rows] *= 1 - weights
+                hits[rows] = np.maximum(hits[rows], times)
     return best

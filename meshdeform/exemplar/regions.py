@@ -24,9 +24,9 @@ from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["Surroundings", "mended_by_regions"]
 
-_RADIUS, _GROWTH = 0.01, 1.35
+_RADIUS, _GROWTH = 0.01, 1.2
 _ROUNDS = 40
-_COVERED = 0.5
+_COVERED = 0.35
 """Share of the area under regions from which it is given up."""
 _MARGIN, _CORE = 0.02, 0.5
 

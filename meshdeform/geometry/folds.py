@@ -48,7 +48,8 @@ def without_rounding(rest: _Floats, verts: _Floats) -> _Floats:
     """Return the positions (V, 3) with those of vertices that hardly moved replaced by their rest positions."""
     diagonal = float(np.linalg.norm(np.ptp(rest, axis=0))) if len(rest) else 0.0
     limit = _UNMOVED * diagonal + _ROUNDING * float(np.abs(rest).max(initial=0.0))
-    still = np.linalg.norm(verts - rest, axis=1) <= limit
+    moved = verts - rest
+    still = np.einsum("ij,ij->i", moved, moved) <= limit**2
     return np.where(still[:, None], rest, verts)
 
 

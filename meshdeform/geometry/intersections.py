@@ -392,13 +392,17 @@ def newly_cutting_pairs(rest: _Floats, verts: _Floats, faces: _Index) -> _Index:
     Faces that touch without cutting cut each other, by rounding, as soon as they are turned.
     """
     pairs = cutting_pairs(verts, faces)
-    if not len(pairs):
-        return pairs
-    cutting = np.unique(pairs)
-    reach = _TOUCHING * float(np.linalg.norm(np.ptp(rest, axis=0)))
-    touching = cutting[touching_pairs(rest, faces[cutting], np.full(len(cutting), reach))]
-    keys, known = (pair[:, 0] * len(faces) + pair[:, 1] for pair in (pairs, touching))
-    return np.asarray(pairs[~np.isin(keys, known)])
+    reach = _TOUCHING * float(np.linalg.norm(np.ptp(rest, axis=0))) if len(rest) else 0.0
+    return np.asarray(pairs[~_touch(np.ascontiguousarray(rest, np.float64), faces, pairs, reach)])
+
+
+@kernel
+def _touch(verts: _Floats, faces: _Index, pairs: _Index, reach: float) -> _Flags:
+    """Return which pairs of faces (P, 2) cut each other or come as close as `reach`."""
+    out = np.zeros(len(pairs), np.bool_)
+    for number in range(len(pairs)):
+        out[number] = faces_touch(verts, faces[pairs[number, 0]], faces[pairs[number, 1]], reach)
+    return out
 
 
 _CELLS = 64
