@@ -59,17 +59,12 @@ class Faults:
     """Finds the faults of shapes of the same faces (F, 3), whose vertices (V, 3) float64 lie at `rest` at first.
 
     Where so many faces lie on or in each other at rest that their pairs cannot be searched, no cuts are found.
-
-    Attributes
-    ----------
-    areas : (F,) float64
-        At rest.
     """
 
     def __init__(self, rest: Floats, faces: Index) -> None:
         self._rest, self._faces = np.ascontiguousarray(rest), np.ascontiguousarray(faces, np.int64)
-        self.areas: Floats = np.linalg.norm(area_vectors(self._rest, self._faces), axis=1) / 2
-        self._solid = np.flatnonzero(self.areas > COLLAPSED_SHAPE * longest_squared(self._rest, self._faces))
+        areas = np.linalg.norm(area_vectors(self._rest, self._faces), axis=1) / 2
+        self._solid = np.flatnonzero(areas > COLLAPSED_SHAPE * longest_squared(self._rest, self._faces))
         self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest)
 
     @cached_property

@@ -27,7 +27,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from meshdeform.deformation.settings import Rigidity
-from meshdeform.geometry.folds import area_vectors
+from meshdeform.exemplar.measures import vertex_areas
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["held_displacement"]
@@ -66,7 +66,7 @@ def held_displacement(
     """
     share = weight[:, None]
     verts = np.where(share == 1, goal, np.where(share == 0, rest, rest + share * (goal - rest)))
-    masses = _masses(rest, faces)
+    masses = vertex_areas(rest, faces)
     fixed, aims = weight == 0, verts.copy()
     for rows, mode in bodies:
         stays = bool((weight[rows] == 0).any())
@@ -84,13 +84,6 @@ def held_displacement(
         moved[held] = places
     moved[fixed] = aims[fixed]
     return moved
-
-
-def _masses(rest: Floats, faces: Index) -> Floats:
-    """Return the area (V,) around each vertex, and a little more than nothing of those without any."""
-    areas = np.linalg.norm(area_vectors(np.ascontiguousarray(rest), faces), axis=1) / 2
-    masses = np.bincount(faces.ravel(), np.repeat(areas / 3, 3), len(rest)).astype(np.float64)
-    return np.asarray(np.maximum(masses, 1e-9 * masses.max(initial=0.0) + 1e-300))
 
 
 def _reachable(handles: tuple[Index, Floats] | None, fixed: Flags) -> tuple[Index, Floats]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from meshdeform.exemplar.faults import Faults, Found
 from meshdeform.exemplar.invertible import affine_map, invertible_stages
+from meshdeform.exemplar.measures import kept_share, vertex_areas
 from meshdeform.exemplar.regions import Surroundings, mended_by_regions
 from meshdeform.nouns.labels import Floats, Index
 
@@ -54,22 +55,13 @@ def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = _SHARE) -
         Of the faces.
     """
     faults = Faults(rest, faces)
-    masses = _masses(faces, faults.areas, len(rest))
     found = faults.find(goal)
     if not found.clean(share):
         around = Surroundings(rest, faces)
-        base = _base(rest, goal, masses, faults, around, share)
+        base = _base(rest, goal, vertex_areas(rest, faces), faults, around, share)
         found = _moved_on(base, goal, faults, around, share)
-    whole = float(masses @ np.linalg.norm(goal - rest, axis=1))
-    lost = float(masses @ np.linalg.norm(goal - found.verts, axis=1))
-    kept = 1 - lost / whole if whole > 0 else 1.0
+    kept = kept_share(rest, goal, found.verts, faces)
     return Mended(found.verts, kept, int(found.folded.sum()), int(found.cutting.sum()))
-
-
-def _masses(faces: Index, areas: Floats, count: int) -> Floats:
-    """Return the area (V,) around each vertex, and a little more than nothing of those without any."""
-    masses = np.bincount(faces.ravel(), np.repeat(areas / 3, 3), count)
-    return np.asarray(masses + 1e-9 * masses.max(initial=0.0) + 1e-300)
 
 
 def _base(rest: Floats, goal: Floats, masses: Floats, faults: Faults, around: Surroundings, share: float) -> Found:
