@@ -13,7 +13,7 @@ each round solves the linear least squares (`reading.affine_systems`)
                                                            to 3.5, 0.15 of its closest similarity; m_i its mass
     + min(m_i, m_j) |A_i h_i(c) - A_j h_j(c)|^2            ties in the middle of a border, weaker ones beside it
     + 0.3 min(m_i, m_j) |A_i - M A_j M|^2                  mirror images alike, for a surface that is its own
-    + g m_i (A_i h(c) - ground)_y^2                        what stands on the ground stays there
+    + 2 m_i (A_i h(x) - x)_y^2                             soles x of what stands on the ground, as its partner does
 
 while l falls from 0.5 to 0.08 and the limit from 0.3 to 0.06 of the diagonal.
 
@@ -186,6 +186,12 @@ class _Articulated:
             own = source.places[source.own == piece]
             self.centres[piece] = own.mean(0)
             self.radii[piece] = max(float(np.sqrt(np.square(own - own.mean(0)).sum(1).mean())), _LEAST_RADIUS)
+        self.images = self._images() if manner.mirrored else []
+        for i, j in self.images:  # so that equal maps have equal numbers on both sides
+            middle = (self.centres[i] + self.centres[j] * [-1, 1, 1]) / 2
+            self.centres[j] = middle * [-1, 1, 1]
+            self.centres[i] = middle
+            self.radii[i] = self.radii[j] = (self.radii[i] + self.radii[j]) / 2
         self.known = self._known(partner)
         small = not manner.straight
         self.shrinking = np.array([small and k not in self.known and name in _SHRINKING for k, name in enumerate(names)])
@@ -195,7 +201,6 @@ class _Articulated:
             self._start(piece, known)
         self.rest = self.maps.copy()
         self.h = self._h(source.places, source.own)
-        self.images = self._images() if manner.mirrored else []
         self.fixed = self._tie_matrix() + _MIRROR * mirror_matrix(count, self.images, self.mass + 0.01)
         self.feet = self._feet()
 
@@ -273,15 +278,16 @@ class _Articulated:
                 rows.append((i, j, one, other, weight * (beside if axis else 1.0)))
         return tie_matrix(len(self.names), rows)
 
-    def _feet(self) -> list[tuple[int, Floats]]:
-        """Return places h (P, 4) of pieces that stand on the ground, as their partners do."""
+    def _feet(self) -> list[tuple[int, Floats, Floats]]:
+        """Return places h (P, 4) and the heights (P,) that they keep, of pieces that stand as their partners do."""
         ground, goal_ground = self.source.places[:, 1].min(), self.goal.places[:, 1].min()
         feet = []
         for piece, known in self.known.items():
             mine, others = self.source.places[known.mine], self.goal.places[known.others]
             if mine[:, 1].min() < ground + _ON_GROUND and others[:, 1].min() < goal_ground + _ON_GROUND:
                 sole = mine[mine[:, 1] < mine[:, 1].min() + _ON_GROUND]
-                feet.append((piece, self._h(sole, np.full(len(sole), piece))))
+                heights = sole[:, 1] - ground + goal_ground
+                feet.append((piece, self._h(sole, np.full(len(sole), piece)), heights))
         return feet
 
     def step(self, number: int) -> None:
@@ -363,12 +369,11 @@ class _Articulated:
 
     def _add_ground(self, system: AffineSystem) -> None:
         """Keep the height of what stands on the ground."""
-        ground = float(self.goal.places[:, 1].min())
-        for piece, h in self.feet:
+        for piece, h, heights in self.feet:
             rows = slice(12 * piece + 4, 12 * piece + 8)
             weight = _GROUND * self.mass[piece] / len(h)
             system.matrix[rows, rows] += weight * h.T @ h
-            system.right[rows] += weight * h.sum(0) * ground
+            system.right[rows] += weight * heights @ h
 
 
 def _extent(places: Floats, axis: Floats) -> tuple[float, float]:

@@ -76,7 +76,8 @@ class SourceFit:
     def __init__(self, source: Shape) -> None:
         self.source, self._standing = source, source.labels != GROUND
         standing = self._standing
-        self._own = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing])
+        solids = None if source.solids is None else source.solids[standing]
+        self._own = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing], solids)
         self._even = [axis for axis in (0, 2) if is_even(self._own.verts, self._own.faces, axis)]
         self._weights: tuple[Pieces, Floats] | None = None
 

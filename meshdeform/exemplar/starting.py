@@ -23,9 +23,9 @@ from meshdeform.exemplar.symmetry import quarter_asymmetry
 from meshdeform.nouns.labels import Floats
 from meshdeform.reading.samples import hidden, spread
 
-__all__ = ["cloud_of", "piece_weights", "seen", "started"]
+__all__ = ["cloud_of", "piece_weights", "started"]
 
-_SAMPLES, _GOAL_SAMPLES, _OUTLINE_SAMPLES = 1600, 3000, 6000
+_SAMPLES, _OUTLINE_SAMPLES = 2200, 6000
 _WHOLE = 0.85
 """Share of the samples of both that is to be of matched pieces for their heights to count."""
 _ALIKE = 0.012
@@ -35,16 +35,15 @@ _ON_GROUND = 0.02
 
 def cloud_of(own: Shape, matching: Matching) -> Cloud:
     """Return samples of the pieces of a source."""
-    samples = spread(own.verts, own.faces, _SAMPLES, 1)
-    return Cloud(samples.places, samples.normals, matching.source.of_face[samples.faces]).known()
+    return _seen(own, matching.source)
 
 
-def seen(goal: Shape, matching: Matching) -> Cloud:
-    """Return samples of the pieces of a goal that are not inside others of its solids."""
-    samples = spread(goal.verts, goal.faces, _GOAL_SAMPLES, 2)
-    if goal.solids is not None:
-        samples = samples.rows(~hidden(samples, goal.solids[samples.faces]))
-    return Cloud(samples.places, samples.normals, matching.goal.of_face[samples.faces]).known()
+def _seen(shape: Shape, pieces: Pieces) -> Cloud:
+    """Return samples of pieces that are not inside others of a shape's solids: equal shapes have equal ones."""
+    samples = spread(shape.verts, shape.faces, _SAMPLES, 1)
+    if shape.solids is not None:
+        samples = samples.rows(~hidden(samples, shape.solids[samples.faces]))
+    return Cloud(samples.places, samples.normals, pieces.of_face[samples.faces]).known()
 
 
 def piece_weights(own: Shape, pieces: Pieces) -> Floats:
@@ -67,7 +66,7 @@ def started(
         mirrored=mirrored,
     )
     ties = touching(cloud, len(matching.source), _borders(own, matching))
-    goal_cloud = seen(goal, matching)
+    goal_cloud = _seen(goal, matching.goal)
     names = matching.source.names
     maps = articulated(cloud, goal_cloud, names, matching.partner, ties, manner)
     ways = {}
