@@ -212,6 +212,11 @@ class ExemplarRun(JobRun):
         """Return the current welded vertices (V, 3), in world space."""
         return torch.from_numpy(self._blended() if self._result is None else self._result)
 
+    @property
+    def _starts_at_rest(self) -> bool:
+        """Whether the fits start from the asset, and not from the shape of another job, which may be broken."""
+        return np.array_equal(self._body.points, self._facts.welded.mesh.verts.numpy())
+
     def _outlined(self, views: Sequence[SilhouetteView], verts: _Floats) -> _Floats:
         """Return vertices (V, 3) pulled to the outlines of pictures by a smooth map."""
         body, codes = self._body, np.zeros(len(self._body.faces), np.int64)
@@ -235,7 +240,7 @@ class ExemplarRun(JobRun):
         blended, pictures = self._blended(), self._facts.silhouettes
         if pictures is not None:
             blended = self._controls.laid_over(self._outlined(pictures.views, blended))
-        elif len(self._moves) == 1 and np.array_equal(blended, self._body.points + self._moves[0]):
+        elif self._starts_at_rest and np.array_equal(blended, self._body.points + self._moves[0]):
             return blended
         self._mended = self._controls.mended(blended)
         return self._mended.verts
