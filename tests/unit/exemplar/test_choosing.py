@@ -65,6 +65,11 @@ def test_where_the_front_is_unknown_quarter_turns_are_tried(turn_deg: float, cac
     assert best.distance < 0.03
 
 
+def test_what_is_alike_from_all_sides_is_not_turned(cache: Path) -> None:
+    ball = unread(asset(drawn("apple", (), np.random.default_rng(7))))
+    assert exemplars(ball, Wish("chair"), 1, cache=cache)[0].told["turn_deg"] == 0.0
+
+
 def test_members_have_the_attributes_and_keep_their_proportions_if_these_are_of_the_whole(cache: Path) -> None:
     source = asset(drawn("vase", (), np.random.default_rng(2)))
     found = {
