@@ -194,7 +194,8 @@ class _Articulated:
             self.radii[i] = self.radii[j] = (self.radii[i] + self.radii[j]) / 2
         self.known = self._known(partner)
         small = not manner.straight
-        self.shrinking = np.array([small and k not in self.known and name in _SHRINKING for k, name in enumerate(names)])
+        lone = [k not in self.known for k in range(count)]
+        self.shrinking = np.array([small and lone[k] and name in _SHRINKING for k, name in enumerate(names)])
         self.start = np.tile(np.eye(3), (count, 1, 1))
         self.maps = np.concatenate([np.eye(3) * self.radii[:, None, None], self.centres[:, :, None]], 2)
         for piece, known in self.known.items():

@@ -2,8 +2,8 @@
 
 1. Pieces with like names are matched (`pieces`), and the goal takes the source's pose (`posing`).
 2. Few maps bring the source near the goal (`starting`).
-3. What came there piece by piece is fitted smoothly, like pieces to like pieces (`smooth_fit`). What only the goal has counts with
-   the piece from which it grows, with limits three times as wide.
+3. What came there piece by piece is fitted smoothly, like pieces to like pieces (`smooth_fit`). What only the
+   goal has counts with the piece from which it grows, with limits three times as wide.
 4. Faces that turned over or cut others are mended (`mending`).
 
 The plate on which an asset stands is left as it is. Without any matched piece there is only the smooth fit.
