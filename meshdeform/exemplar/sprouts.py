@@ -37,7 +37,7 @@ _BINS = 10
 _FREE = 0.28
 """Share of the way between two roots that no patch covers."""
 _MOST, _WIDER, _ENOUGH = 0.12, 1.5, 24
-"""Greatest share of its carrier that a patch has; its greatest radius in those of the root if that holds enough vertices."""
+"""Greatest share of its carrier that a patch has; its greatest radius in those of the root, if that holds enough."""
 _FACING = 0.1
 """Least cosine between the normal where a limb grows and the direction in which it does."""
 _SEARCH, _SEARCH_MORE, _BESIDE, _STUCK_OUT = 2.0, 0.04, 0.06, 0.02
