@@ -24,6 +24,7 @@ from meshdeform.cli.batches.runners import RowOutcome, Runner
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.local import read_asset, writing
 from meshdeform.cli.output import BatchView, ProgressView, duration, emit, note, show_batch
+from meshdeform.requests.choices import GuidanceKind
 from meshdeform.support.files import write_files
 from meshdeform.verdicts import read_verdict
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from meshdeform.assets import Asset, Limits
+    from meshdeform.requests.document import DeformParams
     from meshdeform.settings import Settings
 
 _QUALITY = ("flipped_faces", "self_intersections_added", "symmetric_dirichlet_p99", "volume_ratio")
@@ -163,7 +165,7 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
     done = line.get("event") == "done"
     state = "succeeded" if done else line.get("state", "failed") if line.get("event") == "failed" else "pending"
     report = _report(row.path(folder, "report.json")) if done else {}
-    params, quality = report.get("params", {}), report.get("quality", {})
+    quality = report.get("quality", {})
     error = line.get("error") or {}
     return {
         "name": row.name,
@@ -172,10 +174,8 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
         "asset": str(row.asset),
         "prompt": request.prompt,
         "target": str(row.target) if row.target else None,
-        "preset": request.params.preset.value,
         "seed": request.params.seed,
-        "model": params.get("model", request.params.model),
-        "steps": params.get("steps", request.params.model_dump().get("steps")),
+        **_method(request.params, report.get("params", {})),
         "seconds": line.get("seconds"),
         "loss": (line.get("losses") or {}).get("total"),
         **{name: quality.get(name) for name in _QUALITY},
@@ -184,6 +184,14 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
         "error": error.get("detail"),
         "result": str(row.path(folder, "result.glb")) if done else None,
     }
+
+
+def _method(asked: DeformParams, resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the preset, the model and the steps of a row; a fit to an exemplar has none."""
+    if asked.kind is GuidanceKind.EXEMPLAR:
+        return dict.fromkeys(("preset", "model", "steps"))
+    steps = resolved.get("steps", asked.model_dump().get("steps"))
+    return {"preset": asked.preset.value, "model": resolved.get("model", asked.model), "steps": steps}
 
 
 def count_states(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:

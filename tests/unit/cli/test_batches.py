@@ -15,7 +15,7 @@ from meshdeform.cli.batches import runners
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Entry, Row, combine, make_rows, read_prompts, read_table
 from meshdeform.cli.batches.runners import RowOutcome
-from meshdeform.cli.batches.session import Session
+from meshdeform.cli.batches.session import Session, record_of
 from meshdeform.cli.output import ProgressView
 from meshdeform.errors import ParameterError, UnavailableError
 from meshdeform.geometry.shapes import icosphere
@@ -108,6 +108,18 @@ def test_a_key_is_what_decides_the_result_and_nothing_else(folder: Path) -> None
     assert len({same, *others}) == 5
     (folder / "a.glb").write_bytes(b"another one")
     assert key() != same
+
+
+def test_rows_are_fitted_to_words_and_meshes_alike(folder: Path) -> None:
+    entries = [
+        Entry("1", folder / "a.glb", "a vase"),
+        Entry("2", folder / "a.glb", target=folder / "b.obj"),
+    ]
+    rows = rows_of(entries, defaults={"guidance": {"kind": "exemplar", "strength": 0.9}})
+    assert [row.request.params.flat()["strength"] for row in rows] == [0.9, 0.9]
+    assert {row.request.params.kind.value for row in rows} == {"exemplar"}
+    for row in rows:  # there are none
+        assert {record_of(row, None, folder)[name] for name in ("preset", "model", "steps")} == {None}
 
 
 def test_names_stay_when_others_join_and_never_meet(folder: Path) -> None:
