@@ -67,7 +67,7 @@ def main(folder: Path, nouns: Sequence[str]) -> None:
         quality = measure(verts, faces, out)
         cut = quality.self_intersections_added
         print(f"{noun:12} {seconds:5.2f} s  flipped {quality.flipped_faces:4}  cut {cut}", flush=True)
-        pictures.append(picture(out, faces, [""] * len(faces)))
+        pictures.append(picture(out, faces, ["body"] * len(faces), room=1.05))
     for first in range(0, len(pictures), _PER_SHEET):
         name = folder / f"clay-{first // _PER_SHEET:02}"
         sheet(pictures[first : first + _PER_SHEET]).save(name.with_suffix(".png"))

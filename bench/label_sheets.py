@@ -45,11 +45,11 @@ def colour(name: str) -> tuple[int, int, int]:
 
 
 def picture(
-    verts: NDArray[np.float64], faces: NDArray[np.int64], labels: Sequence[str], title: str = ""
+    verts: NDArray[np.float64], faces: NDArray[np.int64], labels: Sequence[str], title: str = "", room: float = 0.93
 ) -> Image.Image:
-    """Draw a mesh from two sides; `labels` (F,) are names of parts."""
+    """Draw a mesh from two sides; `labels` (F,) are names of parts; `room`: share of its radius shown."""
     centred = torch.tensor(verts - (verts.min(0) + verts.max(0)) / 2)
-    cameras = fixed_cameras(AZIMUTHS, 18.0, fitting_radius=0.93 * float(centred.norm(dim=1).max()))
+    cameras = fixed_cameras(AZIMUTHS, 18.0, fitting_radius=room * float(centred.norm(dim=1).max()))
     matrices = cameras.view_proj.double()
     clip = centred @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
     ids = rasterize(clip.float(), torch.tensor(faces), 2 * SIDE, 2 * SIDE).face_ids.numpy()

@@ -3,7 +3,7 @@
 The outer surface of the member (`outer_surface.py`) is mapped to the sphere, one to one (`spherical.py`), and turned so
 that directions and places agree best. A vertex of the lump goes to the sphere by its direction from a centre that sees
 all of the lump, and from there to the member's surface. A mirrored member stays mirrored: its one half is mapped to
-half of the sphere.
+half of the sphere. What the faces of the lump are too large for is smoothed (`unfolding.py`).
 
 Source of the turn: Kabsch 1976, A solution for the best rotation to relate two sets of vectors.
 """
@@ -20,6 +20,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from meshdeform.exemplar.outer_surface import OuterSurface, outer_surface
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.spherical import sphere_map
+from meshdeform.exemplar.unfolding import unfolded
 from meshdeform.geometry.kernels import kernel
 from meshdeform.nouns.labels import Floats, Index
 
@@ -67,7 +68,7 @@ class Mould:
 
 def is_clay(source: Shape) -> bool:
     """Return whether a surface is one lump without parts: closed, and nearly its convex hull."""
-    verts, faces = _welded(source.verts, source.faces)
+    verts, faces, _ = _welded(source.verts, source.faces)
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     if len(faces) < 4 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
         return False
@@ -94,9 +95,12 @@ def moulded(source: Shape, goal: Shape) -> Floats:
     goal : Shape
         The member, of closed solids that face outward, placed where it is to be.
     """
-    directions = source.verts - _centre(source)
+    verts, faces, number = _welded(source.verts, source.faces)
+    used = verts[np.unique(faces)]
+    directions = verts - (used.min(0) + used.max(0)) / 2
     directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
-    return mould_of(goal.verts, goal.faces).at(directions)
+    places = mould_of(goal.verts, goal.faces).at(directions)
+    return unfolded(verts, places, faces)[number]
 
 
 def mould_of(verts: Floats, faces: Index) -> Mould:
@@ -125,19 +129,13 @@ def _turn(surface: OuterSurface, origin: Index, directions: Floats, faces: Index
     return np.asarray(left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right)
 
 
-def _centre(source: Shape) -> Floats:
-    """Return the middle of the box of what the faces use."""
-    used = source.verts[np.unique(source.faces)]
-    return np.asarray((used.min(0) + used.max(0)) / 2)
-
-
-def _welded(verts: Floats, faces: Index) -> tuple[Floats, Index]:
-    """Return a mesh with the vertices of one place as one, without what this leaves of faces that lose an edge."""
+def _welded(verts: Floats, faces: Index) -> tuple[Floats, Index, Index]:
+    """Return a mesh with the vertices of one place as one, without faces that lose an edge, and the number of each."""
     keys = np.rint(verts / (_WELD * max(float(np.ptp(verts, axis=0).max()), 1e-300))).astype(np.int64)
     _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     joined = number.ravel()[faces]
     whole = (joined != np.roll(joined, 1, axis=1)).all(1)
-    return verts[first], np.asarray(joined[whole])
+    return verts[first], np.asarray(joined[whole]), np.asarray(number.ravel())
 
 
 def _across(faces: Index) -> Index:

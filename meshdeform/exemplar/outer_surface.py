@@ -19,8 +19,8 @@ from meshdeform.nouns.labels import Floats, Index
 
 __all__ = ["OuterSurface", "mirror_plane", "outer_surface"]
 
-_NODES = 110
-"""Along the longest side of the box."""
+_NODES, _ALONG = 120_000, 150
+"""Of a grid, and at most along the longest side of the box."""
 _LEVEL, _BAND = 0.7, 3.0
 """Distance of the surface from the solids, and that to which distances are known; in spacings."""
 _CUT = 0.4
@@ -54,7 +54,9 @@ def mirror_plane(verts: Floats) -> float | None:
 def outer_surface(verts: Floats, faces: Index) -> OuterSurface:
     """Return the outer surface of closed solids that face outward; of mirrored ones, one half."""
     plane = mirror_plane(verts)
-    spacing = float(np.ptp(verts, axis=0).max()) / _NODES
+    extent = np.ptp(verts, axis=0)
+    room = float(np.maximum(extent, extent.max() / _ALONG).prod()) / (1 if plane is None else 2)
+    spacing = max((room / _NODES) ** (1 / 3), float(extent.max()) / _ALONG)
     solid = solid_grid(verts, faces, spacing, _BAND, plane)
     values = np.where(solid.inside, -solid.distance, solid.distance) - _LEVEL * spacing
     whole = connected(values < 0, mirrored=plane is not None)
