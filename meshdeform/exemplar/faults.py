@@ -27,12 +27,13 @@ class Found:
     """What is broken in a shape.
 
     `verts` (V, 3) float64: the shape; `folded` (F,): its folded faces; `pairs` (P, 2) int64: those that newly cut each
-    other, ascending; `crowded`: so many meet that they were not listed.
+    other, ascending; `crowded`: so many meet that they were not listed; `areas` (F,) float64: of the faces at rest.
     """
 
     verts: Floats
     folded: Flags
     pairs: Index
+    areas: Floats
     crowded: bool = False
 
     @cached_property
@@ -43,12 +44,13 @@ class Found:
         return flags
 
     def clean(self, share: float) -> bool:
-        """Whether nothing is folded and at most this share of the faces cuts."""
+        """Whether nothing is folded and at most this share of the faces, also by area, cuts."""
         return not self.folded.any() and not self.too_many(share)
 
     def too_many(self, share: float) -> bool:
-        """Whether more than this share of the faces cuts."""
-        return int(self.cutting.sum()) > share * len(self.folded)
+        """Whether more than this share of the faces, or of the area, cuts: a cut of large faces is seen."""
+        area = float(self.areas[self.cutting].sum())
+        return int(self.cutting.sum()) > share * len(self.folded) or area > share * float(self.areas.sum())
 
     def to_mend(self, share: float) -> Flags:
         """Return which faces (F,) have to change: the folded ones, and if too many cut, those."""
@@ -63,8 +65,8 @@ class Faults:
 
     def __init__(self, rest: Floats, faces: Index) -> None:
         self._rest, self._faces = np.ascontiguousarray(rest), np.ascontiguousarray(faces, np.int64)
-        areas = np.linalg.norm(area_vectors(self._rest, self._faces), axis=1) / 2
-        self._solid = np.flatnonzero(areas > COLLAPSED_SHAPE * longest_squared(self._rest, self._faces))
+        self._areas: Floats = np.linalg.norm(area_vectors(self._rest, self._faces), axis=1) / 2
+        self._solid = np.flatnonzero(self._areas > COLLAPSED_SHAPE * longest_squared(self._rest, self._faces))
         self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest)
 
     @cached_property
@@ -85,9 +87,9 @@ class Faults:
         folded = np.zeros(len(self._faces), bool)
         folded[self._solid] = self._neighbours.folded(verts)
         try:
-            return Found(verts, folded, self._pairs(verts, last))
+            return Found(verts, folded, self._pairs(verts, last), self._areas)
         except TooManyPairsError:
-            return Found(verts, folded, np.zeros((0, 2), np.int64), self._searchable)
+            return Found(verts, folded, np.zeros((0, 2), np.int64), self._areas, self._searchable)
 
     def _touching(self, some: Flags) -> Flags:
         """Return which faces (F,) have one of some vertices (V,)."""

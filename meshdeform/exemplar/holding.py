@@ -30,7 +30,7 @@ from meshdeform.deformation.settings import Rigidity
 from meshdeform.exemplar.measures import vertex_areas
 from meshdeform.nouns.labels import Flags, Floats, Index
 
-__all__ = ["held_displacement"]
+__all__ = ["Follower", "held_displacement"]
 
 _LENGTH = 0.08
 _LENGTH_OF_WAY = 0.7
@@ -77,10 +77,10 @@ def held_displacement(
     longest = float(np.linalg.norm(ways, axis=1).max(initial=0.0))
     if longest == 0:
         return verts
-    around = _Around(rest, faces, masses, fixed, longest)
-    moved = verts + around.followed(aims - verts)
+    follower = Follower(rest, faces, fixed, longest)
+    moved = verts + follower.followed(aims - verts)
     if len(held):
-        moved += around.pulled(held, places - moved[held])
+        moved += follower.pulled(held, places - moved[held])
         moved[held] = places
     moved[fixed] = aims[fixed]
     return moved
@@ -110,14 +110,18 @@ def _moved(points: Floats, goals: Floats, masses: Floats, mode: Rigidity) -> Flo
     return np.asarray(scale * centred @ ((u * signs) @ v) + b)
 
 
-class _Around:
-    """How the surface follows what is moved on it: the vertices that are `fixed` (V,) do not, but by their own ways."""
+class Follower:
+    """How a surface at rest (V, 3) follows what is moved on it by at most `longest`.
 
-    def __init__(self, rest: Floats, faces: Index, masses: Floats, fixed: Flags, longest: float) -> None:
+    Vertices that are `fixed` (V,) bool do not follow, but have ways of their own.
+    """
+
+    def __init__(self, rest: Floats, faces: Index, fixed: Flags, longest: float) -> None:
         diagonal = float(np.linalg.norm(np.ptp(rest, axis=0)))
         length = max(_LENGTH * diagonal, _LENGTH_OF_WAY * longest)
-        self._system = (_stiffness(rest, faces) + sparse.diags(masses / length**2)).tocsc()
-        self._masses, self._free = masses, np.flatnonzero(~fixed)
+        self._masses = vertex_areas(rest, faces)
+        self._system = (_stiffness(rest, faces) + sparse.diags(self._masses / length**2)).tocsc()
+        self._free = np.flatnonzero(~fixed)
         inside = self._system[self._free][:, self._free]
         options = {"SymmetricMode": True}
         self._factor = splu(inside, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)

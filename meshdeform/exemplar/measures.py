@@ -49,7 +49,7 @@ def kept_share(rest: Floats, goal: Floats, verts: Floats, faces: Index) -> float
 
 
 def vertex_areas(rest: Floats, faces: Index) -> Floats:
-    """Return the area (V,) around each vertex, a third of its faces; nearly nothing if it has none."""
+    """Return the area (V,) around each vertex, a third of its faces; of those without any, next to nothing."""
     areas = np.linalg.norm(area_vectors(np.ascontiguousarray(rest), faces), axis=1) / 6
     total = np.bincount(faces.ravel(), np.repeat(areas, 3), len(rest)).astype(np.float64)
     return np.asarray(np.maximum(total, 1e-9 * total.max(initial=0.0) + 1e-300))

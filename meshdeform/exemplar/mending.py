@@ -1,32 +1,38 @@
 """Mend a fitted surface: no face folded, few faces newly cutting others, and as near the fit as was found.
 
 1. A base without faults: of the steps of a smooth map of space that can be undone (`invertible.py`), the last, which is
-   nearest to the fit, that is mended by few regions (`regions.py`); else an affine map of the whole, which never breaks
-   anything.
-2. From there everything moves on to the fit, on straight lines. Places where this would break something stay, with more
-   around them each time; then they, too, move on by shares of their way that remain, as far as nothing breaks.
+   nearest to the fit, that is mended by few regions (`regions.py`); else an affine map of the whole; else the surface
+   at rest, which is never broken.
+2. From there everything moves on to the fit, on straight lines and by shares of the way that remains: small ones first,
+   so that what would go through something else stops before it, then all of it, then what was held up. Places where a
+   step would break something stay for it, with more around them each time.
+
+What is `held` lies in all of this where the fit has it, and the bases follow around it (`holding.py`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from meshdeform.exemplar.faults import Faults, Found
+from meshdeform.exemplar.holding import Follower
 from meshdeform.exemplar.invertible import affine_map, invertible_stages
-from meshdeform.exemplar.measures import kept_share, vertex_areas
+from meshdeform.exemplar.measures import kept_share
 from meshdeform.exemplar.regions import Surroundings, mended_by_regions
-from meshdeform.nouns.labels import Floats, Index
+from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["Mended", "mended"]
 
-_SHARE = 0.009
-_STEPS = (1.0, *6 * (0.25,))
+_SHARE = 0.003
+_STEPS = (*3 * (0.2,), 1.0, *4 * (0.3,))
 _TRIES = 14
-_RADIUS, _GROWTH = 0.007, 1.5
+_RADIUS, _GROWTH = 0.004, 1.4
 _TOWARD_REST = (0.0, 0.5, 0.75, 0.9)
 """A map that stretches much in one direction may fold the surface at a crease."""
+_HELD_RADIUS = 0.02
 
 
 @dataclass(frozen=True)
@@ -34,16 +40,17 @@ class Mended:
     """A mended surface.
 
     `verts` (V, 3) float64; `kept`: the share of the displacement to the goal that was left, by area; `flipped` and
-    `cut`: faces that are folded, and that newly cut others.
+    `cut`: faces that are folded, and that newly cut others; `holds`: whether all that is held is at its goal.
     """
 
     verts: Floats
     kept: float
     flipped: int
     cut: int
+    holds: bool
 
 
-def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = _SHARE) -> Mended:
+def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = _SHARE, held: Flags | None = None) -> Mended:
     """Return a surface near the goal without folds, in which at most a share of the faces newly cuts others.
 
     Parameters
@@ -52,49 +59,85 @@ def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = _SHARE) -
         Vertices before and after a fit.
     faces : (F, 3) int64
     share : float
-        Of the faces.
+        Of the faces, by number and by area.
+    held : (V,) bool, optional
+        Vertices that stay where the goal has them; those that it has at rest do always, the others if it can be.
     """
     faults = Faults(rest, faces)
     found = faults.find(goal)
     if not found.clean(share):
-        around = Surroundings(rest, faces)
-        base = _base(rest, goal, vertex_areas(rest, faces), faults, around, share)
-        found = _moved_on(base, goal, faults, around, share)
+        found = _found(rest, goal, faults, Surroundings(rest, faces), share, held)
+    holds = held is None or bool((found.verts == goal)[held].all())
     kept = kept_share(rest, goal, found.verts, faces)
-    return Mended(found.verts, kept, int(found.folded.sum()), int(found.cutting.sum()))
+    return Mended(found.verts, kept, int(found.folded.sum()), int(found.cutting.sum()), holds)
 
 
-def _base(rest: Floats, goal: Floats, masses: Floats, faults: Faults, around: Surroundings, share: float) -> Found:
-    """Return a shape without faults near the goal."""
-    affine = affine_map(rest, goal, masses)
-    start = rest @ affine[:3] + affine[3]
-    for stage in reversed(invertible_stages(rest, goal, around.faces, start)):
-        base = mended_by_regions(faults.find(stage), faults, around, masses, share)
-        if base is not None:
-            return base
-    for part in _TOWARD_REST:
-        found = faults.find(start + part * (rest - start))
-        if found.clean(share):
+def _found(rest: Floats, goal: Floats, faults: Faults, around: Surroundings, share: float, held: Flags | None) -> Found:
+    """Return a mended shape with what is held where it can be, else with those of them that are at rest."""
+    still = (goal == rest).all(1)
+    for kept in (np.zeros(len(rest), bool),) if held is None else (held, held & still):
+        found = _Mending(rest, goal, faults, around, share, kept).result()
+        if found is not None:
             return found
     return faults.find(rest)
 
 
-def _moved_on(base: Found, goal: Floats, faults: Faults, around: Surroundings, share: float) -> Found:
-    """Return a shape without faults moved on toward the goal as far as nothing breaks."""
-    way = goal - base.verts
-    gone, best, last = np.zeros(len(goal)), base, base
-    for step in _STEPS:
-        free, hits = np.ones(len(goal)), np.zeros(len(goal), np.int64)
-        for _ in range(_TRIES):
-            tried = gone + step * (1 - gone) * free
-            last = faults.find(base.verts + tried[:, None] * way, last)
-            if last.clean(share):
-                gone, best = tried, last
-                break
-            seeds = around.corners(last.to_mend(share))
-            number = hits[seeds] + 1
-            for times in np.unique(number):
-                rows, weights = around.weights(seeds[number == times], _RADIUS * _GROWTH ** (times - 1))
-                free[rows] *= 1 - weights
-                hits[rows] = np.maximum(hits[rows], times)
-    return best
+class _Mending:
+    """The mending of one surface with faults, of which some vertices (V,) are held."""
+
+    def __init__(
+        self, rest: Floats, goal: Floats, faults: Faults, around: Surroundings, share: float, held: Flags
+    ) -> None:
+        self._rest, self._goal, self._faults, self._around, self._share = rest, goal, faults, around, share
+        self._held, self._free = held, np.where(held, 0.0, 1.0)
+        if held.any():
+            rows, weights = around.weights(np.flatnonzero(held), _HELD_RADIUS)
+            self._free[rows] -= weights
+            longest = float(np.linalg.norm(goal - rest, axis=1).max())
+            self._follower = Follower(rest, around.faces, held, longest)
+
+    def result(self) -> Found | None:
+        """Return the mended surface; None if there is none with what is held."""
+        for base in self._bases():
+            start = self._faults.find(self._drawn(base))
+            found = mended_by_regions(start, self._faults, self._around, self._free, self._share)
+            if found is not None:
+                return self._moved_on(found)
+        return None
+
+    def _bases(self) -> Iterator[Floats]:
+        """Yield shapes (V, 3) that are hardly broken, the nearest to the goal first; the last is at rest."""
+        affine = affine_map(self._rest, self._goal, self._around.masses)
+        start = self._rest @ affine[:3] + affine[3]
+        yield from reversed(invertible_stages(self._rest, self._goal, self._around.faces, start))
+        for part in _TOWARD_REST:
+            yield start + part * (self._rest - start)
+        yield self._rest
+
+    def _drawn(self, verts: Floats) -> Floats:
+        """Return vertices (V, 3) with those that are held at their goals, which those around them follow."""
+        if not self._held.any():
+            return verts
+        drawn = verts + self._follower.followed(np.where(self._held[:, None], self._goal - verts, 0.0))
+        drawn[self._held] = self._goal[self._held]
+        return drawn
+
+    def _moved_on(self, base: Found) -> Found:
+        """Return a shape without faults moved on toward the goal as far as nothing breaks."""
+        way = self._goal - base.verts
+        gone, best, last = np.zeros(len(way)), base, base
+        for step in _STEPS:
+            free, hits = np.ones(len(way)), np.zeros(len(way), np.int64)
+            for _ in range(_TRIES):
+                tried = gone + step * (1 - gone) * free
+                last = self._faults.find(base.verts + tried[:, None] * way, last)
+                if last.clean(self._share):
+                    gone, best = tried, last
+                    break
+                seeds = self._around.corners(last.to_mend(self._share))
+                number = hits[seeds] + 1
+                for times in np.unique(number):
+                    rows, weights = self._around.weights(seeds[number == times], _RADIUS * _GROWTH ** (times - 1))
+                    free[rows] *= 1 - weights
+                    hits[rows] = np.maximum(hits[rows], times)
+        return best

@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.faults import Faults, Found
 from meshdeform.exemplar.invertible import affine_map
+from meshdeform.exemplar.measures import vertex_areas
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["Surroundings", "mended_by_regions"]
@@ -35,10 +36,11 @@ class Surroundings:
     """What lies around vertices of a surface at rest, (V, 3) float64, whose box has a diagonal.
 
     A neighbourhood of radius r around vertices has the weights smoothstep(2 - d / r), d the distance to the nearest.
+    `masses` (V,) float64 are the areas around the vertices.
     """
 
     def __init__(self, rest: Floats, faces: Index) -> None:
-        self.rest, self.faces = rest, faces
+        self.rest, self.faces, self.masses = rest, faces, vertex_areas(rest, faces)
         used = rest[np.unique(faces)]
         self._low = used.min(0)
         self._diagonal = max(float(np.linalg.norm(np.ptp(used, axis=0))), 1e-300)
@@ -79,12 +81,12 @@ class _Region:
     weights: Floats
 
 
-def mended_by_regions(base: Found, faults: Faults, around: Surroundings, masses: Floats, share: float) -> Found | None:
+def mended_by_regions(base: Found, faults: Faults, around: Surroundings, free: Floats, share: float) -> Found | None:
     """Return a shape of which at most a share of the faces newly cuts and none is folded; None if it would be another.
 
-    `base`: the shape to mend; `masses` (V,) float64: the area around each vertex.
+    `base`: the shape to mend; `free` (V,) float64: how much each vertex may move, from 0 to 1.
     """
-    goal = base.verts
+    goal, masses = base.verts, around.masses
     whole = affine_map(around.rest, goal, masses)[:3]
     regions: list[_Region] = []
     found = base
@@ -93,7 +95,7 @@ def mended_by_regions(base: Found, faults: Faults, around: Surroundings, masses:
             return found
         if found.crowded:
             return None
-        regions = _grown(regions, found, around, share)
+        regions = _grown(regions, found, around, free, share)
         total = np.zeros(len(goal))
         for region in regions:
             total[region.rows] += region.weights
@@ -102,6 +104,8 @@ def mended_by_regions(base: Found, faults: Faults, around: Surroundings, masses:
         verts = goal * (1 - np.minimum(total, 1))[:, None]
         for region in regions:
             rows, weights = region.rows, region.weights
+            if not len(rows):
+                return None
             own = affine_map(around.rest[rows], goal[rows], masses[rows] * weights, whole, ridge=1e-3)
             verts[rows] += (weights / np.maximum(total[rows], 1))[:, None] * _carried(around.rest[rows], own)
         verts[total == 0] = goal[total == 0]
@@ -114,7 +118,7 @@ def _carried(points: Floats, affine: Floats) -> Floats:
     return np.asarray(points @ affine[:3] + affine[3])
 
 
-def _grown(regions: list[_Region], found: Found, around: Surroundings, share: float) -> list[_Region]:
+def _grown(regions: list[_Region], found: Found, around: Surroundings, free: Floats, share: float) -> list[_Region]:
     """Return the regions with new ones around faults outside of all, and those with faults larger."""
     bad = np.flatnonzero(found.to_mend(share))
     pairs = found.pairs if found.too_many(share) else found.pairs[:0]
@@ -129,7 +133,9 @@ def _grown(regions: list[_Region], found: Found, around: Surroundings, share: fl
             continue
         seeds = np.unique(np.concatenate([around.faces[faces].ravel(), *(region.seeds for region in inside)]))
         radius = max([_RADIUS, *(_GROWTH * region.radius for region in inside)])
-        grown.append(_Region(seeds, radius, *around.weights(seeds, radius)))
+        rows, weights = around.weights(seeds, radius)
+        weights = weights * free[rows]
+        grown.append(_Region(seeds, radius, rows[weights > 0], weights[weights > 0]))
     return _united(grown, len(around.rest))
 
 
