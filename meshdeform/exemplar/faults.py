@@ -20,6 +20,8 @@ __all__ = ["Faults", "Found"]
 
 _LOCAL = 0.5
 """Share of changed faces from which the whole surface is searched again."""
+_GIVEN_UP = 10
+_NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
 @dataclass(frozen=True)
@@ -61,12 +63,18 @@ class Faults:
     """Finds the faults of shapes of the same faces (F, 3), whose vertices (V, 3) float64 lie at `rest` at first.
 
     Where so many faces lie on or in each other at rest that their pairs cannot be searched, no cuts are found.
+
+    Attributes
+    ----------
+    searched : int
+        Faces among which pairs were searched so far, in all; a search that was given up counts tenfold.
     """
 
     def __init__(self, rest: Floats, faces: Index) -> None:
         self._rest, self._faces = np.ascontiguousarray(rest), np.ascontiguousarray(faces, np.int64)
         self._areas: Floats = np.linalg.norm(area_vectors(self._rest, self._faces), axis=1) / 2
         self._solid = np.flatnonzero(self._areas > COLLAPSED_SHAPE * longest_squared(self._rest, self._faces))
+        self.searched = 0
         self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest)
 
     @cached_property
@@ -86,10 +94,13 @@ class Faults:
         verts = without_rounding(self._rest, verts)
         folded = np.zeros(len(self._faces), bool)
         folded[self._solid] = self._neighbours.folded(verts)
+        if not self._searchable:
+            return Found(verts, folded, _NO_PAIRS, self._areas)
         try:
             return Found(verts, folded, self._pairs(verts, last), self._areas)
         except TooManyPairsError:
-            return Found(verts, folded, np.zeros((0, 2), np.int64), self._areas, self._searchable)
+            self.searched += _GIVEN_UP * len(self._faces)
+            return Found(verts, folded, _NO_PAIRS, self._areas, crowded=True)
 
     def _touching(self, some: Flags) -> Flags:
         """Return which faces (F,) have one of some vertices (V,)."""
@@ -98,12 +109,14 @@ class Faults:
 
     def _pairs(self, verts: Floats, last: Found | None) -> Index:
         """List the pairs that newly cut."""
-        if last is None or last.crowded:
-            return newly_cutting_pairs(self._rest, verts, self._faces)
-        changed = self._touching(np.logical_or.reduce((verts != last.verts).T))
-        if changed.mean() > _LOCAL:
+        changed = np.ones(len(self._faces), bool)
+        if last is not None and not last.crowded:
+            changed = self._touching(np.logical_or.reduce((verts != last.verts).T))
+        if last is None or changed.mean() > _LOCAL:
+            self.searched += len(self._faces)
             return newly_cutting_pairs(self._rest, verts, self._faces)
         near = np.flatnonzero(faces_near(verts, self._faces, changed))
+        self.searched += len(near)
         pairs = near[newly_cutting_pairs(self._rest, verts, self._faces[near])]
         pairs = np.concatenate([pairs[changed[pairs].any(1)], last.pairs[~changed[last.pairs].any(1)]])
         return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])

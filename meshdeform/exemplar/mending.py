@@ -32,6 +32,8 @@ _TRIES = 14
 _RADIUS, _GROWTH = 0.004, 1.4
 _TOWARD_REST = (0.0, 0.5, 0.75, 0.9)
 """A map that stretches much in one direction may fold the surface at a crease."""
+_SEARCHED, _SEARCHED_OF_FACE = 5_000_000, 10
+"""Faces that are searched, and more for each face; half of them for the base."""
 _HELD_RADIUS = 0.02
 
 
@@ -89,6 +91,7 @@ class _Mending:
         self, rest: Floats, goal: Floats, faults: Faults, around: Surroundings, share: float, held: Flags
     ) -> None:
         self._rest, self._goal, self._faults, self._around, self._share = rest, goal, faults, around, share
+        self._most = faults.searched + _SEARCHED + _SEARCHED_OF_FACE * len(around.faces)
         self._held, self._free = held, np.where(held, 0.0, 1.0)
         if held.any():
             rows, weights = around.weights(np.flatnonzero(held), _HELD_RADIUS)
@@ -109,7 +112,9 @@ class _Mending:
         """Yield shapes (V, 3) that are hardly broken, the nearest to the goal first; the last is at rest."""
         affine = affine_map(self._rest, self._goal, self._around.masses)
         start = self._rest @ affine[:3] + affine[3]
-        yield from reversed(invertible_stages(self._rest, self._goal, self._around.faces, start))
+        for stage in reversed(invertible_stages(self._rest, self._goal, self._around.faces, start)):
+            if 2 * self._faults.searched < self._most:
+                yield stage
         for part in _TOWARD_REST:
             yield start + part * (self._rest - start)
         yield self._rest
@@ -130,6 +135,8 @@ class _Mending:
             free, hits = np.ones(len(way)), np.zeros(len(way), np.int64)
             for _ in range(_TRIES):
                 tried = gone + step * (1 - gone) * free
+                if self._faults.searched > self._most:
+                    return best
                 last = self._faults.find(base.verts + tried[:, None] * way, last)
                 if last.clean(self._share):
                     gone, best = tried, last
