@@ -6,8 +6,6 @@
 2. From there everything moves on to the fit, on straight lines and by shares of the way that remains: small ones first,
    so that what would go through something else stops before it, then all of it, then what was held up. Places where a
    step would break something stay for it, with more around them each time.
-
-What is `held` lies in all of this where the fit has it, and the bases follow around it (`holding.py`).
 """
 
 from __future__ import annotations
@@ -18,15 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshdeform.exemplar.faults import Faults, Found
-from meshdeform.exemplar.holding import Follower
 from meshdeform.exemplar.invertible import affine_map, invertible_stages
 from meshdeform.exemplar.measures import kept_share
 from meshdeform.exemplar.regions import Surroundings, mended_by_regions
-from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.nouns.labels import Floats, Index
 
-__all__ = ["Mended", "mended"]
+__all__ = ["MOST_CUTTING", "Mended", "mended"]
 
-_SHARE = 0.003
+MOST_CUTTING = 0.003
+"""Share of the faces, by number and by area, that may newly cut others."""
 _STEPS = (*3 * (0.2,), 1.0, *4 * (0.3,))
 _TRIES = 14
 _RADIUS, _GROWTH = 0.004, 1.4
@@ -34,7 +32,6 @@ _TOWARD_REST = (0.0, 0.5, 0.75, 0.9)
 """A map that stretches much in one direction may fold the surface at a crease."""
 _SEARCHED, _SEARCHED_OF_FACE = 5_000_000, 10
 """Faces that are searched, and more for each face; half of them for the base."""
-_HELD_RADIUS = 0.02
 
 
 @dataclass(frozen=True)
@@ -42,17 +39,16 @@ class Mended:
     """A mended surface.
 
     `verts` (V, 3) float64; `kept`: the share of the displacement to the goal that was left, by area; `flipped` and
-    `cut`: faces that are folded, and that newly cut others; `holds`: whether all that is held is at its goal.
+    `cut`: faces that are folded, and that newly cut others.
     """
 
     verts: Floats
     kept: float
     flipped: int
     cut: int
-    holds: bool
 
 
-def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = _SHARE, held: Flags | None = None) -> Mended:
+def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = MOST_CUTTING) -> Mended:
     """Return a surface near the goal without folds, in which at most a share of the faces newly cuts others.
 
     Parameters
@@ -62,51 +58,30 @@ def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = _SHARE, h
     faces : (F, 3) int64
     share : float
         Of the faces, by number and by area.
-    held : (V,) bool, optional
-        Vertices that stay where the goal has them; those that it has at rest do always, the others if it can be.
     """
     faults = Faults(rest, faces)
     found = faults.find(goal)
     if not found.clean(share):
-        found = _found(rest, goal, faults, Surroundings(rest, faces), share, held)
-    holds = held is None or bool((found.verts == goal)[held].all())
+        found = _Mending(rest, goal, faults, Surroundings(rest, faces), share).result()
     kept = kept_share(rest, goal, found.verts, faces)
-    return Mended(found.verts, kept, int(found.folded.sum()), int(found.cutting.sum()), holds)
-
-
-def _found(rest: Floats, goal: Floats, faults: Faults, around: Surroundings, share: float, held: Flags | None) -> Found:
-    """Return a mended shape with what is held where it can be, else with those of them that are at rest."""
-    still = (goal == rest).all(1)
-    for kept in (np.zeros(len(rest), bool),) if held is None else (held, held & still):
-        found = _Mending(rest, goal, faults, around, share, kept).result()
-        if found is not None:
-            return found
-    return faults.find(rest)
+    return Mended(found.verts, kept, int(found.folded.sum()), int(found.cutting.sum()))
 
 
 class _Mending:
-    """The mending of one surface with faults, of which some vertices (V,) are held."""
+    """The mending of one surface with faults."""
 
-    def __init__(
-        self, rest: Floats, goal: Floats, faults: Faults, around: Surroundings, share: float, held: Flags
-    ) -> None:
+    def __init__(self, rest: Floats, goal: Floats, faults: Faults, around: Surroundings, share: float) -> None:
         self._rest, self._goal, self._faults, self._around, self._share = rest, goal, faults, around, share
         self._most = faults.searched + _SEARCHED + _SEARCHED_OF_FACE * len(around.faces)
-        self._held, self._free = held, np.where(held, 0.0, 1.0)
-        if held.any():
-            rows, weights = around.weights(np.flatnonzero(held), _HELD_RADIUS)
-            self._free[rows] -= weights
-            longest = float(np.linalg.norm(goal - rest, axis=1).max())
-            self._follower = Follower(rest, around.faces, held, longest)
 
-    def result(self) -> Found | None:
-        """Return the mended surface; None if there is none with what is held."""
+    def result(self) -> Found:
+        """Return the mended surface: in the worst case as it is at rest."""
         for base in self._bases():
-            start = self._faults.find(self._drawn(base))
-            found = mended_by_regions(start, self._faults, self._around, self._free, self._share)
+            start = self._faults.find(base)
+            found = mended_by_regions(start, self._faults, self._around, self._share)
             if found is not None:
                 return self._moved_on(found)
-        return None
+        return self._faults.find(self._rest)
 
     def _bases(self) -> Iterator[Floats]:
         """Yield shapes (V, 3) that are hardly broken, the nearest to the goal first; the last is at rest."""
@@ -118,14 +93,6 @@ class _Mending:
         for part in _TOWARD_REST:
             yield start + part * (self._rest - start)
         yield self._rest
-
-    def _drawn(self, verts: Floats) -> Floats:
-        """Return vertices (V, 3) with those that are held at their goals, which those around them follow."""
-        if not self._held.any():
-            return verts
-        drawn = verts + self._follower.followed(np.where(self._held[:, None], self._goal - verts, 0.0))
-        drawn[self._held] = self._goal[self._held]
-        return drawn
 
     def _moved_on(self, base: Found) -> Found:
         """Return a shape without faults moved on toward the goal as far as nothing breaks."""

@@ -81,10 +81,10 @@ class _Region:
     weights: Floats
 
 
-def mended_by_regions(base: Found, faults: Faults, around: Surroundings, free: Floats, share: float) -> Found | None:
+def mended_by_regions(base: Found, faults: Faults, around: Surroundings, share: float) -> Found | None:
     """Return a shape of which at most a share of the faces newly cuts and none is folded; None if it would be another.
 
-    `base`: the shape to mend; `free` (V,) float64: how much each vertex may move, from 0 to 1.
+    `base`: the shape to mend.
     """
     goal, masses = base.verts, around.masses
     whole = affine_map(around.rest, goal, masses)[:3]
@@ -95,7 +95,7 @@ def mended_by_regions(base: Found, faults: Faults, around: Surroundings, free: F
             return found
         if found.crowded:
             return None
-        regions = _grown(regions, found, around, free, share)
+        regions = _grown(regions, found, around, share)
         total = np.zeros(len(goal))
         for region in regions:
             total[region.rows] += region.weights
@@ -118,7 +118,7 @@ def _carried(points: Floats, affine: Floats) -> Floats:
     return np.asarray(points @ affine[:3] + affine[3])
 
 
-def _grown(regions: list[_Region], found: Found, around: Surroundings, free: Floats, share: float) -> list[_Region]:
+def _grown(regions: list[_Region], found: Found, around: Surroundings, share: float) -> list[_Region]:
     """Return the regions with new ones around faults outside of all, and those with faults larger."""
     bad = np.flatnonzero(found.to_mend(share))
     pairs = found.pairs if found.too_many(share) else found.pairs[:0]
@@ -134,7 +134,6 @@ def _grown(regions: list[_Region], found: Found, around: Surroundings, free: Flo
         seeds = np.unique(np.concatenate([around.faces[faces].ravel(), *(region.seeds for region in inside)]))
         radius = max([_RADIUS, *(_GROWTH * region.radius for region in inside)])
         rows, weights = around.weights(seeds, radius)
-        weights = weights * free[rows]
         grown.append(_Region(seeds, radius, rows[weights > 0], weights[weights > 0]))
     return _united(grown, len(around.rest))
 

@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.deformation.constraints import handle_rows
 from meshdeform.exemplar.faults import Faults
-from meshdeform.exemplar.mending import Mended, mended
+from meshdeform.exemplar.mending import MOST_CUTTING, Mended, mended
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.rendering.cameras import Frame
@@ -44,7 +44,6 @@ _REACH, _LONGEST = 0.25, 2.5
 """Radius of a handle's map, as a share of the diagonal, and in lengths of its way, at least."""
 _ROUNDS, _THERE = 40, 1e-9
 """How often handles are pulled, as a mirror takes half of each pull; the distance, as a share, that counts as none."""
-_CUTTING = 0.009
 _BACK, _AROUND, _GROWTH, _TRIES = 0.8, 0.01, 1.3, 40
 """Share of its way that a faulty place keeps each time, within which distance, and by what that grows."""
 
@@ -73,9 +72,9 @@ class Controls:
         for number in range(_TRIES):
             tried = self._rigid(self._rest + kept[:, None] * (within - self._rest))
             found = faults.find(tried)
-            if found.clean(_CUTTING):
+            if found.clean(MOST_CUTTING):
                 break
-            kept = kept * self._taken_back(np.unique(self._faces[found.to_mend(_CUTTING)]), number)
+            kept = kept * self._taken_back(np.unique(self._faces[found.to_mend(MOST_CUTTING)]), number)
         whole = float(np.linalg.norm(verts - self._rest, axis=1).sum())
         lost = float(np.linalg.norm(verts - tried, axis=1).sum())
         left = 1 - lost / whole if whole > 0 else 1.0

@@ -102,30 +102,3 @@ def test_the_same_bytes_each_time() -> None:
     rest, faces = sheet(10)
     goal = rest + 0.2 * np.random.default_rng(0).normal(size=rest.shape)
     assert mended(rest, goal, faces).verts.tobytes() == mended(rest, goal, faces).verts.tobytes()
-
-
-def test_what_is_held_stays_at_the_goal_and_what_is_kept_has_the_bits_of_the_source() -> None:
-    rest, faces = sheet(30)
-    goal = rest + [0.0, 0.0, 0.3]
-    middle = np.linalg.norm(rest[:, :2] - 0.5, axis=1) < 0.08
-    goal[middle, 0] -= 0.25
-    lifted, kept = rest[:, 0] > 0.9, rest[:, 0] < 0.1
-    goal[kept] = rest[kept]
-    result = mended(rest, goal, faces, held=lifted | kept)
-    assert result.holds
-    assert result.verts[lifted].tobytes() == goal[lifted].tobytes()
-    assert result.verts[kept].tobytes() == rest[kept].tobytes()
-    assert (result.flipped, result.cut) == (0, 0)
-    assert result.kept > 0.85
-
-
-def test_what_cannot_be_held_is_let_go_but_not_what_is_kept() -> None:
-    rest, faces = sheet(20)
-    goal = rest.copy()
-    through = np.abs(rest[:, 1] - 0.5) < 0.2
-    goal[through & (rest[:, 0] > 0.7)] -= [1.0, 0.0, 0.0]
-    kept = rest[:, 0] < 0.2
-    result = mended(rest, goal, faces, held=kept | (goal != rest).any(1))
-    assert not result.holds
-    assert result.verts[kept].tobytes() == rest[kept].tobytes()
-    assert (result.flipped, result.cut) == (0, 0)
