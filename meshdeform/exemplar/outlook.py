@@ -9,7 +9,7 @@ sum_k |s_k - t_k| for the shares s, t of part k, an outlook is doubtful
     else                                      if d > 0.172.
 
 The three bounds were set by eye on 44 pairs of assets and nouns: of the 15 that they call doubtful 12 were not worth
-keeping, of the other 29 five were not. A lump without parts becomes whatever is wished (`clay`), and an asset that is
+keeping, of the other 29 three were not. A lump without parts becomes whatever is wished (`clay`), and an asset that is
 the noun already changes.
 
 What is suggested are prompts: other nouns of the same group, the nearest of which lies within the bound, and the noun
