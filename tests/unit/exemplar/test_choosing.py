@@ -18,6 +18,8 @@ from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND, NO_PART
 from tests.cases import each_case
 
+pytestmark = pytest.mark.usefixtures("few_members")
+
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:

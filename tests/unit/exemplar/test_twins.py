@@ -16,6 +16,7 @@ from meshdeform.reading.result import NO_PART
 from tests.cases import each_case
 from tests.unit.exemplar.test_choosing import asset
 
+pytestmark = pytest.mark.usefixtures("few_members")
 NUMBER = 6
 
 
