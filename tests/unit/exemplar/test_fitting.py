@@ -84,6 +84,43 @@ def test_an_asset_is_turned_scaled_and_moved_with_its_result() -> None:
     np.testing.assert_allclose(results[0], results[1], atol=1e-6)
 
 
+def halved(shape: Shape) -> Shape:
+    """Return a shape with each face split in four; the vertices that it had come first."""
+    sides = np.sort(np.concatenate([shape.faces[:, [0, 1]], shape.faces[:, [1, 2]], shape.faces[:, [2, 0]]]), 1)
+    edges, number = np.unique(sides, axis=0, return_inverse=True)
+    verts = np.concatenate([shape.verts, shape.verts[edges].mean(1)])
+    (a, b, c), (ab, bc, ca) = shape.faces.T, len(shape.verts) + number.reshape(3, -1)
+    faces = np.concatenate([np.stack(each, 1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return Shape(shape.noun, verts, faces, np.tile(shape.labels, 4))
+
+
+def test_another_mesh_of_the_same_surface_goes_to_the_same_place() -> None:
+    dog, giraffe = shape_of("dog"), shape_of("giraffe")
+    coarse, fine = fit(dog, giraffe), fit(halved(dog), giraffe)
+    apart = np.linalg.norm(fine.verts[: len(dog.verts)] - coarse.verts, axis=1)
+    assert apart.mean() < 0.02
+
+
+def test_the_mirror_image_of_a_source_goes_to_that_of_the_result() -> None:
+    cow, mirror = shape_of("cow", 5), np.array([-1.0, 1, 1])
+    cow = cow.moved(cow.verts + np.outer(np.maximum(cow.verts[:, 2], 0) ** 2, [0.5, 0, 0]))  # it looks to one side
+    horse = shape_of("horse")
+    image, image_horse = (Shape(one.noun, one.verts * mirror, one.faces[:, ::-1], one.labels) for one in (cow, horse))
+    ends = fit(cow, horse).verts, fit(image, image_horse).verts * mirror
+    assert np.linalg.norm(ends[0] - ends[1], axis=1).mean() < 0.02
+
+
+def test_of_several_targets_the_nearest_is_taken() -> None:
+    ball = ellipsoid([0, 0, 0], 0.3, rings=12)
+    none = np.full(len(ball.faces), NO_PART)
+    targets = tuple(
+        Shape("", ball.verts * scales, ball.faces, none) for scales in ([0.3, 1, 1], [1, 1.1, 1], [1, 1, 2])
+    )
+    run = ExemplarFit(ball.verts, ball.faces, None, Wish(targets=targets), labels=none)
+    list(run)
+    assert run.result.member["target"] == 1
+
+
 def test_strength_goes_part_of_the_way() -> None:
     ball = ellipsoid([0, 0, 0], 0.3, rings=12)
     none = np.full(len(ball.faces), NO_PART)
