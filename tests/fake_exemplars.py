@@ -12,7 +12,7 @@ import pytest
 
 from meshdeform.exemplar.outlook import Outlook
 from meshdeform.exemplar.shapes import ExemplarResult, Wish, frame_of
-from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading import Reading
 from meshdeform.runs import exemplar
 
@@ -48,10 +48,9 @@ class FakeFit:
         *,
         labels: Index | None = None,
         cache: Path | None = None,
-        held: Flags | None = None,
     ) -> None:
         self.verts, self.faces, self.reading, self.wish, self.labels = verts, faces, reading, wish, labels
-        self.cache, self.held = cache, held
+        self.cache = cache
         self.frame = frame_of(verts, faces, reading)
         self.made.append(self)
 

@@ -1,6 +1,6 @@
 """Fit a surface to another one whose parts are known as well: piece to piece, then smoothly, then mended.
 
-1. Pieces with like names are matched (`pieces`), and the goal takes the source's pose (`posing`).
+1. Pieces with like names are matched (`pieces`).
 2. Few maps bring the source near the goal (`starting`).
 3. What came there piece by piece is fitted smoothly, like pieces to like pieces (`smooth_fit`). What only the
    goal has counts with the piece from which it grows, with limits three times as wide.
@@ -20,7 +20,6 @@ from meshdeform.exemplar.growth import grown
 from meshdeform.exemplar.kinds import is_built
 from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, matched
-from meshdeform.exemplar.posing import posed_like
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import smooth_fit
 from meshdeform.exemplar.starting import cloud_of, piece_weights, started
@@ -88,7 +87,6 @@ class SourceFit:
         if not (matching.partner >= 0).any():
             return self._finished(goal, None, {"smooth": _alone(own, goal, planes, landmarks)}, planes)
         cloud = cloud_of(own, matching)
-        goal = posed_like(cloud, goal, matching)
         weights = self._piece_weights(matching.source)
         ways = started(own, goal, matching, cloud, weights, mirrored=0 in planes)
         if "pieces" in ways:

@@ -8,7 +8,7 @@ __all__ = ["is_boxed", "is_built", "is_figure", "is_living", "is_turned"]
 
 _LIVING = frozenset((*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]))
 _BUILT = frozenset((*NOUN_GROUPS["vehicles"], *NOUN_GROUPS["furniture"], *NOUN_GROUPS["buildings"]))
-_ALSO_BUILT = frozenset(("anvil", "camera", "chest", "cone", "crate", "guitar", "robot", "scroll", "skull"))
+_ALSO_BUILT = frozenset(("anvil", "camera", "chest", "cone", "crate", "guitar", "scroll"))
 _SWELLING = frozenset(("balloon", "pillow"))
 _BOXED = frozenset(NOUN_GROUPS["furniture"]) - {"lamp", "pillow"}
 
@@ -25,7 +25,7 @@ def is_figure(noun: str) -> bool:
 
 def is_built(noun: str) -> bool:
     """Return whether what is level and upright of a noun stays so."""
-    return noun in (_BUILT | _ALSO_BUILT - {"robot", "skull"}) - _SWELLING
+    return noun in (_BUILT | _ALSO_BUILT) - _SWELLING
 
 
 def is_boxed(noun: str) -> bool:

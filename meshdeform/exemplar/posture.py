@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from meshdeform.exemplar.affine_maps import rotation_between
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
 from meshdeform.nouns.limbs import LIMBS, NO_LIMB, SEVERAL, kind_of, limb_codes
 
@@ -140,7 +141,7 @@ def held_like(member: LabelledMember, asset: Posture) -> LabelledMember:
         if _LEAST_TURN_DEG < angle < most:
             rows = np.unique(member.faces[codes == used[other]])
             root = _root(verts[rows], axis)
-            verts[rows] = (verts[rows] - root) @ _rotation(axis, goal).T + root
+            verts[rows] = (verts[rows] - root) @ rotation_between(axis, goal).T + root
     return member.moved(verts)
 
 
@@ -179,10 +180,3 @@ def _root(places: Floats, axis: Floats) -> Floats:
     """Return where (3,) a limb hangs: the middle of its end against its axis."""
     along = places @ axis
     return np.asarray(places[along <= along.min() + _ROOT * np.ptp(along)].mean(0))
-
-
-def _rotation(a: Floats, b: Floats) -> Floats:
-    """Return the least rotation (3, 3) that takes one unit vector to another that is not opposite."""
-    cross = np.cross(a, b)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + float(a @ b)))

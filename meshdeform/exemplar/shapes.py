@@ -6,12 +6,11 @@ Everything lies in the frame of the asset: +Y up, its front toward +Z, its box a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.nouns.labels import Floats, Index
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.reading.result import Reading
 
@@ -108,13 +107,6 @@ class ExemplarResult:
     flipped: int = 0
     cut: int = 0
     stretch: float = 0.0
-    notes: Mapping[str, object] = field(default_factory=dict)
-
-
-def part_flags(shape: Shape, number: int) -> Flags:
-    """Return which faces (F,) are of the part of a number."""
-    flags: NDArray[np.bool_] = shape.labels == number
-    return flags
 
 
 def frame_of(verts: Floats, faces: Index, reading: Reading | None) -> Frame:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.rendering.studio import preview_png
+from meshdeform.requests.choices import RigMode
 from meshdeform.runs.base import ArtifactData, RunLog
 from meshdeform.runs.strength import AssetPath, write_morph
-from meshdeform.runs.surfaces import DeformedSurface, Shown, read_result
+from meshdeform.runs.surfaces import DeformedSurface, Shown, deformed_surface, read_result, vertex_jacobians
 from meshdeform.runs.text_report import AssetFacts, Held, Outcome, provenance
 from meshdeform.support.threads import side_by_side
 
@@ -35,6 +36,13 @@ class NewShape:
     surface: DeformedSurface
     jacobians: NDArray[np.float64] | None
     step: int
+
+    @classmethod
+    def of(cls, facts: AssetFacts, verts: Tensor, step: int) -> NewShape:
+        """Give the asset the shape of deformed welded vertices (V, 3) float64; its rig follows, unless it is kept."""
+        follows = facts.request.output.rig is RigMode.FOLLOW
+        jacobians = vertex_jacobians(facts.welded, verts) if follows else None
+        return cls(facts, verts, deformed_surface(facts.asset.surface, facts.welded, verts), jacobians, step)
 
     def written(self) -> bytes:
         """Return the asset with this shape as a GLB, with the options of the request."""

@@ -43,7 +43,7 @@ from meshdeform.plain.read_parts import ReadParts
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.reading import NO_PART
 from meshdeform.rendering.cameras import Frame
-from meshdeform.requests.choices import Carrier, OrientationMode, RigMode
+from meshdeform.requests.choices import Carrier, OrientationMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
 from meshdeform.runs.control import Control, WeldedSurface, read_control
@@ -54,7 +54,7 @@ from meshdeform.runs.exemplar_report import ExemplarFacts, Fit, exemplar_report
 from meshdeform.runs.goals import SilhouetteFit, TargetFit
 from meshdeform.runs.plain_change import source_body
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.surfaces import deformed_surface, shape_id, vertex_jacobians
+from meshdeform.runs.surfaces import shape_id
 from meshdeform.runs.text_report import AssetFacts
 
 __all__ = ["ExemplarRun", "start_exemplar"]
@@ -202,11 +202,7 @@ class ExemplarRun(JobRun):
         return outlook(source, wish, cache=self._cache)
 
     def _new_shape(self) -> NewShape:
-        facts, verts = self._facts, self._verts()
-        follows = facts.request.output.rig is RigMode.FOLLOW
-        jacobians = vertex_jacobians(facts.welded, verts) if follows else None
-        surface = deformed_surface(facts.asset.surface, facts.welded, verts)
-        return NewShape(facts, verts, surface, jacobians, self.step)
+        return NewShape.of(self._facts, self._verts(), self.step)
 
     def _verts(self) -> Tensor:
         """Return the current welded vertices (V, 3), in world space."""

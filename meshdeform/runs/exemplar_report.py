@@ -89,7 +89,6 @@ class Fit:
             "flipped_faces": result.flipped,
             "cut_faces": result.cut,
             "stretch": round(result.stretch, _DIGITS),
-            "notes": dict(result.notes),
             "seconds": {name: round(seconds, 4) for name, seconds in self.seconds.items()},
         }
 

@@ -24,7 +24,7 @@ from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.words import Sentence
 from meshdeform.rendering.cameras import Frame
-from meshdeform.requests.choices import GuidanceKind, RigMode
+from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
 from meshdeform.runs.changes import asked_changes, is_change
@@ -36,11 +36,9 @@ from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
 from meshdeform.runs.surfaces import (
-    deformed_surface,
     drawn_triangles,
     prepared,
     shape_id,
-    vertex_jacobians,
     welded_surface,
 )
 from meshdeform.runs.text_deform_kind import resolved_params
@@ -205,11 +203,7 @@ class TextDeformRun(JobRun):
         )
 
     def _new_shape(self) -> NewShape:
-        facts, verts = self._facts, self._world_verts()
-        follows = facts.request.output.rig is RigMode.FOLLOW
-        jacobians = vertex_jacobians(facts.welded, verts) if follows else None
-        surface = deformed_surface(facts.asset.surface, facts.welded, verts)
-        return NewShape(facts, verts, surface, jacobians, self.step)
+        return NewShape.of(self._facts, self._world_verts(), self.step)
 
     @cached_property
     def _keeps_ground(self) -> bool:

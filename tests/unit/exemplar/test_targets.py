@@ -1,15 +1,14 @@
-"""Given surfaces: their turn, scale and place, which is nearest, and how close a surface comes to one."""
+"""Given surfaces: how close a surface comes to one, its mirror images, and landmarks."""
 
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.shapes import Shape
-from meshdeform.exemplar.targets import fitted_to_target, nearest_target, placed
-from meshdeform.nouns.families.parts import Part, box, ellipsoid, join
+from meshdeform.exemplar.targets import fitted_to_target
+from meshdeform.nouns.families.parts import Part, ellipsoid, join
 from meshdeform.reading.samples import spread
 
 _Array = NDArray[Any]
@@ -23,40 +22,6 @@ def _bird(beak: float = 0.1, rings: int = 24) -> Shape:
     """Return a body with a head in front and above, its own mirror image across x."""
     body, head = ellipsoid([0, 0, 0], [0.2, 0.18, 0.35], rings=rings), ellipsoid([0, 0.2, 0.3], 0.13, rings=rings)
     return _shape(join([body, head, ellipsoid([0, 0.2, 0.43], [0.04, 0.03, beak], rings=rings)]))
-
-
-def _turned(shape: Shape, degrees: float, scale: float, shift: list[float]) -> Shape:
-    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
-    return shape.moved(scale * shape.verts @ turn.T + shift)
-
-
-@pytest.mark.parametrize("degrees", [0.0, 37.0, 180.0, -90.0])
-def test_turn_scale_and_place_are_found(degrees: float) -> None:
-    bird = _bird()
-    placement = placed(bird, _turned(bird, degrees, 30.0, [5.0, -3.0, 2.0]))
-    found = placement.place(_turned(bird, degrees, 30.0, [5.0, -3.0, 2.0]).verts)
-    assert placement.scale == pytest.approx(1 / 30, rel=0.01)
-    assert np.abs(found - bird.verts).max() < 0.03
-
-
-def test_what_looks_alike_from_all_sides_is_not_turned() -> None:
-    ball = _shape(ellipsoid([0, 0, 0], 0.3))
-    assert np.array_equal(placed(ball, ball.moved(2 * ball.verts)).turn, np.eye(3))
-
-
-def test_landmarks_tell_the_turn_of_what_looks_alike() -> None:
-    ball = _shape(ellipsoid([0, 0, 0], 0.3))
-    marks = np.array([[0.3, 0, 0], [0, 0, 0.3]])
-    placement = placed(ball, ball, (marks, np.array([[0, 0, -0.3], [0.3, 0, 0]])))
-    assert placement.place(np.array([[0, 0, -0.3]])) == pytest.approx(marks[:1], abs=0.02)
-
-
-def test_the_nearest_target_is_found() -> None:
-    bird, others = _bird(), [_shape(box([0, 0, 0], [0.5, 0.2, 0.3])), _shape(ellipsoid([0, 0, 0], [0.1, 0.5, 0.1]))]
-    number, placement = nearest_target(bird, [*others, _turned(_bird(0.13), 120, 4.0, [1.0, 1.0, 1.0])])
-    assert number == 2
-    assert placement.distance < 0.05
 
 
 def _distance(shape: Shape, verts: _Array, goal: Shape) -> float:
