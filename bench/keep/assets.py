@@ -3,8 +3,8 @@
 `near` asks for the same kind of thing, a change of one of its parts, or a noun close to it; `far` for another kind that
 somebody may still ask for. Both were written before any result was seen. `noun` and `front` (degrees from +Z toward +X;
 null: none in particular) are for the person who grades and for the pictures; a run is not told them.
-`tuned`: engines may be tuned on it. `last`: by authors that nothing here was made with, run when nothing is tuned any
-more.
+`tuned`: engines may be tuned on it. `last` and `fresh`: by authors that nothing here was made with, run when nothing is
+tuned any more, each for one comparison. Both prompts of a `fresh` asset ask for nouns of its own group.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-SPLITS = ("tuned", "last")
+SPLITS = ("tuned", "last", "fresh")
 DISTANCES = ("near", "far")
 _LIST = Path(__file__).with_name("assets.json")
 
@@ -62,6 +62,6 @@ def listed(split: str | None = None, names: Collection[str] = ()) -> list[Listed
 
 
 def pairs(split: str | None = None, names: Collection[str] = ()) -> list[Pair]:
-    """Return every asset with each of its prompts, those of `last` first."""
+    """Return every asset with each of its prompts, those of the latest split first."""
     chosen = sorted(listed(split, names), key=lambda each: -SPLITS.index(each.split))
     return [Pair(each, distance) for each in chosen for distance in DISTANCES]

@@ -19,16 +19,15 @@ from bench.keep.cost import split, write_dog
 from bench.keep.grades import Row, parsed, read, saved, table
 from bench.keep.runs import CHILD, command, verdict
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
 
 
 class TestList:
     def test_splits(self) -> None:
         assert len(listed("tuned")) == 52
         assert len(listed("last")) == 20
-        assert len(listed()) == 72
-        assert len({each.name for each in listed()}) == 72
-        assert len({each.sha256 for each in listed()}) == 72
+        assert len(listed("fresh")) == 24
+        assert len({each.name for each in listed()}) == len({each.sha256 for each in listed()}) == 96
 
     @pytest.mark.parametrize("pair", pairs(), ids=lambda pair: pair.name)
     def test_prompts(self, pair: Any) -> None:
@@ -39,14 +38,18 @@ class TestList:
     def test_far_is_another_noun(self) -> None:
         assert all(parse(each.far).noun != each.noun for each in listed())
 
-    def test_repositories_of_the_last_were_not_used_before(self) -> None:
-        tuned = {each.repository for each in listed("tuned")}
-        assert not tuned & {each.repository for each in listed("last")}
-        authors = {each.author for each in listed("tuned")} - {"not stated"}
-        assert not authors & {each.author for each in listed("last")}
+    @pytest.mark.parametrize("split", SPLITS[1:])
+    def test_repositories_and_authors_were_not_used_before(self, split: str) -> None:
+        before = [each for name in SPLITS[: SPLITS.index(split)] for each in listed(name)]
+        assert not {each.repository for each in before} & {each.repository for each in listed(split)}
+        assert not {each.author for each in before} & {each.author for each in listed(split)} - {"not stated"}
 
-    def test_last_are_run_first(self) -> None:
-        assert [each.asset.split for each in pairs()] == ["last"] * 40 + ["tuned"] * 104
+    def test_fresh_ask_for_nouns_of_the_same_group(self) -> None:
+        group = {noun: name for name, nouns in NOUN_GROUPS.items() for noun in nouns}
+        assert all(group[parse(pair.prompt).noun] == group[pair.asset.noun] for pair in pairs("fresh"))
+
+    def test_the_latest_split_is_run_first(self) -> None:
+        assert [each.asset.split for each in pairs()] == ["fresh"] * 48 + ["last"] * 40 + ["tuned"] * 104
         assert [each.distance for each in pairs(names=["a_bear"])] == list(DISTANCES)
 
 
