@@ -1,11 +1,12 @@
 """Run the suite as a user would, whole jobs from the command line: ``python -m bench.keep FILES --out DIR``.
 
 FILES is a folder with the assets, found by their hash (`assets.json` says where they are from). Each pair of an asset
-and a prompt gets a folder (`bench.keep.runs`); one that the same code has run is not run again. ``--code CHECKOUT``
-runs another checkout, such as one of commit c23ea518 for the baseline. Then:
+and a prompt gets a folder (`bench.keep.runs`); one that the same code has run is not run again. ``--kind sds exemplar``
+runs each kind, in a folder of its own in DIR; ``--code CHECKOUT`` runs another checkout, such as one of commit c23ea518
+for the baseline. Then:
 
     python -m bench.keep.blind sheets before=DIR now=DIR       numbered rows that do not say what made them
-    python -m bench.keep.blind sheets --grades grades.txt      a table of the grades
+    python -m bench.keep.blind sheets --grades grades.txt      tables of the grades
     python -m bench.keep.cost FILES                            CPU seconds and memory by the number of faces
 """
 
@@ -13,12 +14,16 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.keep.assets import SPLITS, pairs
+from bench.keep.assets import SPLITS, Pair, pairs
 from bench.keep.runs import KINDS, ROOT, Code, ran, verdict
 from bench.parts.assets import files
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+
+DEFAULT = "default"
 
 
 def main() -> None:
@@ -28,20 +33,29 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="a folder for the results")
     parser.add_argument("--split", choices=SPLITS, help="only these assets")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="only these assets")
-    parser.add_argument("--kind", choices=KINDS, help="guidance.kind; without it, what the code does by default")
+    parser.add_argument("--group", nargs="+", default=[], choices=NOUN_GROUPS, help="only prompts for such nouns")
+    kinds = (DEFAULT, *KINDS)
+    parser.add_argument("--kind", nargs="+", choices=kinds, default=[DEFAULT], help="guidance.kind; default: not sent")
     parser.add_argument("--code", type=Path, default=ROOT, help="the checkout to run")
     asked = parser.parse_args()
     code, here = Code.of(asked.code.resolve()), files(asked.files)
     print(f"code {code.commit} {code.digest}", flush=True)
+    every = pairs(asked.split, asked.only, asked.group)
+    chosen = [pair for pair in every if pair.asset.sha256 in here]
+    print(f"{len(chosen)} of {len(every)} pairs, those whose files are there", flush=True)
+    for kind in asked.kind:
+        _run(chosen, here, asked.out / kind if len(asked.kind) > 1 else asked.out, code, kind)
+
+
+def _run(chosen: Sequence[Pair], here: Mapping[str, Path], out: Path, code: Code, kind: str) -> None:
+    """Run the pairs with one kind, and print a line for each and one for all."""
     records = []
-    for pair in pairs(asked.split, asked.only):
-        if pair.asset.sha256 not in here:
-            print(f"{pair.name:34} is not there", flush=True)
-            continue
-        records.append(ran(pair, here[pair.asset.sha256], asked.out / pair.name, code, asked.kind))
+    for pair in chosen:
+        sent = None if kind == DEFAULT else kind
+        records.append(ran(pair, here[pair.asset.sha256], out / pair.name, code, sent))
         print(_line(pair.name, records[-1]), flush=True)
     if records:
-        print(_summary(records))
+        print(f"{kind}: {_summary(records)}")
 
 
 def _line(name: str, record: dict[str, Any]) -> str:

@@ -9,32 +9,19 @@ tuned any more, each for one comparison. Both prompts of a `fresh` asset ask for
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.parts import assets
+from bench.parts.assets import Listed
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+
 SPLITS = ("tuned", "last", "fresh")
 DISTANCES = ("near", "far")
 _LIST = Path(__file__).with_name("assets.json")
-
-
-@dataclass(frozen=True)
-class Listed:
-    """An asset of the suite."""
-
-    name: str
-    split: str  # one of `SPLITS`
-    noun: str
-    front: float | None
-    near: str
-    far: str
-    author: str
-    licence: str
-    repository: str
-    path: str
-    commit: str
-    sha256: str
+_GROUPS = {noun: name for name, nouns in NOUN_GROUPS.items() for noun in nouns}
 
 
 @dataclass(frozen=True)
@@ -57,11 +44,16 @@ class Pair:
 
 def listed(split: str | None = None, names: Collection[str] = ()) -> list[Listed]:
     """Return the assets of one split, or all; `names`: only these."""
-    every = [Listed(**each) for each in json.loads(_LIST.read_text(encoding="utf-8"))]
-    return [each for each in every if split in (None, each.split) and (not names or each.name in names)]
+    return assets.listed(split, names, _LIST)
 
 
-def pairs(split: str | None = None, names: Collection[str] = ()) -> list[Pair]:
-    """Return every asset with each of its prompts, those of the latest split first."""
+def pairs(split: str | None = None, names: Collection[str] = (), groups: Collection[str] = ()) -> list[Pair]:
+    """Return every asset with each of its prompts, or those of some groups, those of the latest split first."""
     chosen = sorted(listed(split, names), key=lambda each: -SPLITS.index(each.split))
-    return [Pair(each, distance) for each in chosen for distance in DISTANCES]
+    every = [Pair(each, distance) for each in chosen for distance in DISTANCES]
+    return [pair for pair in every if not groups or group_of(pair.prompt) in groups]
+
+
+def group_of(prompt: str) -> str:
+    """Return the group (`NOUN_GROUPS`) of the noun that a prompt asks for."""
+    return _GROUPS[parse(prompt).noun]

@@ -1,8 +1,8 @@
 """Draw the results of several runs in one shuffled order, so that a person grades them without knowing whose they are.
 
     python -m bench.keep.blind OUT --seed 63 c23ea518=DIR now=DIR    OUT/sheets/01.png ..., OUT/key.json
-    python -m bench.keep.blind OUT --grades grades.txt [--save]      a table of the grades, and `grades.json`
-    python -m bench.keep.blind                                       the table of `grades.json`
+    python -m bench.keep.blind OUT --grades grades.txt [--save]      tables of the grades, and `grades.json`
+    python -m bench.keep.blind                                       the tables of `grades.json`
 
 A run is a folder that `bench.keep` wrote. Each row has a number and the prompt, the source, and a result, from two
 sides. `nothing` is added by itself: the source as it is. A line of the grades is `number a b c` (`bench.keep.grades`).
@@ -21,7 +21,7 @@ from typing import Any
 from PIL import Image, ImageDraw, ImageFont
 
 from bench.keep.assets import SPLITS, listed
-from bench.keep.grades import GRADES, Row, parsed, read, saved, table
+from bench.keep.grades import GRADES, Row, by_group, parsed, read, saved, table
 from bench.keep.runs import verdict
 
 NOTHING = "nothing"
@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--save", action="store_true", help="write grades.json beside this module")
     asked = parser.parse_intermixed_args()
     if asked.out is None:
-        print(table(read(GRADES.read_text(encoding="utf-8"))))
+        _print(read(GRADES.read_text(encoding="utf-8")))
     elif asked.grades is not None:
         _count(asked.out, asked.grades, save=asked.save)
     else:
@@ -117,11 +117,15 @@ def _count(out: Path, grades: Path, *, save: bool) -> None:
     shown = sum(row.verdict != "failed" for row in rows)
     given = parsed(grades.read_text(), shown)
     rows = [replace(row, grade=given.get(number)) for number, row in enumerate(rows, 1)]
-    print(table(rows))
+    _print(rows)
     if missing := [number for number in range(1, shown + 1) if number not in given]:
         print(f"{len(missing)} of {shown} have no grade: {missing}")
     if save:
         GRADES.write_text(saved(key["seed"], key["commits"], rows), encoding="utf-8")
+
+
+def _print(rows: Sequence[Row]) -> None:
+    print(table(rows), by_group(rows), sep="\n\n")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.keep.assets import DISTANCES, SPLITS
+from bench.keep.assets import DISTANCES, SPLITS, group_of
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 
 GRADES = Path(__file__).with_name("grades.json")
 KEPT = 3
@@ -77,6 +78,19 @@ def table(rows: Sequence[Row]) -> str:
                 if any(row.grade for row in chosen):
                     name = asked[0] if len(asked) == 1 else "both"
                     lines.append(f"| {run} | {split} | {name} | " + " | ".join(_figures(chosen)) + " |")
+    return "\n".join(lines)
+
+
+def by_group(rows: Sequence[Row]) -> str:
+    """Return a table in Markdown: of each group of nouns that prompts ask for, what is kept of each run's results."""
+    runs = list(dict.fromkeys(row.run for row in rows))
+    lines = [f"| prompts for | {' | '.join(runs)} |", "|---" * (len(runs) + 1) + "|"]
+    counted = [row for row in rows if row.grade or row.verdict == "failed"]
+    for group in NOUN_GROUPS:
+        of = [[row for row in counted if row.run == run and group_of(row.prompt) == group] for run in runs]
+        if any(of):
+            told = [f"{sum(row.kept for row in each)} of {len(each)}" for each in of]
+            lines.append(f"| {group} | {' | '.join(told)} |")
     return "\n".join(lines)
 
 

@@ -1,8 +1,9 @@
-"""The assets of the suite, `assets.json`: where each is from, and what one sees on it.
+"""Assets that others made: where each is from, and what one sees on it. The suite's are in `assets.json`.
 
 `noun` is one of the builtin prior's, `also` others that are as right; `front` is where it faces, in degrees from +Z
 toward +X once `up` points up (null: nowhere in particular); `parts` are those that one sees on it and would want to
 change, written before anything had read it, whether the noun's family has them or not; its main body is none of them.
+`near` and `far` are what `bench.keep` asks for.
 `tuned`: the reading may be tuned on it. `last`: it is read once, when nothing is tuned any more.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,21 +27,23 @@ _UPRIGHT = {"+Y": np.eye(3), "+Z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]
 
 @dataclass(frozen=True)
 class Listed:
-    """An asset of the suite."""
+    """An asset of a list."""
 
     name: str
-    split: str  # `tuned` or `last`
+    split: str
     noun: str
-    also: list[str]
     front: float | None
-    up: str
-    parts: list[str]
     author: str
     licence: str
     repository: str
     path: str
     commit: str
     sha256: str
+    also: Sequence[str] = ()
+    up: str = "+Y"
+    parts: Sequence[str] = ()
+    near: str = ""
+    far: str = ""
 
     @property
     def public(self) -> bool:
@@ -74,9 +77,9 @@ class Listed:
         return bool((turn @ self.turn.T)[1, 1] > np.cos(np.radians(_FACING_DEG)))
 
 
-def listed(split: str | None = None, names: Collection[str] = ()) -> list[Listed]:
-    """Return the assets of one split, or all; `names`: only these."""
-    every = [Listed(**each) for each in json.loads(_LIST.read_text())]
+def listed(split: str | None = None, names: Collection[str] = (), path: Path = _LIST) -> list[Listed]:
+    """Return the assets of one split of a list, or all; `names`: only these."""
+    every = [Listed(**each) for each in json.loads(path.read_text(encoding="utf-8"))]
     return [each for each in every if split in (None, each.split) and (not names or each.name in names)]
 
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.keep.assets import DISTANCES, SPLITS, listed, pairs
+from bench.keep.assets import DISTANCES, SPLITS, group_of, listed, pairs
 from bench.keep.blind import NOTHING, shuffled
 from bench.keep.cost import split, write_dog
-from bench.keep.grades import Row, parsed, read, saved, table
+from bench.keep.grades import Row, by_group, parsed, read, saved, table
 from bench.keep.runs import CHILD, command, verdict
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
@@ -45,8 +45,12 @@ class TestList:
         assert not {each.author for each in before} & {each.author for each in listed(split)} - {"not stated"}
 
     def test_fresh_ask_for_nouns_of_the_same_group(self) -> None:
-        group = {noun: name for name, nouns in NOUN_GROUPS.items() for noun in nouns}
-        assert all(group[parse(pair.prompt).noun] == group[pair.asset.noun] for pair in pairs("fresh"))
+        assert all(pair.asset.noun in NOUN_GROUPS[group_of(pair.prompt)] for pair in pairs("fresh"))
+
+    def test_pairs_of_a_group(self) -> None:
+        chosen = pairs("tuned", groups=["vehicles"])
+        assert {"van-near", "PineTree_1-far"} < {pair.name for pair in chosen}
+        assert all(parse(pair.prompt).noun in NOUN_GROUPS["vehicles"] for pair in chosen)
 
     def test_the_latest_split_is_run_first(self) -> None:
         assert [each.asset.split for each in pairs()] == ["fresh"] * 48 + ["last"] * 40 + ["tuned"] * 104
@@ -110,6 +114,19 @@ class TestGrades:
             "| new | last | near | 2 | 4.0 | 4.0 | 2.5 | 50% | 0 | 0 |",
             "| new | last | far | 1 | 4.0 | 3.0 | 5.0 | 0% | 1 | 1 |",
             "| new | last | both | 3 | 4.0 | 3.7 | 3.3 | 25% | 1 | 1 |",
+        ]
+
+    def test_table_by_group(self) -> None:
+        rows = [
+            Row("new", "one", "last", "near", "a cow", "good", (5, 4, 3)),
+            Row("new", "two", "last", "near", "a fat pig", "failed"),
+            Row("new", "six", "last", "far", "a boat", "good"),
+            Row("old", "one", "last", "near", "a cow", "good", (5, 4, 2)),
+        ]
+        assert by_group(rows).splitlines() == [
+            "| prompts for | new | old |",
+            "|---|---|---|",
+            "| animals | 1 of 2 | 0 of 1 |",
         ]
 
     def test_they_are_read_as_they_were_saved(self) -> None:
