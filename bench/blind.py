@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image, ImageDraw
-
 from training.evaluation.delivered import stretched_picture
 
 ROWS = 12

@@ -46,7 +46,7 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
-from meshdeform.rendering.shading import OrthogonalGrid, Renderer, RenderStyle, Shading
+from meshdeform.rendering.shading import OrthogonalGrid, Renderer, Shading
 
 _ORIENTATION, _STRUCTURE, _PULLS = "orientation", "structure", "pulls"
 _REACHED = 1e-8
@@ -91,11 +91,6 @@ class Deformation:
         For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`RegionalGradients`).
     front : Front, optional
         Who finds the front for `params.guidance.orientation` = `auto`: by default the guidance itself.
-    variables : callable, optional
-        Creates the variables to optimise from the mesh: by default those of `params.carrier`.
-    views : callable
-        Creates the views for the guidance from the camera bounds and the guidance's style: by default the paper's four
-        orthogonal views in one picture.
 
     Attributes
     ----------
@@ -126,8 +121,6 @@ class Deformation:
         constraints: Constraints = UNCONSTRAINED,
         shares: Sequence[NDArray[np.float64]] = (),
         front: Front | None = None,
-        variables: Callable[[TriangleMesh], Variables] | None = None,
-        views: Callable[[CameraRange, RenderStyle], OrthogonalGrid] = OrthogonalGrid,
     ) -> None:
         self.mesh = mesh
         self.params = params
@@ -142,7 +135,7 @@ class Deformation:
         if self._shape is not None:
             self._shape.begin(shown)
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
-        self._views = views(bounds, guidance.style)
+        self._views = OrthogonalGrid(bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(shown.verts.abs().max())
         coloured = self._views.style.shading in ("textured", "mixed")
@@ -169,11 +162,7 @@ class Deformation:
             self.structure = Structure(planes if turned else plane_of(planes, self.orientation.turn_deg), built)
         if initial is not None:
             self.structure = _stored_structure(initial)  # only the same levels can represent its shape
-        self._variables = (
-            variables(shown)
-            if variables is not None
-            else self._stand_in.carry(params.carrier, initial, bodies, self.structure)
-        )
+        self._variables = self._stand_in.carry(params.carrier, initial, bodies, self.structure)
         rest = self._variables.rest
         self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
         self._regularizers = Regularizers(rest)

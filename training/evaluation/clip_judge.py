@@ -20,12 +20,13 @@ from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, ParameterError, install_command
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.rendering.cameras import fixed_cameras
-from training.evaluation.picture import draw
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.rendering.shading import Renderer, RenderStyle
 from training.evaluation.retrieval import ranked
 
 _AZIMUTHS_DEG = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
 _ELEVATION_DEG = 20.0
+_GROUND = (0.95, 0.95, 0.95)
 _WEIGHTS = "model.safetensors"
 _EMBEDDING = "token_embedding.weight"
 
@@ -111,6 +112,16 @@ class ClipJudge:
             "cosine": float(cosines[:, index].mean()),
             "views_hit": float((cosines.argmax(1) == index).double().mean()),
         }
+
+
+@torch.no_grad()
+def draw(mesh: TriangleMesh, cameras: Cameras, size: int) -> Tensor:
+    """Render views (B, size, size, 3) float32 in [0, 1] of a mesh, centred and scaled to fill them."""
+    used = mesh.verts[mesh.faces.reshape(-1)]
+    centre = (used.amin(0) + used.amax(0)) / 2
+    placed = (mesh.verts - centre) / (used - centre).norm(dim=1).max().clamp_min(1e-12)
+    style = RenderStyle(view_size=size, supersample=2, shading="lambert", background=_GROUND)
+    return Renderer(mesh.faces, len(mesh.verts), style).render(placed, cameras).clamp(0, 1)
 
 
 def refuse_the_guides_own(folder: Path, model: str, revision: str = "") -> None:

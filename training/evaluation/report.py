@@ -1,76 +1,88 @@
-"""Write the report of a run: `results.json`, `table.md` and `sheet.png`, all from the records in its folder."""
+"""Judge the results of a run, and write its report: `results.json` and `table.md`, all from the files in its folder."""
 
 from __future__ import annotations
 
 import json
 import statistics
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import ParameterError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.weld import weld
 from meshdeform.support.files import write_files
-from training.evaluation.plan import read_manifest
-from training.evaluation.sheet import contact_sheet
-from training.evaluation.summary import outweighed, states_of, summarise, summarise_kept
-from training.evaluation.tables import comparison, kept_table, table
+from training.evaluation.clip_judge import ClipJudge
+from training.evaluation.retrieval import ShapeJudge, judgement, wilson
 
-_RESULTS = "results.json"
+_COLUMNS = (
+    *("results", "retrieval", "noun", "CLIP", "good", "keep source"),
+    *("any flipped", "any cut", "SD mean", "SD p99", "kept"),
+)
+
+Rows = list[dict[str, Any]]
 
 
-def write_report(folder: Path) -> dict[str, Any]:
-    """Summarise the records of a folder, and write the three files.
+def write_report(
+    folder: Path, manifest: dict[str, Any], judge: ShapeJudge | None, clip: ClipJudge | None
+) -> dict[str, Any]:
+    """Judge every result in a folder, and write the two files.
 
     Returns
     -------
     dict
-        `manifest`; `summary`: for each number of steps `overall`, `by_prompt` and `by_source`; `done`, `failed` and
-        `expected` items; `step_s_median`, for information; `records`.
-
-    Raises
-    ------
-    ParameterError
-        The folder contains no run.
+        `manifest`, with the identities of the judges; `rows`: of each deformation its row of `meshdeform batch` with
+        `quality` by its report, `judge` and `clip` (`judgement` of each); `summary` of all (`summarise`).
     """
-    manifest = read_manifest(folder)
-    if manifest is None:
-        raise ParameterError(f"There is no run in {folder}.", advice="Give the folder of a run.")
-    records = [json.loads(path.read_text()) for path in sorted(folder.glob("items/*/record.json"))]
-    good = [record for record in records if not record["failed"]]
-    document = {
-        "manifest": manifest,
-        "expected": (len(manifest.get("pairs", ())) or len(manifest["sources"]) * len(manifest["prompts"]))
-        * len(manifest["seeds"]),
-        "done": len(good),
-        "failed": len(records) - len(good),
-        "summary": [_sums(good, steps, manifest) for steps in manifest["steps"]],
-        "step_s_median": statistics.median(record["step_s_median"] for record in good) if good else None,
-        "records": records,
-    }
-    write_files(
-        {
-            folder / _RESULTS: (json.dumps(document, indent=1) + "\n").encode(),
-            folder / "table.md": _page(document).encode(),
-            folder / "sheet.png": contact_sheet(folder, manifest, records),
-        }
-    )
+    rows = json.loads((folder / "summary.json").read_text())["rows_detail"]
+    for row in rows:
+        done = row["state"] == "succeeded"
+        row["quality"] = json.loads((folder / row["name"] / "report.json").read_text())["quality"] if done else None
+        mesh = _mesh(folder / row["name"] / "result.glb") if done else None
+        row["judge"] = judgement(judge, mesh, manifest["prompts"], row["prompt"]) if judge and mesh else None
+        row["clip"] = clip.judgement(mesh, manifest["prompts"], row["prompt"]) if clip and mesh else None
+    identities = {"judge": dict(judge.identity) if judge else None, "clip": clip.identity if clip else None}
+    document = {"manifest": {**manifest, **identities}, "rows": rows, "summary": summarise(rows)}
+    pages = {"results.json": json.dumps(document, indent=1) + "\n", "table.md": _page(document)}
+    write_files({folder / name: text.encode() for name, text in pages.items()})
     return document
 
 
-def read_results(folder: Path) -> dict[str, Any]:
-    """Read the results of a folder.
+def summarise(rows: Rows) -> dict[str, Any]:
+    """Compute one row of a table.
 
-    Raises
-    ------
-    ParameterError
-        The folder has no results.
+    Returns
+    -------
+    dict
+        `count` and `failed` results; `retrieval`, `noun` and `clip` (`hits`, `count`, `share`, `low`, `high`: the 95 %
+        interval) or None if nothing was judged; the shares of each verdict, and of results with any newly flipped or
+        cutting face; means of the measures, but of the energies' 99th percentiles the median, since a single collapsed
+        face would dominate their mean.
     """
-    try:
-        results: dict[str, Any] = json.loads((folder / _RESULTS).read_text())
-    except (OSError, ValueError) as error:
-        raise ParameterError(
-            f"There are no results in {folder}: {error}.", advice="Give the folder of a finished run."
-        ) from error
-    return results
+    good = [row for row in rows if row["state"] == "succeeded"]
+    counts = {"count": len(good), "failed": sum(row["state"] not in ("succeeded", "pending") for row in rows)}
+    if not good:
+        return counts
+
+    def of(name: str) -> list[float]:
+        return [row["quality"][name] for row in good if row["quality"][name] is not None]
+
+    def any_share(name: str) -> float | None:
+        return statistics.fmean(value > 0 for value in of(name)) if of(name) else None
+
+    return {
+        **counts,
+        "retrieval": _share(good, "judge", "hit"),
+        "noun": _share(good, "judge", "noun_hit"),
+        "clip": _share(good, "clip", "hit"),
+        **{value: statistics.fmean(row["verdict"] == value for row in good) for value in ("good", "keep_source")},
+        "any_flipped": any_share("flipped_faces"),
+        "any_cut": any_share("self_intersections_added"),
+        "symmetric_dirichlet_mean": statistics.fmean(of("symmetric_dirichlet_mean")),
+        "symmetric_dirichlet_p99": statistics.median(of("symmetric_dirichlet_p99")),
+        "kept_share": statistics.fmean(of("kept_share")),
+    }
 
 
 def compare(folders: list[Path]) -> str:
@@ -81,50 +93,81 @@ def compare(folders: list[Path]) -> str:
     ParameterError
         A folder has no results.
     """
-    return comparison([(folder.name, read_results(folder)) for folder in folders])
+    lines = {}
+    for folder in folders:
+        try:
+            document = json.loads((folder / "results.json").read_text())
+        except (OSError, ValueError) as error:
+            raise ParameterError(
+                f"{folder} has no results: {error}.", advice="Name folders of finished runs."
+            ) from error
+        lines[f"{folder.name}: {document['manifest']['suite']}, {document['manifest']['kind']}"] = document["summary"]
+    return table("run", lines)
 
 
-def _sums(records: list[dict[str, Any]], steps: int, manifest: dict[str, Any]) -> dict[str, Any]:
-    states = states_of(records, steps)
+def table(first: str, summaries: dict[str, dict[str, Any]]) -> str:
+    """Return a Markdown table of summaries (`summarise`) by name; `first` heads the names."""
+    cells = [[first, *_COLUMNS], *([name, *_cells(row)] for name, row in summaries.items())]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(cells[0]))]
+    lines = [" | ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)) for row in cells]
+    lines.insert(1, " | ".join("-" * width for width in widths))
+    return "".join(f"| {line} |\n" for line in lines)
 
-    def by(member: str, names: list[str]) -> dict[str, Any]:
-        return {name: summarise([state for state in states if state[member] == name]) for name in names}
 
-    return {
-        "steps": steps,
-        "overall": summarise(states),
-        "by_prompt": by("prompt", manifest["prompts"]),
-        "by_source": by("source", list(manifest["sources"])),
-        "kept": summarise_kept(states),
-    }
+def _mesh(path: Path) -> TriangleMesh:
+    surface = load_asset(path.read_bytes(), path.name, Limits.unlimited()).surface
+    return weld(surface.positions, surface.triangles).mesh
+
+
+def _share(rows: Rows, who: str, hit: str) -> dict[str, float] | None:
+    judged = [bool(row[who][hit]) for row in rows if row[who]]
+    if not judged:
+        return None
+    low, high = wilson(sum(judged), len(judged))
+    return {"hits": sum(judged), "count": len(judged), "share": sum(judged) / len(judged), "low": low, "high": high}
 
 
 def _page(document: dict[str, Any]) -> str:
-    manifest, summary = document["manifest"], document["summary"]
-    last = summary[-1]
-    judge, clip = manifest["judge"], manifest["clip"]
-    sources = [(Path(name).stem, row) for name, row in last["by_source"].items()]
-    lines = [
-        f"# Suite `{manifest['suite']}`, preset `{manifest['params']['preset']}`, prior `{manifest['prior']['id']}`"
-        + (f", ablation `{manifest['ablation']}`\n" if manifest.get("ablation") else "\n"),
-        f"{document['done']} of {document['expected']} done, {document['failed']} failed. "
-        + f"Judge: {judge.get('id') or judge['missing']}; CLIP: {clip.get('id') or clip['missing']}. "
-        "Retrieval with its 95 % interval; docs/quality.md defines every column.\n",
-        table("steps", [(str(row["steps"]), row["overall"]) for row in summary], "Overall"),
-        table("prompt", list(last["by_prompt"].items()), f"By prompt, after {last['steps']} steps"),
-        table("source", sources, f"By source, after {last['steps']} steps"),
-    ]
-    if last["kept"] is not None:
-        lines.insert(1, kept_table([("all", last["kept"])]))
-    harder = outweighed(document["records"])
-    if harder:
-        lines += ["## Outweighed by a regulariser\n", *(f"- {line} as the guidance" for line in harder)]
-    failed = [record for record in document["records"] if record["failed"]]
-    if failed:
-        lines.append("## Failed\n")
-        lines += [
-            f"- {record['source']}, {record['prompt']}, seed {record['seed']}: "
-            f"{record['failed']['detail'].strip().splitlines()[-1]}"
-            for record in failed
+    manifest, rows = document["manifest"], document["rows"]
+
+    def by(name: Callable[[dict[str, Any]], str]) -> dict[str, dict[str, Any]]:
+        names = dict.fromkeys(map(name, rows))
+        return {each: summarise([row for row in rows if name(row) == each]) for each in names}
+
+    judge, clip = (manifest[who]["id"] if manifest[who] else "none" for who in ("judge", "clip"))
+    missed = [row for row in rows if row["judge"] and not row["judge"]["hit"]]
+    failed = [row for row in rows if row["error"]]
+    return "\n".join(
+        [
+            f"# Suite `{manifest['suite']}`, guidance `{manifest['kind']}`\n",
+            f"Judge: {judge}; CLIP: {clip}. Retrieval with its 95 % interval; docs/quality.md defines every column.\n",
+            table("", {"all": document["summary"]}),
+            table("prompt", by(lambda row: str(row["prompt"]))),
+            table("source", by(lambda row: Path(row["asset"]).stem)),
+            *(f"- {row['name']}: taken for {row['judge']['retrieved']}" for row in missed),
+            *(f"- {row['name']} failed: {row['error']}" for row in failed),
         ]
-    return "\n".join(lines) + "\n"
+    )
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    if not row["count"]:
+        return ["0", *["-"] * (len(_COLUMNS) - 1)]
+    return [
+        str(row["count"]),
+        *(_interval(row[who]) for who in ("retrieval", "noun", "clip")),
+        *(_percent(row[name]) for name in ("good", "keep_source", "any_flipped", "any_cut")),
+        f"{row['symmetric_dirichlet_mean']:.2f}",
+        f"{row['symmetric_dirichlet_p99']:.1f}",
+        _percent(row["kept_share"]),
+    ]
+
+
+def _interval(share: dict[str, float] | None) -> str:
+    if share is None:
+        return "-"
+    return f"{_percent(share['share'])} ({100 * share['low']:.0f}-{100 * share['high']:.0f})"
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"

@@ -16,21 +16,14 @@ toy        the same kind of animal of seven overlapping components
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import Limits, load_asset
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import texel_corners
 from meshdeform.geometry.shapes import join
-from meshdeform.geometry.weld import weld
 from training.evaluation.relaxed import Solid, capsule, geodesic_sphere, relaxed_surface, smooth_union
 from training.shapes import box, torus
 
@@ -104,37 +97,5 @@ SOURCES: dict[str, Callable[[], TriangleMesh]] = {
 
 @cache
 def source_mesh(name: str) -> TriangleMesh:
-    """Return one of `SOURCES`, or the welded surface of a file as viewers show it; computed once per process.
-
-    Parameters
-    ----------
-    name : str
-        A name in `SOURCES` (+Y up, facing +Z, about 1 unit in size), or the path of a GLB, OBJ, PLY or STL.
-
-    Raises
-    ------
-    AssetError
-        The file cannot be read.
-    """
-    return SOURCES[name]() if name in SOURCES else _of_file(name)[0]
-
-
-def source_texels(name: str) -> NDArray[np.float64] | None:
-    """Return the corners (F, 3, 2) of the faces of `source_mesh` in the file's textures; None if it has no texture."""
-    if name in SOURCES:
-        return None
-    texels = _of_file(name)[1]
-    return texels if np.isfinite(texels).any() else None
-
-
-@cache
-def _of_file(name: str) -> tuple[TriangleMesh, NDArray[np.float64]]:
-    asset = load_asset(Path(name).read_bytes(), Path(name).name, Limits.unlimited())
-    welded = weld(asset.surface.positions, asset.surface.triangles)
-    return welded.mesh, texel_corners(asset.appearance())[welded.face_source]
-
-
-def mesh_sha256(mesh: TriangleMesh) -> str:
-    """Hash the vertices of a mesh, rounded to a billionth, and its faces."""
-    rounded = (mesh.verts * 1e9).round().long()
-    return hashlib.sha256(rounded.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()
+    """Return one of `SOURCES` (+Y up, facing +Z, about 1 unit in size); computed once per process."""
+    return SOURCES[name]()

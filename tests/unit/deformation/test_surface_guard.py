@@ -19,8 +19,8 @@ from meshdeform.requests.document import Safeguard
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.creased import creased
+from tests.displacements import VertexDisplacements
 from tests.unit.deformation.worlds import params
-from training.evaluation.ablations import VertexDisplacements
 from training.shapes import box
 
 MESH = icosphere(2)

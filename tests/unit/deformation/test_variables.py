@@ -1,4 +1,4 @@
-"""What the optimiser moves, Jacobians or an ablation's displacements: at rest first, then where they are pulled."""
+"""What the optimiser moves, Jacobians or a test's displacements: at rest first, then where they are pulled."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
 from tests.close import assert_close
-from training.evaluation.ablations import VertexDisplacements
+from tests.displacements import VertexDisplacements
 
 MESH = icosphere(2)
 KINDS = (JacobianField, VertexDisplacements)

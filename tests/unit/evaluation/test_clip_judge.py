@@ -11,7 +11,7 @@ import torch
 from meshdeform.errors import ModelError, ParameterError
 from tests.fakes import build_tiny_stable_diffusion
 from tests.unit.evaluation.tiny_clip import build_tiny_clip
-from training.evaluation.clip_judge import ClipJudge, refuse_the_guides_own
+from training.evaluation.clip_judge import ClipJudge, draw, refuse_the_guides_own
 from training.shapes import box
 
 PROMPTS = ("a giraffe", "a dragon", "an octopus")
@@ -26,7 +26,6 @@ def test_the_picture_is_what_transformers_own_processor_makes_of_it(folder: Path
     from transformers import CLIPImageProcessor, CLIPModel, CLIPTokenizer
 
     from meshdeform.rendering.cameras import fixed_cameras
-    from training.evaluation.picture import draw
 
     judge, mesh = ClipJudge(folder), box(2)
     view = draw(mesh, fixed_cameras((0.0,), 20.0), 32)[0]

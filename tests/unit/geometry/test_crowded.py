@@ -24,7 +24,7 @@ from meshdeform.geometry.places import NearestPlaces, count_samples, sample_bloc
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere, simplified
 from meshdeform.requests.document import Safeguard
-from training.evaluation.ablations import VertexDisplacements
+from tests.displacements import VertexDisplacements
 from training.shapes import box, torus
 
 MIB = 1 << 20

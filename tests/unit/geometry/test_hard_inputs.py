@@ -24,8 +24,8 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.weld import weld
 from meshdeform.requests.document import Safeguard
 from tests.cases import each_case
+from tests.displacements import VertexDisplacements
 from tests.fakes import FakePrior
-from training.evaluation.ablations import VertexDisplacements
 from training.shapes import grid
 
 SIZE = 0.3
