@@ -60,11 +60,6 @@ def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[
     return {**measure_structure(source, result).to_dict(), "cut_share": cuts / len(source.faces), **faults}
 
 
-def worse_than_source(before: int, after: int, structure: Mapping[str, Any]) -> bool:
-    """Return whether a noun gained no rank at all, from `before` to `after`, while the structure suffered."""
-    return after >= before and bool(_beyond(structure))
-
-
 def broken(
     structure: Mapping[str, Any], excused: Collection[str] = (), tolerated: Mapping[str, float] | None = None
 ) -> list[str]:
