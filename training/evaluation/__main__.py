@@ -58,6 +58,8 @@ def main(words: list[str] | None = None) -> None:
         document = write_report(given.out, manifest, judge, clip)
     except MeshdeformError as error:
         sys.exit(f"{error.detail} {error.advice_text}")
+    except KeyboardInterrupt:
+        sys.exit("Interrupted. The same command goes on.")
     print(table("", {given.out.name: document["summary"]}), end="")
     print(*(given.out / name for name in ("results.json", "table.md", "sheet.png")))
 
