@@ -268,9 +268,6 @@ def exemplar_lines(exemplars: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Return lines for each of the report's `exemplars`: what was taken, how near it is, and what has no partner."""
     for each in exemplars:
         member = each["member"]
-        if member.get("way") == "twin":
-            yield f"Changed: {', '.join(member['attributes'])}, as with other designs of {_named(member['noun'])}"
-            continue
         verb = "Moulded into" if member.get("way") == "mould" else "Fitted to"
         yield (
             f"{verb}: {each['target'] or _design(member)}; mean distance {each['distance']:.2%} of the diagonal, "

@@ -1,9 +1,8 @@
 """Turn an asset into what a noun stands for.
 
-1. An asset that is the noun already moves as attributes of parts do (`twins`), and of the whole (`whole_attributes`).
-2. A lump without parts is moulded (`clay`).
-3. To the nearest of given surfaces it is fitted as `targets` does, or piece by piece if their parts are known.
-4. Else the nearest members are chosen (`choosing`), the asset is fitted to each (`fitting`), and the one with the least
+1. A lump without parts is moulded (`clay`).
+2. To the nearest of given surfaces it is fitted as `targets` does, or piece by piece if their parts are known.
+3. Else the nearest members are chosen (`choosing`), the asset is fitted to each (`fitting`), and the one with the least
 
        distance + 0.02 stretch + 0.02 faults
 
@@ -33,8 +32,6 @@ from meshdeform.exemplar.pieces import Matching, face_areas
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
 from meshdeform.exemplar.symmetry import is_even
 from meshdeform.exemplar.targets import fitted_to_target
-from meshdeform.exemplar.twins import twin
-from meshdeform.exemplar.whole_attributes import reshaped
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
@@ -63,7 +60,7 @@ class _Way:
 
     verts: Floats
     told: Mapping[str, object]
-    goal: Shape | None = None
+    goal: Shape
     matching: Matching | None = None
     merit: float | None = None
 
@@ -110,31 +107,16 @@ class ExemplarFit:
 
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
-        way = self._twin()
-        ways = [] if way is None else [way]
-        if way is None:
-            chosen = self._chosen()
-            yield Stage("choose", _CHOSEN)
-            clay = not self._wish.targets and is_clay(self.source)
-            for number, exemplar in enumerate(chosen):
-                ways += [self._moulded(exemplar)] if clay else self._fitted(exemplar)
-                share = _CHOSEN + (_FITTED - _CHOSEN) * (number + 1) / len(chosen)
-                yield Stage("fit", share, self.frame.leave(min(ways, key=self._merit).verts))
+        ways = list[_Way]()
+        chosen = self._chosen()
+        yield Stage("choose", _CHOSEN)
+        clay = not self._wish.targets and is_clay(self.source)
+        for number, exemplar in enumerate(chosen):
+            ways += [self._moulded(exemplar)] if clay else self._fitted(exemplar)
+            share = _CHOSEN + (_FITTED - _CHOSEN) * (number + 1) / len(chosen)
+            yield Stage("fit", share, self.frame.leave(min(ways, key=self._merit).verts))
         self.result = self._mended(sorted(ways, key=self._merit))
         yield Stage("mend", 1.0, self.frame.leave(self.result.verts))
-
-    def _twin(self) -> _Way | None:
-        """Return the asset with attributes, if it is the wished noun and can have them."""
-        wish, source = self._wish, self.source
-        if wish.targets or source.noun != wish.noun or not wish.attributes:
-            return None
-        verts = twin(source, wish, cache=self._cache)
-        if verts is None:
-            return None
-        if any(each.part == "whole" for each in wish.attributes):
-            verts = reshaped(source, verts, wish.attributes, wish.seed)
-        told = {"noun": wish.noun, "way": "twin", "attributes": [str(each) for each in wish.attributes]}
-        return _Way(verts, told)
 
     def _chosen(self) -> list[Exemplar]:
         if self._wish.targets:
@@ -164,7 +146,7 @@ class ExemplarFit:
     def _merit(self, way: _Way) -> float:
         """Return how far from good a way is."""
         if way.merit is None:
-            left = 0.0 if way.goal is None else self._distance(way.verts, way.goal)
+            left = self._distance(way.verts, way.goal)
             found = self._faults.find(way.verts)
             faulty = float((found.folded | found.cutting).mean())
             way.merit = left + _STRETCH * stretch(self.source.verts, way.verts, self._standing) + _FAULTS * faulty
@@ -185,8 +167,8 @@ class ExemplarFit:
         return ExemplarResult(
             done.verts,
             best.told,
-            0.0 if best.goal is None else self._distance(rest, best.goal),
-            0.0 if best.goal is None else self._distance(done.verts, best.goal),
+            self._distance(rest, best.goal),
+            self._distance(done.verts, best.goal),
             pairs,
             left_over,
             missing,

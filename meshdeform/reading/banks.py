@@ -41,7 +41,6 @@ __all__ = [
     "is_general",
     "pose_of",
     "prepare",
-    "twin_member",
 ]
 
 MEMBERS, SAMPLES = 110, 700
@@ -128,11 +127,6 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
     if seed % 3 == 1 and others:
         member = posed(member, others[int(rng.integers(len(others)))], rng)
     return member
-
-
-def twin_member(noun: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:
-    """Draw the member of a number without attributes once more, with some: all else comes from the same state."""
-    return _wished(form_of(noun, number, ()), pose_of(noun, number, ()), number, attributes)
 
 
 def _wished(form: str, pose: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:

@@ -1,7 +1,7 @@
 """Say whether a prompt is a change in plain words ("longer legs"), and whether an asset has its parts. Torch-free.
 
 A prompt without a noun is a change, and so is one that compares ("a fatter dog"). A description ("a fat dog") is one if
-the source is that noun, as the request says (`source_noun`) or the run recognises; not with `exemplar` guidance.
+the source is that noun, as the request says (`source_noun`) or the run recognises.
 
 A child process is asked for parts, which are found with numpy and scipy: an API need not have these.
 """
@@ -55,9 +55,7 @@ def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
         return None
     changes = read_changes(prompt, noun_of)
     is_thing = changes is not None and changes.noun is None and not changes.compared and _names_thing(prompt)
-    if fitted:  # a description of what the asset is has an exemplar as well
-        return changes if changes is not None and not is_thing and is_change(changes) else None
-    if is_builtin(params.model):
+    if fitted or is_builtin(params.model):
         return _described(prompt) or changes if changes is None or is_thing else changes
     # Other models read free text: theirs is every prompt that names a thing.
     return changes if changes is not None and changes.noun is None and changes.known and not is_thing else None
@@ -93,6 +91,11 @@ def refuse_unread_change(prompt: str, error: VocabularyError) -> None:
             "removed or turned.",
             **error.extra,
         ) from error
+
+
+def has_controls(params: ResolvedParams) -> bool:
+    """Return whether parameters have controls that a change in plain words does not have."""
+    return any(getattr(params, name) for name in _UNUSED)
 
 
 def check_change(params: ResolvedParams) -> None:

@@ -21,13 +21,14 @@ from meshdeform.deformation.orientation import Orientation
 from meshdeform.deformation.stand_in import FACES, MAX_FACES
 from meshdeform.deformation.surface_colours import welded_appearance
 from meshdeform.deformation.surface_guard import EVERY_STEPS
+from meshdeform.errors import PartNotFoundError
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.words import Sentence
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
-from meshdeform.runs.changes import asked_changes, is_change
+from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
@@ -148,6 +149,8 @@ def _change(
         return start_change(facts, source_body(facts, job_input.readings), sentence, None, log), None
     if job_input.initial is not None or job_input.checkpoint is not None:
         return None, None
+    if facts.params.guidance is GuidanceKind.EXEMPLAR:
+        return _described(facts, sentence, job_input, log), None
     recognised = recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
     body, called = source_body(facts, job_input.readings), replace(recognised, called=sentence.noun or "")
     if recognised.probability < 1:  # neither given nor told by a skeleton
@@ -157,6 +160,24 @@ def _change(
     if not called.sure or called.noun != sentence.noun:
         return None, recognised
     return start_change(facts, body, sentence, called, log), recognised
+
+
+def _described(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog) -> JobRun | None:
+    """Return the run of a description of what the source was read as.
+
+    None if it is another thing, lacks a part, or has controls, which a fit obeys.
+    """
+    if has_controls(facts.params):
+        return None
+    body = source_body(facts, job_input.readings)
+    with log.phase("parts"):
+        read = Recognition("", 0.0).with_reading(body.reader.reading)
+    if read.noun != sentence.noun:
+        return None
+    try:
+        return start_change(facts, body, sentence, read, log)
+    except PartNotFoundError:  # the noun's members have it
+        return None
 
 
 class TextDeformRun(JobRun):

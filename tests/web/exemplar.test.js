@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { askedRows, figureRows } from "../../service/web/app/compare/model.js";
 import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
 import { estimateWords } from "../../service/web/app/format.js";
-import { fitFindings, fitsOf, isTwin } from "../../service/web/app/exemplar.js";
+import { fitFindings, fitsOf } from "../../service/web/app/exemplar.js";
 import { isUnused } from "../../service/web/app/groups.js";
 import { documents, formOf, isByShape, otherVariation, qualityWords, refinement, wishOf } from "../../service/web/app/params.js";
 import { findings } from "../../service/web/app/quality.js";
@@ -89,9 +89,6 @@ test("what the asset was fitted to, and how near it came", () => {
   assert.equal(said({ member: { noun: "bird", form: "general", pose: "spread" }, kept: 1 }), "Fitted to a bird, wings spread: 100% of the way");
   assert.equal(said({ member: { target: 1 }, target: "target_2" }), "Fitted to tall.glb");
   assert.equal(said({ member: { noun: "cat", form: "standing-cat", way: "mould" } }), "Moulded into a standing cat");
-  const twin = { member: { noun: "elephant", way: "twin", attributes: ["big ears"] }, distance_before: 0, distance: 0, kept: 1 };
-  assert.deepEqual(fitFindings({ exemplars: [twin] }, {}), [{ tone: "plain", text: "Changed: big ears", note: "It is an elephant already, so nothing else was fitted." }]);
-  assert.deepEqual([isTwin(twin), isTwin(fit)], [true, false]);
   assert.deepEqual([fitsOf(null), fitsOf({ quality: {} })], [[], []]);
 });
 

@@ -3,8 +3,8 @@
  * To what shape an asset was fitted and how near it came, in words. No elements here, so that node can test it.
  *
  * @typedef {object} Fit An entry of `exemplars` in `report.json`, as far as it is said here.
- * @property {{noun?: string, form?: string, pose?: string, attributes?: string[], way?: string}} [member] The shape. `way`: "fit"; "mould",
- *   of an asset without parts; or "twin", of one that is the noun already and only gets its attributes.
+ * @property {{noun?: string, form?: string, pose?: string, attributes?: string[], way?: string}} [member] The shape. `way`: "mould",
+ *   of an asset without parts, or else how it was fitted.
  * @property {string | null} [target] The part with the target mesh that was taken.
  * @property {number} [kept] Share of the way that was left when folds and cuts were mended.
  * @property {number} [distance_before] Mean distance from the shape, as a share of the diagonal.
@@ -23,15 +23,8 @@ export function fitsOf(report) {
 /** @param {any} report @param {Record<string, {filename: string}>} files Of the job, by the names of their parts. @returns {import("./quality.js").Finding[]} */
 export function fitFindings(report, files) {
   return fitsOf(report).map((fit) => {
-    const { noun = "", attributes = [], way = "" } = fit.member ?? {};
-    if (isTwin(fit)) return { tone: "plain", text: `Changed: ${attributes.join(", ")}`, note: `It is ${withArticle(noun)} already, so nothing else was fitted.` };
-    return { tone: "plain", text: `${way === "mould" ? "Moulded into" : "Fitted to"} ${fitWords(fit, files)}`, note: fitNotes(fit) };
+    return { tone: "plain", text: `${fit.member?.way === "mould" ? "Moulded into" : "Fitted to"} ${fitWords(fit, files)}`, note: fitNotes(fit) };
   });
-}
-
-/** Whether no shape was chosen, as the asset is one already. @param {Fit} fit */
-export function isTwin({ member }) {
-  return member?.way === "twin";
 }
 
 /** The shape, and how far the asset went towards it. @param {Fit} fit @param {Record<string, {filename: string}>} [files] */

@@ -54,8 +54,6 @@ def test_the_exemplar_is_named_with_what_was_paired() -> None:
         "96% of the way",
         "Paired: leg, nose as trunk; only the asset has: horn",
     ]
-    (changed,) = exemplar_lines([{**entry, "member": {"noun": "dog", "way": "twin", "attributes": ["long legs"]}}])
-    assert changed == "Changed: long legs, as with other designs of a dog"
     moulded, _ = exemplar_lines([{**entry, "member": {"noun": "cat", "form": "cat", "way": "mould"}}])
     assert moulded.startswith("Moulded into: a cat; mean")
     sent = {**entry, "target": "target_2", "member": {"target": 1}, "pairs": [], "left_over": []}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from meshdeform.exemplar.whole_attributes import reshaped
 
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.fitting import fit
 from meshdeform.exemplar.pieces import pieces_of
 from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
-from meshdeform.exemplar.whole_attributes import reshaped
 from meshdeform.nouns.families.parts import ellipsoid
 from meshdeform.nouns.labels import labelled_member
 from meshdeform.priors.builtin.grammar import Attribute

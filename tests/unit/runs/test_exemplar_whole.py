@@ -85,7 +85,8 @@ def test_what_is_kept_stays_while_two_prompts_move_the_rest() -> None:
 
 def test_an_attribute_of_what_it_is_already_changes_that_alone() -> None:
     result, told = finished("a dog with long legs")
-    assert told["exemplars"][0]["member"]["way"] == "twin"
+    assert told["way"] == "change"
+    assert [(entry["operation"], entry["part"]) for entry in told["changes"]] == [("long", "leg")]
     raised = (result - REST)[REST[:, 1] > 2.2]  # the head
     assert raised[:, 1].min() > 0.05
     assert np.ptp(raised[:, 1]) < 0.02  # as a whole

@@ -8,7 +8,7 @@ import { button, fill, h, icon } from "../dom.js";
 import { ago, goalWords, jobTitle, STATE_WORDS } from "../format.js";
 import { plainParams } from "../groups.js";
 import { emptyHistory, isTerminal, withEvent } from "../history.js";
-import { fitsOf, isTwin } from "../exemplar.js";
+import { fitsOf } from "../exemplar.js";
 import { currentLink } from "../key.js";
 import { stateBadge } from "../jobs/card.js";
 import { qualityWords } from "../params.js";
@@ -174,7 +174,7 @@ export class JobView {
       if (this.results) {
         fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report, this._remedies(), this.job.files) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
       }
-      this.actions?.offerDesigns(fitsOf(this.report).some((fit) => !isTwin(fit)));
+      this.actions?.offerDesigns(fitsOf(this.report).length > 0);
       if (this.report && this.stage instanceof FamilyStage) await this._family(this.stage, names);
       if (this.report && this.folds) fill(this.folds, parametersPanel(this.job, this.report));
       await this.stage?.ready;
