@@ -1,8 +1,8 @@
 """Count what a step does, without a clock: ``python -m bench.step_counts [--write]``.
 
-For a sphere of 5,120 faces, the builtin prior and the defaults but for `orientation` = `auto`, on one thread:
+For a sphere of 5,120 faces, the builtin prior and the defaults, on one thread:
 
-* `preparation`: making the `Deformation`, with the search for the front;
+* `preparation`: making the `Deformation`;
 * `steps`: five steps after it, a check of the guard included.
 
 Of each: `operations`, calls of torch's kernels (those that autograd makes too); `megabytes`, the sizes of their outputs
@@ -96,7 +96,7 @@ def count_step() -> dict[str, Counts]:
     torch.set_num_threads(1)
     try:
         prior, mesh = load_prior("builtin", device="cpu", dtype="float32"), icosphere(4, 0.6)
-        params = resolve(DeformParams.model_validate({"steps": 50_000, "guidance": {"orientation": "auto"}}))
+        params = resolve(DeformParams.model_validate({"steps": 50_000, "guidance": {"orientation": "keep"}}))
         guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=params.guidance_scale)
         runs: list[Deformation] = []
 

@@ -109,8 +109,7 @@ class AppState:
     record_health: Probe = field(default_factory=Probe)
     redis_health: Probe = field(default_factory=Probe)
     store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
-    # Searches of fronts and parts, and readings of drawings and makings of shapes: each in a process of its own.
-    orienting: FairSlots = field(default_factory=_processes("fronts are being searched"))
+    # Searches of parts, and readings of drawings and makings of shapes: each in a process of its own.
     naming: FairSlots = field(default_factory=_processes("parts are being found"))
     sketching: FairSlots = field(default_factory=_processes("drawings are being read"))
     # Threads that resolve the hosts of webhooks.

@@ -159,29 +159,6 @@ class Validation(Document):
     )
 
 
-class FoundOrientation(Document):
-    """The side of an asset that a job would make the front."""
-
-    turn_deg: float = Field(
-        description="Azimuth of that side, from +Z (0) towards +X (90), -180 to 180.", examples=[-165.0]
-    )
-    source: Annotated[Literal["found", "undecided", "unrecognised"], _OrNew] = Field(
-        description="`undecided`: no side is clearly the front; `unrecognised`: nothing says what the asset is, so "
-        "that +Z stays the front.",
-        examples=["found"],
-    )
-    margin: float | None = Field(
-        description="By how much the best turn predicts the pictures better than none or, of two sides, than the "
-        "other, relatively.",
-        examples=[0.44],
-    )
-    grades: list[list[float]] = Field(
-        description="Pairs of a turn and its grade from the first draws; lower is better.",
-        examples=[[[0.0, 0.0561], [180.0, 0.0392]]],
-    )
-    notice: str | None = Field(description="Advice, if no side was found.", examples=[None])
-
-
 class PartChange(Document):
     """An operation that suits a part."""
 

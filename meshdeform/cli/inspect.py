@@ -9,31 +9,29 @@ import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.form import of_kind, overlaid, with_options, written
-from meshdeform.cli.local import LocalJob, check_locally
+from meshdeform.cli.form import of_kind, overlaid, with_options
+from meshdeform.cli.local import check_locally
 from meshdeform.cli.options import ForceOption, JsonOption, SetOption, file_argument, option
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.parted import PartsAsOption, PartsGlbOption, check_parts_glb, write_parts_glb
-from meshdeform.cli.report_lines import orientation_line, reading_lines
-from meshdeform.cli.request import ALSO, make_request, merge_params
-from meshdeform.errors import ParameterError
+from meshdeform.cli.report_lines import reading_lines
+from meshdeform.cli.request import make_request, merge_params
 from meshdeform.requests.choices import PartsAs
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
-    from meshdeform.requests.document import JobRequest, ResolvedParams
+    from meshdeform.requests.document import ResolvedParams
     from meshdeform.runs.reading import Source
 
 _SHOWN = 40
-_READ = ("guidance.model", "guidance.source_noun", "guidance.prompts")
+_READ = ("guidance.source_noun",)
 
 
 @clean_errors
-@with_options(of_kind("text_deform", short=ALSO, only=_READ))
+@with_options(of_kind("text_deform", only=_READ))
 def inspect(
     ctx: typer.Context,
     asset: Annotated[Path, file_argument("A GLB, OBJ, PLY or STL.")],
-    prompt: Annotated[str, option("Also find the side that a job with this prompt would make the front.")] = "",
     front: Annotated[
         float | None, option("Where it faces, in degrees: 0 is +Z, 90 is +X. Default: found.", min=-360, max=360)
     ] = None,
@@ -52,8 +50,6 @@ def inspect(
 
     meshdeform inspect truck.glb --source-noun truck --front 90
 
-    meshdeform inspect truck.glb --prompt "a car"
-
     meshdeform inspect truck.glb --parts-glb truck-parts.glb
     """
     require("torch", "deform")
@@ -66,16 +62,10 @@ def inspect(
     parts = inspect_parts(loaded, resolved, source)
     if parts_glb is not None:
         typer.echo(write_parts_glb(parts_glb, loaded, parts_as, resolved, source), err=True)
-    prompted = bool(prompt or written(ctx).get("guidance", {}).get("prompts"))
-    if prompted:
-        params = overlaid({"guidance": {"orientation": "auto"}}, params)
-        parts["orientation"] = _front(asset, make_request(prompt, params))
     if as_json:
         emit(parts)
         return
     typer.echo(_described(parts))
-    if prompted:
-        typer.echo(f"\n{orientation_line(parts['orientation'])}")
     for warning in parts["warnings"]:
         typer.echo(warning, err=True)
 
@@ -99,18 +89,6 @@ def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, So
     data = read_with_files(path, limits)
     source = Source(sha256_hex(data), path.name, kept=FolderReadings(settings.cache_folder))
     return load_asset(data, path.name, limits), resolved, source
-
-
-def _front(asset: Path, request: JobRequest) -> dict[str, Any]:
-    """Return the orientation that a job would have, as its report would describe it."""
-    from meshdeform.runs.text_deform import TextDeformRun
-
-    job = LocalJob(request, {"asset": asset}, {}, load_settings())
-    job.check(force=True)
-    run = job.start()
-    if not isinstance(run, TextDeformRun):
-        raise ParameterError("The prompt is a change in plain words, which has no front.", advice="Leave it out.")
-    return run.orientation.to_dict()
 
 
 def _described(parts: dict[str, Any]) -> str:

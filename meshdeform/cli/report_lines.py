@@ -212,13 +212,9 @@ def percent(share: float) -> str:
 
 def orientation_line(orientation: Mapping[str, Any]) -> str:
     """Return the line for the report's `orientation`; empty if the front was not to be chosen."""
-    if orientation["source"] == "found":
-        return (
-            f"Front: the side at {orientation['turn_deg']:g} degrees (0 is +Z, 90 is +X); "
-            f"it fits what the asset is {orientation['margin']:.0%} better than the next one"
-        )
-    if orientation["source"] == "undecided":
-        return f"Front: the side at {orientation['turn_deg']:g} degrees (0 is +Z, 90 is +X); no side is clearly better"
+    if orientation["source"] in ("found", "undecided"):
+        unclear = "; no side is clearly better" if orientation["source"] == "undecided" else ""
+        return f"Front: the side at {orientation['turn_deg']:g} degrees (0 is +Z, 90 is +X){unclear}"
     return f"Front: +Z. {orientation['notice']}" if orientation["notice"] else ""
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from meshdeform.api.documents import (
     AssetFound,
-    FoundOrientation,
     FoundPart,
     FoundParts,
     FoundReading,
@@ -41,7 +40,6 @@ __all__ = [
     "CheckpointView",
     "Client",
     "EventView",
-    "FoundOrientation",
     "FoundPart",
     "FoundParts",
     "FoundReading",

@@ -121,6 +121,32 @@ def plane_of(planes: Sequence[int], front_deg: float) -> tuple[int, ...]:
     return (containing,) if containing in planes else tuple(planes[:1])
 
 
+@dataclass(frozen=True)
+class Nature:
+    """What is known of a source and of what it is to become."""
+
+    built: bool = False  # whether it is something that people build
+    grown: bool = False  # whether it is to become something that nobody builds, such as an animal or a plant
+    crooked: bool = False  # whether it is to be twisted, leaning or bent
+    turned: bool = False  # whether it is to become something that is alike from all sides, such as a vase
+
+
+UNKNOWN = Nature()
+
+
+def structure_of(mesh: RestMesh, nature: Nature, front_deg: float, *, several: bool) -> Structure:
+    """Return what few controls keep of a mesh with its front at an azimuth; `several`: a lattice carries its parts."""
+    if nature.crooked:
+        return Structure()
+    planes = mirror_planes(mesh)
+    # Splines alone cannot keep collinear faces from cutting their neighbours.
+    turned = nature.turned and len(planes) == 2 and bool(mesh.areas.min() > 0)
+    built = is_level(mesh) or (nature.built and not turned and not is_block(mesh))
+    # A building can only become an animal if it bends, which the parts of an asset would not survive.
+    level = built and (several or not nature.grown)
+    return Structure(planes if turned else plane_of(planes, front_deg), level)
+
+
 def is_level(mesh: RestMesh) -> bool:
     """Return whether most of the area faces along an axis, a part of it up or down and to a side: a built thing.
 

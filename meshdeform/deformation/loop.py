@@ -31,9 +31,9 @@ from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
-from meshdeform.deformation.controls import Structure, is_block, is_level, mirror_planes, plane_of
+from meshdeform.deformation.controls import UNKNOWN, Nature, Structure, structure_of
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.orientation import Front, Grader, Orientation, OrientationSource, find_orientation
+from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.deformation.regularizers import Pulls, Regularizers
 from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Safeguard, Settings
@@ -45,7 +45,7 @@ from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
-from meshdeform.rendering.cameras import CameraRange, Cameras, Framing
+from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.shading import OrthogonalGrid, Renderer, Shading
 
 _ORIENTATION, _STRUCTURE, _PULLS = "orientation", "structure", "pulls"
@@ -89,13 +89,15 @@ class Deformation:
         Where the vertices of the mesh may go. A large mesh with handles has no stand-in.
     shares : sequence of (F,) float64
         For a `RegionalGuidance`: the share of each of its losses that each face of the mesh gets (`RegionalGradients`).
-    front : Front, optional
-        Who finds the front for `params.guidance.orientation` = `auto`: by default the guidance itself.
+    front : Orientation
+        The front of the mesh for `params.guidance.orientation` = `auto`.
+    nature : Nature
+        What is known of the mesh and of what it is to become.
 
     Attributes
     ----------
     orientation : Orientation
-        The turn of the cameras, found here if `params.guidance.orientation` is `auto`.
+        The turn of the cameras.
     pulls : Pulls
         How hard each regulariser pulls against the guidance, where that reaches all elements.
 
@@ -120,7 +122,8 @@ class Deformation:
         appearance: Appearance | None = None,
         constraints: Constraints = UNCONSTRAINED,
         shares: Sequence[NDArray[np.float64]] = (),
-        front: Front | None = None,
+        front: Orientation = AHEAD,
+        nature: Nature = UNKNOWN,
     ) -> None:
         self.mesh = mesh
         self.params = params
@@ -144,24 +147,16 @@ class Deformation:
         # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all, and
         # a loss for a region reaches its elements alone.
         few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS and not shares
-        planes = mirror_planes(shown) if few or params.orientation is OrientationMode.AUTO else ()
+        stored = initial if checkpoint is None else checkpoint.tensors
         self.orientation = (
-            self._orient(initial, planes, front or Front(guidance if isinstance(guidance, Grader) else None))
-            if checkpoint is None
-            else _stored_orientation(checkpoint.tensors)
+            self._orient(initial, front) if checkpoint is None else _stored_orientation(checkpoint.tensors)
         )
         self.structure = Structure() if few else None
-        if few and params.keep_structure and not (front is not None and front.crooked):
-            # Splines alone cannot keep collinear faces from cutting their neighbours.
-            turned = front is not None and front.turned and len(planes) == 2 and bool(shown.areas.min() > 0)
-            built = is_level(shown) or (front is not None and front.built and not turned and not is_block(shown))
-            # A building can only become an animal if it bends, which the parts of an asset would not survive.
-            if front is not None and front.grown:
-                kind = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies))
-                built = built and kind is Carrier.LATTICE
-            self.structure = Structure(planes if turned else plane_of(planes, self.orientation.turn_deg), built)
-        if initial is not None:
-            self.structure = _stored_structure(initial)  # only the same levels can represent its shape
+        if stored is not None:
+            self.structure = _stored_structure(stored)  # only the same levels can represent its shape
+        elif few and params.keep_structure:
+            several = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies)) is Carrier.LATTICE
+            self.structure = structure_of(shown, nature, self.orientation.turn_deg, several=several)
         self._variables = self._stand_in.carry(params.carrier, initial, bodies, self.structure)
         rest = self._variables.rest
         self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
@@ -276,26 +271,13 @@ class Deformation:
         }
         return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
 
-    def _orient(self, initial: Mapping[str, Tensor] | None, planes: Sequence[int], front: Front) -> Orientation:
+    def _orient(self, initial: Mapping[str, Tensor] | None, front: Orientation) -> Orientation:
         mode = self.params.orientation
         if not isinstance(mode, OrientationMode):
             return Orientation(mode, OrientationSource.GIVEN)
-        if mode is OrientationMode.KEEP or not isinstance(self._guidance, Grader):
+        if mode is OrientationMode.KEEP:
             return Orientation()
-        if initial is not None:
-            return replace(_stored_orientation(initial), source=OrientationSource.CONTINUED)
-        if front.grader is None:
-            return Orientation(source=OrientationSource.UNRECOGNISED)
-        return front.known or find_orientation(self._draw_source, front.grader, self.params.seed, planes)
-
-    @torch.no_grad()
-    def _draw_source(self, azimuth_deg: float, generator: torch.Generator) -> tuple[Tensor, Cameras]:
-        """Draw the source for the guidance, with its first view from an azimuth."""
-        radius = self._framing.fitting_radius(self._rest_extent, self._rest_extent)
-        cameras = self._views.place(azimuth_deg, radius).to(self._device)
-        scene = self._renderer.sample_scene(len(cameras.azimuths_deg), generator)
-        verts = self._stand_in.mesh.verts.to(self._device)
-        return self._views.arrange(self._renderer.render(verts, cameras, scene)), cameras
+        return front if initial is None else replace(_stored_orientation(initial), source=OrientationSource.CONTINUED)
 
     def _advance(self) -> dict[str, float]:
         # Before the optimiser updates the variables, a step changes only the generator.

@@ -41,12 +41,10 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
-from meshdeform.geometry.torch_threads import share_work
 from meshdeform.guidance.base import StepContext
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
-    from meshdeform.rendering.cameras import Cameras
     from meshdeform.rendering.shading import RenderStyle, Shading
 
 
@@ -84,12 +82,6 @@ class Texts:
             bases.append(base)
         self.rows = torch.stack([*away, *texts])
         self.pairs = [(base, len(away) + number) for number, base in enumerate(bases)]
-
-    @property
-    def first(self) -> Tensor:
-        """The row (1, ...) of the first prompt."""
-        text = self.pairs[0][1]
-        return self.rows[text : text + 1]
 
     def grouped(self, values: Sequence[Tensor]) -> list[Tensor]:
         """Return, for each group, the sum of its prompts' values with their weights."""
@@ -225,48 +217,6 @@ class ScoreDistillation:
         mean_square, norm = torch.stack([torch.stack(squares).mean(), whole.norm()]).tolist()
         mean_timestep = timestep.double().mean().item()
         return terms, {"sds_mse": mean_square, "sds_gradient_norm": norm, "timestep": mean_timestep}
-
-    @torch.no_grad()
-    def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
-        """Grade several azimuths of the same picture; the smallest grade fits the prompt best.
-
-        ``mean ||x0_hat(z_t; prompt, azimuth) - z0||^2``, with one timestep and one noise for all azimuths: the picture
-        is the same, so the grades differ only by what the prior expects at each azimuth.
-
-        Parameters
-        ----------
-        image : Tensor
-            As in `loss`.
-        poses : sequence of P Cameras
-            Only their azimuths are used.
-        fraction : float in 0 .. 1
-            The timestep, as a fraction of T.
-        generator : torch.Generator on the CPU
-            Source of the noise.
-
-        Returns
-        -------
-        (P,) float64; all equal for a prior that is not conditioned on the azimuth. Source: Li et al. 2023, Your
-        diffusion model is secretly a zero-shot classifier, eq. 9, with azimuths as classes. Of several prompts, the
-        first one grades.
-        """
-        z0 = self._prior.encode_image(image)
-        timestep = torch.full((len(z0),), round(fraction * (self._prior.num_timesteps - 1)))
-        level = self._prior.alphas_cumprod[timestep].view(-1, 1, 1, 1).to(z0)
-        noise = torch.randn(z0.shape, generator=generator, dtype=torch.float32).to(z0.device)
-        noisy = level.sqrt() * z0 + (1 - level).sqrt() * noise
-
-        @torch.no_grad()  # of each thread
-        def grade(first: int, end: int) -> list[Tensor]:
-            grades = []
-            for cameras in poses[first:end]:
-                (text,) = self._prior.predict_noise(noisy, timestep.to(z0.device), self._texts.first, cameras)
-                grades.append((((1 - level) / level) * (text - noise).square()).mean())
-            return grades
-
-        ranges = [grade(0, len(poses))] if self.is_heavy else share_work(grade, len(poses))
-        values = [value for graded in ranges for value in graded]
-        return torch.stack(values).double().cpu()
 
     def timestep_bounds(self, context: StepContext) -> tuple[int, int]:
         """Return the lowest and highest timestep that may be drawn at this step, both inclusive."""

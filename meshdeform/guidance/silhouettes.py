@@ -236,8 +236,7 @@ class SilhouetteGuidance:
 class BesideSilhouettes(SilhouetteGuidance):
     """Guides by pictures of the steps, and by silhouettes.
 
-    `guidance`: one that can grade orientations (`deformation.orientation.Grader`); `weight`: of the silhouettes,
-    relative to the guidance.
+    `weight`: of the silhouettes, relative to the guidance.
     """
 
     def __init__(self, guidance: Guidance, term: SilhouetteTerm, weight: float, identity: dict[str, str]) -> None:
@@ -258,8 +257,3 @@ class BesideSilhouettes(SilhouetteGuidance):
         """Return the losses of the guidance on the views, if it has several."""
         evaluated: tuple[list[Tensor], dict[str, float]] = self._guidance.losses(image, context)  # type: ignore[attr-defined]
         return evaluated
-
-    def grades(self, image: Tensor, poses: Sequence[Cameras], fraction: float, generator: torch.Generator) -> Tensor:
-        """Grade several azimuths of the same picture, as the guidance does."""
-        graded: Tensor = self._guidance.grades(image, poses, fraction, generator)  # type: ignore[attr-defined]
-        return graded

@@ -60,7 +60,7 @@ from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import edges_of, through_normals
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
-from meshdeform.rendering.cameras import CameraRange, Cameras, fixed_cameras, sample_orthogonal_cameras
+from meshdeform.rendering.cameras import CameraRange, Cameras, sample_orthogonal_cameras
 from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
 from meshdeform.support.threads import in_ranges
 
@@ -710,13 +710,6 @@ class OrthogonalGrid:
             Azimuth of the shape's front, as in `cameras.fixed_cameras`.
         """
         return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
-
-    def place(self, azimuth_deg: float, fitting_radius: float) -> Cameras:
-        """Place cameras whose view 0 is at an azimuth, without drawing anything, to grade orientations."""
-        bounds = self._bounds
-        elevation = (bounds.elevation_min_deg + bounds.elevation_max_deg) / 2
-        fov = (bounds.fov_min_deg + bounds.fov_max_deg) / 2
-        return fixed_cameras(azimuth_deg, elevation, fov, fitting_radius=fitting_radius)
 
     def arrange(self, images: Tensor) -> Tensor:
         """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""

@@ -383,10 +383,9 @@ class WordParams(Parameters):
     )
     orientation: OrientationMode | Annotated[float, Field(ge=-360.0, le=360.0)] = of_preset(
         OrientationMode.KEEP,
-        "Which side of the asset counts as its front: `auto`, the one that is the front of what the asset is "
-        "(`source_noun`), if one is clearly better; `keep`, +Z; or its azimuth in degrees, from +Z (0) towards +X "
-        "(90). Only the cameras or the exemplar turn. In degrees, it is also where a change in plain words sees the "
-        "front.",
+        "Which side of the asset counts as its front: `auto`, the one that is the front of what the asset is read as "
+        "([Parts](parts.md)); `keep`, +Z; or its azimuth in degrees, from +Z (0) towards +X (90). Only the cameras or "
+        "the exemplar turn. In degrees, it is also where a change in plain words sees the front.",
         examples=["auto"],
         form={
             "label": "Front",

@@ -1,4 +1,4 @@
-"""Find what a source is: as the judge takes it, or as it was read.
+"""Find what a source is, as the judge takes it or as it was read, and what follows from it for a prompt.
 
 The judge's nouns are those of the builtin prior. With the joints of a person, an asset is one.
 """
@@ -11,26 +11,24 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from meshdeform.deformation.orientation import Front, Mixture
+from meshdeform.deformation.controls import UNKNOWN, Nature
+from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.errors import ModelError, PromptError, VocabularyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge import Judge
-from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 from meshdeform.reading import Reading
-from meshdeform.requests.choices import OrientationMode, is_builtin
+from meshdeform.requests.choices import GuidanceKind, OrientationMode, is_builtin
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.runs.goals import score_distillation
 
 _log = logging.getLogger(__name__)
 _SURE, _SURE_READ, _CALLED = 0.97, 0.9, 0.5
 """Probability from which a source counts as recognised by the judge alone and by its reading, and from which it does if
 the prompt calls it the same: as of 19 of 20 real assets it is right (`bench.recognition`)."""
 
-_LIKELY, _CERTAIN, _MOST = 0.5, 0.8, 3
-"""Probabilities from which a source's noun says how it is treated, and from which it alone says where the front is;
-number of nouns that say it otherwise."""
+_LIKELY, _CERTAIN = 0.5, 0.8
+"""Probabilities from which a source's noun says how it is treated, and from which nothing else is likely."""
 
 CROOKED = frozenset({"twisted", "leaning", "bent"})
 """Words of prompts that cost symmetry and flatness."""
@@ -83,14 +81,6 @@ class Recognition:
         """Whether it is likely to be something that people build, which stands upright."""
         return any(self.likely_noun in NOUN_GROUPS[group] for group in _BUILT)
 
-    def likely(self) -> dict[str, float]:
-        """Return the nouns that it most likely is, with their weights; none if too little is known."""
-        if self.certain:
-            return {self.noun: 1.0}
-        first = dict(sorted(self.nouns.items(), key=lambda item: -item[1])[:_MOST])
-        total = sum(first.values())
-        return {noun: probability / total for noun, probability in first.items()} if total >= _LIKELY else {}
-
     def to_dict(self) -> dict[str, Any]:
         """Return the member `source_noun` of the report."""
         return {"noun": self.noun, "probability": round(self.probability, 4), "recognised": self.sure}
@@ -120,29 +110,32 @@ def _is_person(joints: Iterable[str]) -> bool:
     return all(re.search(part, names) for part in _LIMBS) and not re.search(_OF_ANIMALS, names)
 
 
-def known_source(
-    mesh: TriangleMesh,
-    prior: Prior | None,
-    params: ResolvedParams,
-    known: Recognition | None = None,
-    joints: Iterable[str] = (),
-) -> Recognition | None:
-    """Return the noun of a run's source, `known` if it was asked; None where nothing depends on it."""
-    if prior is None or not is_builtin(params.model) or params.orientation is not OrientationMode.AUTO:
-        return None
-    return known or recognise(mesh, params.source_noun, joints)
+def asks_source(params: ResolvedParams) -> bool:
+    """Return whether anything depends on what the source is: the front, of a model that sees the azimuth."""
+    of_prompt = params.guidance is GuidanceKind.SDS and is_builtin(params.model)
+    return of_prompt and params.orientation is OrientationMode.AUTO
 
 
-def front_of(source: Recognition | None, prior: Prior | None, params: ResolvedParams, prompt: str) -> Front | None:
-    """Return who finds the front of a source: the prior, asked for what the source is."""
-    if source is None or prior is None:
-        return None
-    likely = [(score_distillation(prior, f"a {noun}", params), weight) for noun, weight in source.likely().items()]
-    grader = Mixture(likely) if likely else None
+def front_of(reading: Reading | None, params: ResolvedParams) -> Orientation:
+    """Return the front of a source for `params.guidance.orientation` = `auto`, by its reading if it has one."""
+    if params.guidance is not GuidanceKind.SDS:
+        return AHEAD
+    if not is_builtin(params.model):
+        return Orientation(source=OrientationSource.UNCONDITIONED)
+    if reading is None:
+        return Orientation(source=OrientationSource.UNRECOGNISED)
+    source = OrientationSource.FOUND if reading.front_sure else OrientationSource.UNDECIDED
+    return Orientation(reading.front_azimuth_deg, source)
+
+
+def nature_of(source: Recognition | None, prompt: str) -> Nature:
+    """Return what is known of a source and of what a prompt makes of it."""
+    if source is None:
+        return UNKNOWN
     try:
-        reading = parse(prompt)
+        wish = parse(prompt)
     except (PromptError, VocabularyError):  # there is none, or it has taught words
-        return Front(grader, source.built)
-    grown = not any(reading.noun in NOUN_GROUPS[group] for group in _BUILT)
-    crooked = any(attribute.degree in CROOKED for attribute in reading.attributes)
-    return Front(grader, source.built, grown, crooked, reading.noun in TURNED)
+        return Nature(source.built)
+    grown = not any(wish.noun in NOUN_GROUPS[group] for group in _BUILT)
+    crooked = any(attribute.degree in CROOKED for attribute in wish.attributes)
+    return Nature(source.built, grown, crooked, wish.noun in TURNED)

@@ -24,6 +24,7 @@ from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import PartNotFoundError
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.words import Sentence
+from meshdeform.reading import Reading
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
@@ -32,10 +33,9 @@ from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
-from meshdeform.runs.last_assets import asset_key, front_again, keep_front, recognised_again
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
+from meshdeform.runs.recognition import Recognition, asks_source, front_of, nature_of, recognise
 from meshdeform.runs.surfaces import (
     drawn_triangles,
     prepared,
@@ -84,6 +84,7 @@ def start(job_input: RunInput) -> JobRun:
     frame = Frame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(file.sha256 or "", asset, params, request.output)
+    recognised, reading = _source(facts, job_input, recognised, log)
     with log.phase("prepare"):
         surface = WeldedSurface(asset, welded)
         control = read_control(params, surface, frame, mesh)
@@ -104,9 +105,6 @@ def start(job_input: RunInput) -> JobRun:
             **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
         )
         state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
-        key, named = asset_key(shape, params, prior), recognised
-        recognised = recognised_again(key, lambda: known_source(welded.mesh, prior, params, named, _joints(asset)))
-        front, front_key = front_again(key, front_of(recognised, prior, params, request.prompt), recognised)
         deformation = Deformation(
             mesh,
             goal.guidance,
@@ -118,10 +116,9 @@ def start(job_input: RunInput) -> JobRun:
             appearance=welded_appearance(asset.appearance(), welded) if sees_colours(params) else None,
             constraints=control.constraints,
             shares=goal.shares,
-            front=front,
+            front=front_of(reading, params),
+            nature=nature_of(recognised, request.prompt),
         )
-        if front is not None:
-            keep_front(front_key, deformation.orientation)
     known = RunFacts(
         **vars(facts),
         frame=frame,
@@ -132,6 +129,7 @@ def start(job_input: RunInput) -> JobRun:
         prompts=prompts,
         silhouettes=silhouettes,
         recognised=recognised,
+        reading=reading,
         precision=precision_of(prior, state),
     )
     return TextDeformRun(known, deformation, log)
@@ -139,6 +137,18 @@ def start(job_input: RunInput) -> JobRun:
 
 def _joints(asset: Asset) -> list[str]:
     return [joint["name"] for joint in asset.parts().joints]
+
+
+def _source(
+    facts: AssetFacts, job_input: RunInput, named: Recognition | None, log: RunLog
+) -> tuple[Recognition | None, Reading | None]:
+    """Return what the source is taken for, `named` if the judge was asked, and its reading; None if nobody asks."""
+    if not asks_source(facts.params):
+        return None, None
+    with log.phase("parts"):
+        reading = source_body(facts, job_input.readings).reader.reading
+    known = named or recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
+    return (known if known.probability == 1 else known.with_reading(reading)), reading
 
 
 def _change(

@@ -106,6 +106,7 @@ class RunFacts(AssetFacts):
     prompts: Prompts | None  # those of a job that has several
     silhouettes: SilhouetteFit | None
     recognised: Recognition | None  # what the source was taken for
+    reading: Reading | None  # what it was read as
     precision: str | None  # as `precision_of` returns it
 
     @property
@@ -179,7 +180,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
         "precision": facts.precision,
         "carrier": deformation.carrier,
         "source_noun": None if facts.recognised is None else facts.recognised.to_dict(),
-        "reading": None,
+        "reading": reading_report(facts.reading, params),
         "orientation": deformation.orientation.to_dict(),
         "appearance": _appearance(params, deformation),
         "movement": movement.to_dict(),

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
 
-from meshdeform.api.documents import FoundOrientation, FoundParts, Validation
+from meshdeform.api.documents import FoundParts, Validation
 from meshdeform.api.jobs import JobView
 from meshdeform.api.states import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
@@ -51,7 +51,6 @@ from service.jobs.intake import (
     file_advice,
     list_parts,
     missing_files,
-    orient,
     take_along,
     validate,
 )
@@ -198,33 +197,6 @@ async def validate_job(
     async with _submitted(request, app, principal.owner_id) as submission:
         validation = await app.take_in(principal.owner_id, validate, app, principal, submission)
     return Response(validation.model_dump_json(), media_type="application/json")
-
-
-@router.post(
-    ":orient",
-    operation_id="orient_job",
-    summary="Find the side of the asset that a job would make the front",
-    responses={
-        200: {"model": FoundOrientation, "description": "Orientation as in the job's report."},
-        **problem_responses(
-            StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, DependencyError, *CALLER_ERRORS
-        ),
-    },
-    openapi_extra=_BODY,
-)
-async def orient_job(
-    request: Request,
-    app: AppStateDep,
-    principal: PrincipalDep,
-    x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
-) -> Response:
-    """Takes the bodies of `POST /v1/jobs` with `params.guidance.orientation` = `auto` and stores nothing.
-
-    The search takes some seconds, in a process of its own on the API's machine, which needs the extra `deform`.
-    """
-    async with _submitted(request, app, principal.owner_id) as submission:
-        orientation = await orient(app, principal.owner_id, submission)
-    return Response(orientation.model_dump_json(), media_type="application/json")
 
 
 @router.post(

@@ -1,6 +1,6 @@
 """Accept a job: check everything, store the files, record the job, and notify the workers, in this order.
 
-`validate`, `orient` and `list_parts` check a job in the same way, and create none.
+`validate` and `list_parts` check a job in the same way, and create none.
 
 Fetch the files of a job to disk from wherever they are: the request, a URL, an upload, or another job.
 
@@ -29,7 +29,7 @@ import anyio
 from anyio import to_thread
 
 from meshdeform import __version__
-from meshdeform.api.documents import AssetFound, FoundOrientation, FoundParts, Outlook, PictureFound, Validation
+from meshdeform.api.documents import AssetFound, FoundParts, Outlook, PictureFound, Validation
 from meshdeform.api.jobs import accepted
 from meshdeform.api.states import MAX_FETCH_S
 from meshdeform.assets import AssetSummary
@@ -56,7 +56,6 @@ from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
 from meshdeform.runs.changes import parts_of
-from meshdeform.runs.orientation_process import check_searchable, orientation_of
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
@@ -75,7 +74,6 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
 _log = logging.getLogger(__name__)
-_ORIENT_TIMEOUT_S = 240.0
 _CONTENT_TYPE = "application/octet-stream"
 
 
@@ -214,36 +212,6 @@ def _size(summaries: Mapping[str, AssetSummary | PictureSummary]) -> dict[str, i
     """Return the faces and parts of the first file, as far as it has any."""
     asset = next(iter(summaries.values()))
     return {"faces": asset.triangles, "parts": asset.meshes} if isinstance(asset, AssetSummary) else {}
-
-
-async def orient(app: AppState, owner_id: str, submission: Submission) -> FoundOrientation:
-    """Check a job as `validate` does, and search its front in a child process."""
-    params, asset = await app.take_in(owner_id, _searchable, app, owner_id, submission)
-    async with app.orienting.slot(owner_id):
-        return await to_thread.run_sync(_front, app, submission.document, params, asset)
-
-
-def _searchable(app: AppState, owner_id: str, submission: Submission) -> tuple[ResolvedParams, ReceivedFile]:
-    params = check_params(submission.document, app.settings, files=submission.names)
-    if not isinstance(params, ResolvedParams):
-        raise ParameterError("Jobs of this kind have no front.")
-    check_searchable(params)  # before the files are decoded
-    _, files, _ = check_job(app, owner_id, submission)
-    return params, files["asset"]
-
-
-def _front(app: AppState, request: JobRequest, params: ResolvedParams, asset: ReceivedFile) -> FoundOrientation:
-    answer = orientation_of(
-        asset.path,
-        asset.filename,
-        request.prompt,
-        params,
-        subdivide=request.output.subdivide,
-        limits=app.assets.limits,
-        dtype=app.settings.dtype,
-        timeout_s=_ORIENT_TIMEOUT_S,
-    )
-    return FoundOrientation(**answer)
 
 
 async def list_parts(app: AppState, owner_id: str, submission: Submission, glb: PartsAs | None = None) -> FoundParts:

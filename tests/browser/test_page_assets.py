@@ -58,7 +58,6 @@ def packed_ball(path: Path) -> Path:
 def test_a_zip_is_shown_its_front_turned_and_deformed(
     page: Page, watch: Watch, service: Service, tmp_path: Path
 ) -> None:
-    watch.allow("50[13].*jobs:orient")
     open_form(page)
     choose(page, packed_ball(tmp_path / "ball.zip"))
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")
@@ -70,29 +69,8 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     open_more(page)
     slider, said = page.get_by_label("Front", exact=True).first, page.locator(".front-control output")
     expect(said).to_have_text("Automatic")
-    find, note = page.get_by_role("button", name="Find", exact=True), page.locator(".front-note")
-    page.get_by_label("Prompt", exact=True).fill("")
-    find.click()
-    expect(note).to_contain_text("enter a prompt")
-    page.get_by_label("Prompt", exact=True).fill("a giraffe")
-    answers = [(200, {"turn_deg": -90.0, "source": "found"}), (503, {"detail": "It took too long."})]
-    lacking = {"code": "dependency_missing", "title": "t", "detail": "torch is not installed.", "advice": "a"}
-    answers.append((501, {**lacking, "status": 501}))
-    page.route("**/v1/jobs:orient", lambda route: route.fulfill(status=answers[0][0], json=answers.pop(0)[1]))
-    find.click()
-    expect(said).to_have_text("270°, found")
-    expect(page.locator("#param-orientation")).to_have_value("")  # the job finds it itself
-    page.get_by_label("Prompt", exact=True).fill("a horse")
-    expect(said).to_have_text("Automatic")  # another prompt may have another front
-    find.click()
-    expect(note).to_have_text("It took too long.")
-    find.click()
-    expect(note).to_contain_text("found only when the job starts")
-    expect(find).to_be_hidden()  # for good
-
     slider.fill("0")
     expect(said).to_have_text("0°")
-    expect(find).to_be_hidden()
     expect(page.locator("#param-orientation")).to_have_value("0")
 
     def arrow() -> tuple[float, float]:

@@ -4,7 +4,7 @@ import { type LabeledMesh, packMeshes } from "./meshes.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Orientation, type Parts, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation,
+  type JobState, type Limits, type Models, type Parts, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
 import { readVerdict, type Verdict } from "./verdicts.js";
@@ -119,12 +119,6 @@ export class Client {
   async validate(asset: Asset | null, request: JobRequest, options: SubmitOptions = {}): Promise<Validation> {
     const body = await this.#body(asset, request, options);
     return this.#transport.json<Validation>("v1/jobs:validate", { method: "POST", ...body, signal: options.signal });
-  }
-
-  /** Find the front of an asset, as a job of this request would. */
-  async orient(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Orientation> {
-    const body = await this.#body(asset, request, options);
-    return this.#transport.json<Orientation>("v1/jobs:orient", { method: "POST", ...body, signal: options.signal });
   }
 
   /** List the parts of an asset that words can name; with a prompt that is a change, those that it names and what it makes. */

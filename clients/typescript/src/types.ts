@@ -19,7 +19,6 @@ export type Validation = Schemas["Validation"];
 export type SignedUrl = Schemas["SignedUrl"];
 export type Models = Schemas["ModelList"];
 export type Limits = Schemas["LimitList"];
-export type Orientation = Schemas["FoundOrientation"];
 export type Parts = Schemas["FoundParts"];
 export type SketchGuesses = Schemas["SketchGuesses"];
 export type SketchGuess = Schemas["SketchGuess"];

@@ -16,7 +16,7 @@ from typing import Any, Literal, Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from meshdeform.api.documents import FoundOrientation, FoundParts, LimitList, ModelList, SketchGuesses, UploadView
+from meshdeform.api.documents import FoundParts, LimitList, ModelList, SketchGuesses, UploadView
 from meshdeform.api.jobs import (
     ArtifactList,
     ArtifactView,
@@ -308,34 +308,6 @@ class AsyncClient:
         request_files = Files.of(asset, target, files, filename, upload, None)
         validation, _ = await self._post(Validation, "/v1/jobs:validate", order, request_files)
         return validation
-
-    async def orient(
-        self,
-        asset: AssetLike | None = None,
-        prompt: str = "",
-        *,
-        params: Params | None = None,
-        output: Output | None = None,
-        filename: str | None = None,
-        upload: bool | None = None,
-    ) -> FoundOrientation:
-        """Find the side of an asset that a job would make the front, without posting it.
-
-        Parameters and errors are those of `submit`. It takes seconds, and needs `params` with `orientation` = `auto`
-        and the builtin model, which are the defaults of every preset but `paper`.
-
-        Raises
-        ------
-        ParameterError
-            The job would not search its front.
-        DependencyError, UnavailableError
-            The service cannot search it, or cannot search it now.
-        """
-        request_files = Files.of(asset, None, None, filename, upload, None)
-        orientation, _ = await self._post(
-            FoundOrientation, "/v1/jobs:orient", Order(prompt, params, output), request_files
-        )
-        return orientation
 
     async def parts(
         self,

@@ -21,16 +21,14 @@ const TITLES = [["The mesh hardly moved", "Hardly moved"], ["The safeguard held 
 // How the warnings of `meshdeform/geometry/quality.py` begin that the figures here say as well.
 const DAMAGED = "Damaged faces";
 
-/** The side that became the front, if the model chose it. @param {any} orientation @returns {Finding[]} */
+/** The side that became the front, if there was a choice. @param {any} orientation @returns {Finding[]} */
 function front(orientation) {
   const turn = number(orientation?.turn_deg);
-  const margin = number(orientation?.margin);
   if (turn === null) return [];
   if (orientation.source === "given") return [plain(`Front: the side at ${figure(turn)}°`, "As you set it. 0° is +Z, 90° is +X.")];
   if (orientation.source === "undecided") return [plain(`Front: the side at ${figure(orientation.turn_deg)}°`, "0° is +Z, 90° is +X. No side is clearly the front.")];
   if (orientation.source === "unrecognised") return [plain("Front: +Z", "The asset was not recognised, so that nothing said where its front is.")];
-  if (orientation.source !== "found" || margin === null) return [];
-  return [plain(`Front: the side at ${figure(turn)}°`, `0° is +Z, 90° is +X. It fits what the asset is ${percent(margin)} better than the next one.`)];
+  return orientation.source === "found" ? [plain(`Front: the side at ${figure(turn)}°`, "0° is +Z, 90° is +X.")] : [];
 }
 
 /** What the asset was taken for, and what of its structure was kept. @param {any} source @param {any} carrier @returns {Finding[]} */

@@ -69,11 +69,6 @@ export class Client {
         const body = await this.#body(asset, request, options);
         return this.#transport.json("v1/jobs:validate", { method: "POST", ...body, signal: options.signal });
     }
-    /** Find the front of an asset, as a job of this request would. */
-    async orient(asset, request, options = {}) {
-        const body = await this.#body(asset, request, options);
-        return this.#transport.json("v1/jobs:orient", { method: "POST", ...body, signal: options.signal });
-    }
     /** List the parts of an asset that words can name; with a prompt that is a change, those that it names and what it makes. */
     async parts(asset, request, options = {}) {
         const body = await this.#body(asset, request, options);

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshdeform.api.documents import FoundOrientation, UploadLimits
+from meshdeform.api.documents import UploadLimits
 from meshdeform.client import EventView, events
 from meshdeform.client.documents import JobView, Validation, read
 from meshdeform.client.events import Parser, ServerEvent
@@ -92,8 +92,6 @@ def test_a_known_job_is_of_the_known_classes_and_what_is_new_is_kept() -> None:
     seen = read(Validation, document, "u")
     assert (seen.params.steps, seen.params.model_extra, seen.model_extra) == (3, {"wobble": 1}, {"score": 1})
     assert (seen.asset.model_extra, seen.asset.nodes[0].model_extra) == ({"bones": 5}, {"depth": 2})
-    front = {"turn_deg": 0.0, "source": "guessed", "margin": None, "grades": [], "notice": None}
-    assert read(FoundOrientation, front, "u").source == "guessed"
 
 
 @each_case("document", [None, [], {}, {**JOB, "asset": 3}, {**JOB, "state": 3}, {**JOB, "params": 3}])

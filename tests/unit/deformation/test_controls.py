@@ -9,10 +9,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.controls import Level, Structure, is_convex, is_level, mirror_planes, plane_of
+from meshdeform.deformation.controls import Level, Nature, Structure, is_convex, is_level, mirror_planes, plane_of
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation, RegionalGradients
-from meshdeform.deformation.orientation import Front
 from meshdeform.deformation.variables import JacobianField, placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
@@ -241,28 +240,28 @@ def test_a_surface_is_convex_if_it_is_its_hull() -> None:
 
 
 @each_case(
-    "mesh, front, kept",
+    "mesh, nature, kept",
     [
-        (sled(), Front(None, built=True), Structure((0,), level=True)),
-        (sled(), Front(None, built=True, grown=True), Structure((0,), level=True)),
-        (sled(), Front(None, built=True, crooked=True), Structure()),
-        (icosphere(3), Front(None, built=True), Structure((0,), level=True)),
-        (icosphere(3), Front(None, built=True, grown=True), Structure((0,))),
-        (icosphere(3), Front(None, built=True, turned=True), Structure((0, 2))),
-        (box(6), Front(None, built=True), Structure((0,))),
+        (sled(), Nature(built=True), Structure((0,), level=True)),
+        (sled(), Nature(built=True, grown=True), Structure((0,), level=True)),
+        (sled(), Nature(built=True, crooked=True), Structure()),
+        (icosphere(3), Nature(built=True), Structure((0,), level=True)),
+        (icosphere(3), Nature(built=True, grown=True), Structure((0,))),
+        (icosphere(3), Nature(built=True, turned=True), Structure((0, 2))),
+        (box(6), Nature(built=True), Structure((0,))),
     ],
 )
-def test_what_the_result_is_decides_what_is_kept(mesh: TriangleMesh, front: Front, kept: Structure) -> None:
+def test_what_the_result_is_decides_what_is_kept(mesh: TriangleMesh, nature: Nature, kept: Structure) -> None:
     """One part may bend into an animal and a block into anything; what is alike from all sides keeps both planes."""
-    run = Deformation(mesh, TargetGuidance(mesh), PREVIEW, front=front)
+    run = Deformation(mesh, TargetGuidance(mesh), PREVIEW, nature=nature)
     assert run.structure == kept
 
 
 @each_case("mesh", [sled(), bean()])
 def test_a_run_goes_on_from_a_shape_with_other_levels(mesh: TriangleMesh) -> None:
     taller = TriangleMesh(mesh.verts * torch.tensor([1.0, 1.4, 1.0], dtype=F64), mesh.faces)
-    for front in (Front(None, built=True), Front(None, built=True, crooked=True)):
-        first = Deformation(mesh, TargetGuidance(taller), PREVIEW, front=front)
+    for nature in (Nature(built=True), Nature(built=True, crooked=True)):
+        first = Deformation(mesh, TargetGuidance(taller), PREVIEW, nature=nature)
         list(first)
         for given in (PREVIEW, params(steps=3)):
             second = Deformation(mesh, TargetGuidance(taller), given, initial=first.checkpoint().tensors)

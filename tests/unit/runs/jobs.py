@@ -16,9 +16,13 @@ GIVEN = ("prior", "target", "pictures", "checkpoint", "initial", "resolved")
 
 
 def started(asset: bytes, prompt: str = "an egg", *, output: dict[str, Any] | None = None, **params: Any) -> Any:
-    """Return the run of a job; its prior is a fake one unless another, or None, is given."""
+    """Return the run of a job; its prior is a fake one unless another, or None, is given.
+
+    A prompt with the default guidance does not ask what the asset is: that takes longer than a test.
+    """
     given = {"prior": FakePrior(), **{name: params.pop(name) for name in GIVEN if name in params}}
-    document = {"prompt": prompt, "params": grouped({"preset": "preview", **params}), "output": output or {}}
+    kept = {} if "guidance" in params else {"orientation": "keep"}
+    document = {"prompt": prompt, "params": grouped({"preset": "preview", **kept, **params}), "output": output or {}}
     request = JobRequest.model_validate(document)
     return text_deform.start(job_input(asset=asset, filename="a.glb", request=request, **given))
 

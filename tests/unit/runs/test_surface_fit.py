@@ -295,7 +295,7 @@ def test_a_cloud_is_posted_fitted_and_downloaded_and_is_no_asset(tmp_path: Path,
         assert "level_1.glb" in {artifact.name for artifact in result.job.artifacts}
 
         # The other kind needs a mesh.
-        for refused in (lambda: client.orient(cloud, "a mushroom"), lambda: client.submit(unsigned, "a mushroom")):
+        for refused in (lambda: client.validate(cloud, "a mushroom"), lambda: client.submit(unsigned, "a mushroom")):
             with pytest.raises(AssetEmptyError, match="no triangles") as caught:
                 refused()
             assert "meshdeform surface-fit FILE -o mesh.glb" in caught.value.advice_text

@@ -73,8 +73,7 @@ def test_results_keep_the_asset_and_say_so() -> None:
     assert report["mesh"]["welded_vertices"] == 162
     assert report["seed"] == 5
     assert report["params"]["steps"] == 12
-    assert (report["orientation"]["turn_deg"], report["orientation"]["source"]) == (0.0, "unrecognised")
-    assert "not recognised" in report["orientation"]["notice"]
+    assert report["orientation"] == {"turn_deg": 0.0, "source": "kept", "notice": None}
     assert report["losses"][0]["step"] == 1
     assert report["losses"][-1]["step"] == 12
     assert report["quality"]["flipped_faces"] == 0

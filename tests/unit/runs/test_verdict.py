@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
 from meshdeform.assets import build_glb
+from meshdeform.deformation.controls import Nature
+from meshdeform.deformation.orientation import Orientation, OrientationSource
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.nouns.families import member
 from meshdeform.priors import load_prior
-from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.recognition import Recognition, front_of, known_source, recognise
+from meshdeform.reading import Reading
+from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
+from meshdeform.runs.recognition import Recognition, asks_source, front_of, nature_of, recognise
 from meshdeform.runs.verdict import before, kept_structure, likeness, summarize
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
@@ -102,45 +108,44 @@ def test_the_joints_of_a_person_say_what_the_shape_does_not(joints: list[str], p
 
 
 @each_case(
-    ("source", "nouns", "built"),
+    ("source", "built"),
     [
-        (Recognition("chair", 0.6), {"chair": 1.0}, True),
-        (Recognition("chair", 0.4), {"chair": 1.0}, False),
-        (Recognition("dog", 1.0), {"dog": 1.0}, False),
-        (Recognition("dog", 0.8, {"dog": 0.8, "cat": 0.2}), {"dog": 1.0}, False),
-        (
-            Recognition("pig", 0.3, {"cow": 0.1, "pig": 0.3, "bus": 0.05, "dog": 0.2}),
-            {"pig": 0.5, "dog": 1 / 3, "cow": 1 / 6},
-            False,
-        ),
-        (Recognition("pig", 0.2, {"pig": 0.2, "dog": 0.1, "cow": 0.1, "bus": 0.09}), {}, False),
-        (Recognition("", 0.0), {}, False),
+        (Recognition("chair", 0.6), True),
+        (Recognition("chair", 0.4), False),
+        (Recognition("dog", 1.0), False),
+        (Recognition("", 0.0), False),
     ],
 )
-def test_a_source_may_be_several_things_by_their_probabilities(
-    source: Recognition, nouns: dict[str, float], built: bool
-) -> None:
-    if len(nouns) != 1 or source.noun == "dog":
-        assert source.likely() == pytest.approx(nouns)
+def test_what_is_likely_built_counts_as_such(source: Recognition, built: bool) -> None:
     assert source.built is built
+    assert nature_of(source, "").built is built
 
 
 @each_case(
     "source, prompt, expected",
     [
-        (Recognition("dog", 0.7), "a giraffe", (False, False, True, False, False)),
-        (Recognition("dog", 0.8), "", (True, False, False, False, False)),
-        (Recognition("bottle", 0.9), "a tall vase", (True, True, False, False, True)),
-        (Recognition("bottle", 0.9), "a leaning vase", (True, True, False, True, True)),
+        (Recognition("dog", 0.7), "a giraffe", Nature(grown=True)),
+        (Recognition("dog", 0.8), "", Nature()),
+        (Recognition("bottle", 0.9), "a tall vase", Nature(built=True, turned=True)),
+        (Recognition("bottle", 0.9), "a leaning vase", Nature(built=True, crooked=True, turned=True)),
+        (None, "a giraffe", Nature()),
     ],
 )
-def test_nobody_is_asked_for_the_front_of_what_is_not_recognised(
-    source: Recognition, prompt: str, expected: tuple[bool, ...]
-) -> None:
-    prior, params = load_prior("builtin", device="cpu"), resolve(DeformParams())
-    front = front_of(source, prior, params, prompt)
-    assert front is not None
-    assert (front.grader is not None, front.built, front.grown, front.crooked, front.turned) == expected
-    kept = resolve(DeformParams.model_validate({"guidance": {"orientation": "keep"}}))
-    assert known_source(icosphere(1), prior, kept) is known_source(icosphere(1), None, params) is None
-    assert front_of(None, prior, params, prompt) is None
+def test_source_and_prompt_say_what_is_to_be_kept(source: Recognition | None, prompt: str, expected: Nature) -> None:
+    assert nature_of(source, prompt) == expected
+
+
+def test_the_front_is_that_of_the_reading_where_the_model_sees_the_azimuth() -> None:
+    def of(**guidance: object) -> ResolvedParams:
+        return resolve(DeformParams.model_validate({"guidance": {"kind": "sds", **guidance}}))
+
+    labels, back = np.zeros(1, np.int64), np.diag([-1.0, 1.0, -1.0])
+    read = Reading("dog", {"dog": 0.9}, back, 0.5, labels, {}, 0, 0.01)
+    known = of(model="builtin")
+    assert front_of(read, known) == Orientation(180.0, OrientationSource.FOUND)
+    assert front_of(replace(read, front_margin=0.01), known) == Orientation(180.0, OrientationSource.UNDECIDED)
+    assert front_of(None, known) == Orientation(0.0, OrientationSource.UNRECOGNISED)
+    unconditioned = of(model="some/checkpoint", orientation="auto")
+    assert front_of(read, unconditioned) == Orientation(0.0, OrientationSource.UNCONDITIONED)
+    asked = [asks_source(each) for each in (known, of(model="builtin", orientation="keep"), unconditioned)]
+    assert asked == [True, False, False]

@@ -64,7 +64,6 @@ export class CreateView {
         this.settings.setValue("orientation", value);
         this._changed();
       },
-      (signal) => this._orientation(signal),
     );
     this.control = new ControlPanel(this.assets.box, () => this._changed());
     this.assets.addBelow(this.control.toolbar);
@@ -244,7 +243,6 @@ export class CreateView {
     const key = asset ? fileKey(asset.name, asset.size) : "";
     // The angle that was said of another file.
     if (this.begun && key && this.control.asset && key !== this.control.asset && this._said().advanced.orientation) this.settings.setValue("orientation", "");
-    this.front.forget();
     this.front.show(this.settings.value("orientation"));
     if (key) this.control.assetIs(key);
     this._suitParts();
@@ -256,7 +254,7 @@ export class CreateView {
     this.guide.suit(this.way.byShape);
     const { guidance = "sds" } = guideParams(this.guide.guide, targets, this.prompt.value || (this.control.further.any ? "further" : ""), this.way.byShape);
     this.settings.suit(guidance);
-    this.front.offer(this.settings.offers("orientation"), guidance === "sds");
+    this.front.offer(this.settings.offers("orientation"));
     if (this.foreseen !== this._goal()) this._showOutlook(null);
     const used = this._usesMore();
     if (used && !this.inUse.textContent) this.more.open = true;
@@ -265,15 +263,6 @@ export class CreateView {
     const named = variationCount > 1 && Number(variations.input.value) === variationCount; // none that the field refuses
     this.form.rename(named ? `Deform, ${variationCount} variations` : "Deform");
     this.check();
-  }
-
-  /** @param {AbortSignal} signal @returns {Promise<any>} The front that the job in the form would have. */
-  async _orientation(signal) {
-    const asset = this.assets.asset;
-    const wish = this.settings.wish(this.prompt.value);
-    if (!asset || !wish.prompt) throw new Error("Choose an asset and enter a prompt first.");
-    const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
-    return client.orient(...(await asset.submission(document, {}, signal)));
   }
 
   /** Ask what becomes of the rig, where there is one. @param {any[]} joints That the server has found. */
