@@ -30,6 +30,7 @@ __all__ = [
     "RigMode",
     "Rigidity",
     "Safeguard",
+    "StartMode",
     "Symmetry",
     "SynthesisMode",
     "is_builtin",
@@ -125,6 +126,13 @@ class Symmetry(StrEnum):
     X = "x"
     Y = "y"
     Z = "z"
+
+
+class StartMode(StrEnum):
+    """The shape from which a diffusion model starts."""
+
+    ASSET = "asset"
+    EXEMPLAR = "exemplar"
 
 
 class RigMode(StrEnum):

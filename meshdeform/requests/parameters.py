@@ -42,6 +42,7 @@ from meshdeform.requests.choices import (
     OrientationMode,
     Preset,
     Safeguard,
+    StartMode,
     Symmetry,
 )
 from meshdeform.requests.declaration import FORM, OF_PRESET, StrictModel, nullable, of_preset
@@ -429,6 +430,12 @@ class PromptParams(WordParams, ModelParams, SilhouetteParams):
                 ["normals", "Normals"],
             ],
         },
+    )
+    start: StartMode = Field(
+        StartMode.ASSET,
+        description="The shape from which the model starts: `asset`, as it is; or `exemplar`, the asset fitted to what "
+        "the prompt's noun stands for ([A word is a shape](exemplar.md#start-a-model-from-it)).",
+        examples=["exemplar"],
     )
     timestep_min: float = of_preset(
         0.02, "Lowest diffusion timestep drawn, as a fraction of T; at most the preset's highest.", ge=0.0, lt=1.0

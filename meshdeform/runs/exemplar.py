@@ -36,7 +36,7 @@ from meshdeform.exemplar.shapes import Frame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
 from meshdeform.exemplar.smooth_fit import smooth_fit
 from meshdeform.exemplar.symmetry import symmetry_axes
-from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
@@ -46,14 +46,15 @@ from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier, OrientationMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
-from meshdeform.runs.control import Control, WeldedSurface, read_control
+from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.exemplar_control import Controls
 from meshdeform.runs.exemplar_kind import STEPS
-from meshdeform.runs.exemplar_report import ExemplarFacts, Fit, exemplar_report
+from meshdeform.runs.exemplar_report import DIGITS, ExemplarFacts, Fit, exemplar_report
 from meshdeform.runs.goals import SilhouetteFit, TargetFit
 from meshdeform.runs.plain_change import source_body
 from meshdeform.runs.prompts import read_prompts
+from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import shape_id
 from meshdeform.runs.text_report import AssetFacts
 
@@ -81,8 +82,8 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         stored = None if job_input.initial is None else load_shape(job_input.initial, shape)
-        verts = None if stored is None else frame.leave(_shape(stored, mesh, control)).numpy()
-        targets = _targets(facts, job_input)
+        verts = None if stored is None else _shape(stored, facts, surface, frame).numpy()
+        targets = _targets(facts, job_input, frame)
         pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
     with log.phase("parts"):
@@ -110,19 +111,25 @@ def _identity(job_input: RunInput) -> dict[str, str]:
     return {"id": "exemplar", "revision": "", "sha256": sha256}
 
 
-def _shape(state: Mapping[str, Tensor], mesh: RestMesh, control: Control) -> Tensor:
-    """Return the vertices (V, 3) of a checkpoint of this or of an optimised run, in the cameras' frame."""
+def _shape(state: Mapping[str, Tensor], facts: AssetFacts, surface: WeldedSurface, frame: Frame) -> Tensor:
+    """Return the vertices (V, 3) of a checkpoint of this or of an optimised run, in world space.
+
+    `frame`: that of the cameras around the asset.
+    """
     if _VERTS in state:
-        return state[_VERTS]
-    return stored_shape(mesh, state, Carrier.AUTO, bodies=control.bodies, constraints=control.constraints)
+        return frame.leave(state[_VERTS])
+    start = Start.of_state(state, facts.welded)
+    control = read_control(facts.params, surface, start.frame, RestMesh.of(start.frame.place(facts.welded.mesh)))
+    shape = stored_shape(start.mesh, state, Carrier.AUTO, bodies=control.bodies, constraints=control.constraints)
+    return start.frame.leave(shape)
 
 
-def _targets(facts: AssetFacts, job_input: RunInput) -> dict[str, TargetFit]:
+def _targets(facts: AssetFacts, job_input: RunInput, frame: Frame) -> dict[str, TargetFit]:
     """Return the targets of a job by their parts, placed on its asset."""
     sent = {name: job_input.files[name] for name in TARGET_PARTS if name in job_input.files}
     return {
         name: TargetFit.of(
-            facts.params, facts.asset, facts.welded.mesh, load_asset(file.data, file.filename, job_input.limits)
+            facts.params, facts.asset, facts.welded.mesh, load_asset(file.data, file.filename, job_input.limits), frame
         )
         for name, file in sent.items()
     }
@@ -190,6 +197,13 @@ class ExemplarRun(JobRun):
             lambda outcome: exemplar_report(self._facts, self._fits, self._mended, outcome, self.log, self._foreseen),
             self.log,
         )
+
+    def as_start(self) -> Start:
+        """Return the result, once all steps are done, for an optimisation that starts from it."""
+        kept = {} if self._mended is None else {"kept": round(self._mended.kept, DIGITS)}
+        told = [{name: each for name, each in fit.to_dict().items() if name != "seconds"} | kept for fit in self._fits]
+        turn_deg = float(str(self._fits[0].result.member.get("turn_deg", 0.0)))
+        return Start(TriangleMesh(self._verts(), self._facts.welded.mesh.faces), told, turn_deg)
 
     def _foreseen(self) -> Outlook | None:
         """Return what there is to expect of a fit to the only prompt."""

@@ -44,9 +44,9 @@ from meshdeform.runs.worth import (
 )
 from meshdeform.verdicts import Verdict
 
-__all__ = ["ExemplarFacts", "Fit", "exemplar_report"]
+__all__ = ["DIGITS", "ExemplarFacts", "Fit", "exemplar_report"]
 
-_DIGITS = 6
+DIGITS = 6
 _HARDLY = "The mesh hardly moved ({:.1%} of its size): the exemplar is much like it already."
 
 
@@ -80,15 +80,15 @@ class Fit:
         return {
             "prompt": self.prompt,
             "member": dict(result.member),
-            "distance_before": round(result.distance_before, _DIGITS),
-            "distance": round(result.distance, _DIGITS),
+            "distance_before": round(result.distance_before, DIGITS),
+            "distance": round(result.distance, DIGITS),
             "pairs": [{"asset": own, "exemplar": other} for own, other in result.pairs],
             "left_over": list(result.left_over),
             "missing": list(result.missing),
-            "kept": round(result.kept, _DIGITS),
+            "kept": round(result.kept, DIGITS),
             "flipped_faces": result.flipped,
             "cut_faces": result.cut,
-            "stretch": round(result.stretch, _DIGITS),
+            "stretch": round(result.stretch, DIGITS),
             "seconds": {name: round(seconds, 4) for name, seconds in self.seconds.items()},
         }
 

@@ -88,7 +88,8 @@ class GoalSource:
 
     asset: Asset
     world: TriangleMesh  # the asset's welded mesh in its world
-    rest: RestMesh  # the same in the cameras' frame
+    rest: RestMesh  # the mesh from which the run starts, in the cameras' frame
+    frame: Frame  # the cameras' frame
     prior: Prior | None  # for a prompt
     target: InputFile | None  # the target mesh
     silhouettes: SilhouetteFit | None  # pictures as targets, alone or beside the prompt
@@ -113,7 +114,8 @@ def _fitted(params: ResolvedParams, job_input: GoalSource) -> Goal:
         raise ParameterError(
             "params.guidance is `target`, but there is no target mesh.", advice="Send one as the part `target`."
         )
-    fit = TargetFit.of(params, job_input.asset, job_input.world, load_asset(file.data, file.filename, job_input.limits))
+    target = load_asset(file.data, file.filename, job_input.limits)
+    fit = TargetFit.of(params, job_input.asset, job_input.world, target, job_input.frame)
     return Goal("", fit.guidance(job_input.rest, params, job_input.device, sha256_hex(file.data)), fit)
 
 
@@ -193,10 +195,10 @@ class TargetFit:
     landmarks: tuple[Landmark, ...]  # in the cameras' frame
 
     @classmethod
-    def of(cls, params: ResolvedParams, asset: Asset, world: TriangleMesh, target: Asset) -> TargetFit:
+    def of(cls, params: ResolvedParams, asset: Asset, world: TriangleMesh, target: Asset, frame: Frame) -> TargetFit:
         """Align the target with the asset.
 
-        `world`: the asset's welded mesh in its world.
+        `world`: the asset's welded mesh in its world; `frame`: the cameras' frame.
         """
         surface = target.surface
         goal = weld(surface.positions, surface.triangles).mesh
@@ -214,7 +216,6 @@ class TargetFit:
         else:
             alignment = shared_coordinates(goal, world)
             advice = "Set params.guidance.align to auto, or move the target to the asset."
-        frame = Frame.around(world.verts)
         placed = frame.place(alignment.place_mesh(goal))
         require_overlap(alignment, advice)
         moved = (

@@ -25,7 +25,6 @@ from meshdeform.errors import PartNotFoundError
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.words import Sentence
 from meshdeform.reading import Reading
-from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
@@ -36,6 +35,7 @@ from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.recognition import Recognition, asks_source, front_of, nature_of, recognise
+from meshdeform.runs.starts import start_of
 from meshdeform.runs.surfaces import (
     drawn_triangles,
     prepared,
@@ -81,10 +81,11 @@ def start(job_input: RunInput) -> JobRun:
         return start_exemplar(facts, job_input, log)
     if sentence is not None:
         prior = load_sent(params.model, job_input)
-    frame = Frame.around(welded.mesh.verts)
-    mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(file.sha256 or "", asset, params, request.output)
     recognised, reading = _source(facts, job_input, recognised, log)
+    begun = start_of(facts, shape, job_input, log)
+    frame = begun.frame
+    mesh = RestMesh.of(frame.place(welded.mesh))
     with log.phase("prepare"):
         surface = WeldedSurface(asset, welded)
         control = read_control(params, surface, frame, mesh)
@@ -95,7 +96,7 @@ def start(job_input: RunInput) -> JobRun:
             if part in job_input.files
         ]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
-        source = GoalSource(asset, welded.mesh, mesh, prior, target, silhouettes, limits, device, prompts)
+        source = GoalSource(asset, welded.mesh, begun.mesh, frame, prior, target, silhouettes, limits, device, prompts)
         goal = read_goal(request, params, source)
         run = fingerprint(
             params=params.model_dump(mode="json"),
@@ -106,7 +107,7 @@ def start(job_input: RunInput) -> JobRun:
         )
         state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
         deformation = Deformation(
-            mesh,
+            begun.mesh,
             goal.guidance,
             params,
             device=device,
@@ -116,11 +117,12 @@ def start(job_input: RunInput) -> JobRun:
             appearance=welded_appearance(asset.appearance(), welded) if sees_colours(params) else None,
             constraints=control.constraints,
             shares=goal.shares,
-            front=front_of(reading, params),
+            front=begun.turned(front_of(reading, params)),
             nature=nature_of(recognised, request.prompt),
         )
     known = RunFacts(
         **vars(facts),
+        start=begun,
         frame=frame,
         shape_id=shape,
         fingerprint=run,
@@ -213,6 +215,7 @@ class TextDeformRun(JobRun):
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
         state = replace(self._deformation.checkpoint(), precision=self._facts.precision or "")
+        state = replace(state, tensors=state.tensors | self._facts.start.state)
         return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
 
     def positions(self) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 from meshdeform.assets.check import MAX_PARTS
 from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.priors import configured_name, hidden_folders, public_names
-from meshdeform.requests.choices import WEIGHTS_PART, is_builtin, is_sent, is_taught
+from meshdeform.requests.choices import WEIGHTS_PART, StartMode, is_builtin, is_sent, is_taught
 from meshdeform.requests.document import (
     BUILTIN_MODEL,
     DeformParams,
@@ -107,6 +107,7 @@ def check(
             _check_source_noun(resolved, model if offered and is_taught(model) else BUILTIN_MODEL)
             return resolved
         if is_sent(model):  # its words are those of a file, which is checked later
+            _check_start(request, resolved)
             return resolved
         if is_taught(model) and not offered:  # before its words are read
             raise _not_allowed(model, known)
@@ -117,6 +118,7 @@ def check(
             raise
         if not offered:
             raise _not_allowed(model, known)
+        _check_start(request, resolved)
         from meshdeform.priors import check_model
 
         check_model(model, revision if model == default_model else "")
@@ -144,6 +146,31 @@ def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collec
     except VocabularyError as error:
         refuse_unread_change(request.prompt, error)
         raise
+
+
+def _check_start(request: JobRequest, params: ResolvedParams) -> None:
+    """Refuse a start at the exemplars of prompts whose noun has none, and pictures beside it."""
+    if params.start is not StartMode.EXEMPLAR:
+        return
+    from meshdeform.priors.builtin.grammar import parse
+
+    place = ["params", "guidance", "start"]
+    if params.silhouettes:
+        detail = "The fit from which the run would start takes no pictures beside `sds`."
+        raise ParameterError.at(
+            place, detail, "Leave start or the pictures out, or set params.guidance.kind to exemplar."
+        )
+    _check_source_noun(params, BUILTIN_MODEL)
+    for _, prompt in _filled(_prompts(request)):
+        try:
+            parse(prompt)
+        except (PromptError, VocabularyError) as error:
+            near = "".join(f", such as {text!r}" for text in error.extra.get("suggestions", [])[:1])
+            raise ParameterError.at(
+                place,
+                f"The run would start from the exemplar of {prompt!r}, and there is none: {error}",
+                f"Leave start out, or use only words that `meshdeform models builtin` lists{near}.",
+            ) from error
 
 
 def _is_change(request: JobRequest, params: ResolvedParams) -> bool:
@@ -416,6 +443,12 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
             "A branch of a job with `exemplar` guidance has that guidance: no optimiser can go on with its shape.",
             "Set params.guidance.kind to exemplar, or post a new job with the result.glb of this one as its asset.",
         )
+    if _starts_at_exemplar(params) and not _starts_at_exemplar(job.params):
+        raise ParameterError.at(
+            ["params", "guidance", "start"],
+            "A branch starts from the shape of its job, which has not started from an exemplar.",
+            "Leave start out, or post a new job.",
+        )
     if _is_change(branch, resolve(params)):
         raise ParameterError.at(
             ["prompt"],
@@ -423,6 +456,10 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
             "Post a new job with the result.glb of this one as its asset.",
         )
     return branch.model_copy(update={"output": output, "params": params})
+
+
+def _starts_at_exemplar(params: DeformParams) -> bool:
+    return params.flat().get("start") is StartMode.EXEMPLAR
 
 
 def _with_same(place: tuple[str, ...], job: M, branch: M, names: Sequence[str]) -> M:

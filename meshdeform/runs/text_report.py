@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -37,6 +37,7 @@ from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition
+from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import Shown
 from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.worth import (
@@ -97,6 +98,7 @@ class AssetFacts:
 class RunFacts(AssetFacts):
     """Facts about a run before its first step."""
 
+    start: Start
     frame: Frame
     # Of the mesh, and of the run
     shape_id: str
@@ -179,6 +181,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
         "fingerprint": facts.fingerprint,
         "precision": facts.precision,
         "carrier": deformation.carrier,
+        "start": facts.start.told,
         "source_noun": None if facts.recognised is None else facts.recognised.to_dict(),
         "reading": reading_report(facts.reading, params),
         "orientation": deformation.orientation.to_dict(),
@@ -192,7 +195,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
             *measured.warnings(facts),
             *rig_warnings(asset, facts.request.output.rig),
             *_precision_warnings(facts.precision),
-            *([_PARTS_UNUSED] if params.parts else []),
+            *([_PARTS_UNUSED] if params.parts and facts.start.told is None else []),
         ],
         "losses": log.losses(),
         "resumed_from_step": first_step,
@@ -326,6 +329,8 @@ def _comparisons(
     goal, shown = facts.goal, outcome.shown
     structure = kept_structure(shown.source, shown.result, quality)
     shape = Shape.of(structure, quality, movement.to_dict(), fitted=not goal.prompt and facts.prompts is None)
+    if facts.start.told is not None:  # its parts have the proportions of those of the exemplar
+        shape = replace(shape, swollen=False)
     compared: dict[str, Any] = {}
     verdicts = []
     if goal.prompt and _is_judged(facts, goal.prompt):
