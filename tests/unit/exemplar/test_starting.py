@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from meshdeform.exemplar.whole_attributes import reshaped
 
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.fitting import fit
@@ -12,7 +11,6 @@ from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.nouns.families.parts import ellipsoid
 from meshdeform.nouns.labels import labelled_member
-from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.reading.samples import spread
 
 
@@ -69,14 +67,3 @@ def test_level_faces_of_what_is_built_stay_level() -> None:
     level = np.ptp(chair.verts[chair.faces][..., 1], axis=1) < 1e-6
     assert level.sum() > 10
     assert np.ptp(fitted.ways["axes"][chair.faces[level]][..., 1], axis=1).max() < 1e-6
-
-
-def test_attributes_of_the_whole_leave_the_ground_and_wheels() -> None:
-    car = shape_of("car")
-    wide = reshaped(car, car.verts, [Attribute("whole", "wide")], 3)
-    assert 1.4 < np.ptp(wide[:, 0]) / np.ptp(car.verts[:, 0]) < 1.9
-    np.testing.assert_allclose(wide[:, 1].min(), car.verts[:, 1].min(), atol=1e-9)
-    tall = reshaped(car, car.verts, [Attribute("whole", "tall"), Attribute("wheels", "big")], 3)
-    wheels = np.unique(car.faces[pieces_of(car, {"wheel": "wheel"}).of_face >= 0])
-    np.testing.assert_allclose(np.ptp(tall[wheels, 1]), np.ptp(car.verts[wheels, 1]), rtol=1e-6)
-    np.testing.assert_array_equal(reshaped(car, car.verts, [], 3), car.verts)
