@@ -4,7 +4,8 @@
 2. Few maps bring the source near the goal (`starting`).
 3. What came there piece by piece is fitted smoothly, like pieces to like pieces (`smooth_fit`). What only the
    goal has counts with the piece from which it grows, with limits three times as wide.
-4. Faces that turned over or cut others are mended (`mending`).
+4. A rocket or a lighthouse is hardly its parts: what was brought near it is fitted as a whole, all to all.
+5. Faces that turned over or cut others are mended (`mending`).
 
 The plate on which an asset stands is left as it is. Without any matched piece there is only the smooth fit.
 """
@@ -17,11 +18,11 @@ from functools import cached_property
 import numpy as np
 
 from meshdeform.exemplar.growth import grown
-from meshdeform.exemplar.kinds import is_built
+from meshdeform.exemplar.kinds import is_built, is_tower
 from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, matched
 from meshdeform.exemplar.shapes import Shape
-from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.smooth_fit import LEVELS, LIMITS, smooth_fit
 from meshdeform.exemplar.starting import cloud_of, piece_weights, started
 from meshdeform.exemplar.symmetry import evened, is_even
 from meshdeform.nouns.labels import Floats, Index
@@ -33,7 +34,7 @@ _LEVELS, _LIMITS, _REACH = ((3, 3), (6, 5), (12, 5)), (0.15, 0.05), 3.0
 _SPROUTING = frozenset(("ear", "nose", "beak", "trunk", "horn", "fin", "tail", "hump", "wing"))
 """Parts that sprout from a surface that lacks them."""
 _MUCH = 2.5
-_ALONE = ((3, 6), (6, 6), (12, 5))
+_WHOLE_LIMITS = (0.3, 0.06)
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Fitted:
 
     `goal`: the goal in the source's pose; `matching`: pieces of both, None if none of them match; `ways`: where the
     source's vertices (V, 3) go, with folds and cuts: in the first place by the way that suits the nouns, `smooth`,
-    `axes` or `outline`, then by others.
+    `axes`, `side`, `outline` or `whole`, then by others.
     """
 
     source: Shape
@@ -85,13 +86,16 @@ class SourceFit:
         own, matching = self._own, matched(self._own, goal)
         planes = tuple(axis for axis in self._even if axis == 0 or is_even(goal.verts, goal.faces, axis))
         if not (matching.partner >= 0).any():
-            return self._finished(goal, None, {"smooth": _alone(own, goal, planes, landmarks)}, planes)
+            return self._finished(goal, None, {"smooth": _whole(own, goal, planes, landmarks)}, planes)
         cloud = cloud_of(own, matching)
         weights = self._piece_weights(matching.source)
         ways = started(own, goal, matching, cloud, weights, mirrored=0 in planes)
         if "pieces" in ways:
             codes = _Codes.of(own, goal, matching, weights)
             ways = {"smooth": _smooth(own, goal, matching, codes, ways["pieces"], planes, landmarks), **ways}
+        if is_tower(goal.noun):
+            near = next(ways[name] for name in ("outline", "axes", "smooth") if name in ways)
+            ways = {"whole": _whole(own.moved(near), goal, planes, landmarks, _WHOLE_LIMITS), **ways}
         return self._finished(goal, matching, ways, planes)
 
     def _piece_weights(self, pieces: Pieces) -> Floats:
@@ -199,10 +203,16 @@ def _smooth(
     )
 
 
-def _alone(own: Shape, goal: Shape, planes: tuple[int, ...], landmarks: tuple[Floats, Floats] | None) -> Floats:
-    """Fit a source smoothly where no parts are known."""
+def _whole(
+    own: Shape,
+    goal: Shape,
+    planes: tuple[int, ...],
+    landmarks: tuple[Floats, Floats] | None,
+    near: tuple[float, float] | None = None,
+) -> Floats:
+    """Fit a source smoothly, all to all; `near`: the limits for one that lies near already, and may lose its edges."""
     codes, goal_codes = np.zeros(len(own.faces), np.int64), np.zeros(len(goal.faces), np.int64)
-    built = is_built(own.noun) and is_built(goal.noun)
+    built = near is None and is_built(own.noun) and is_built(goal.noun)
     return smooth_fit(
         own.verts,
         own.faces,
@@ -212,6 +222,7 @@ def _alone(own: Shape, goal: Shape, planes: tuple[int, ...], landmarks: tuple[Fl
         goal_codes,
         planes=planes,
         built=built,
-        levels=_ALONE,
+        levels=LEVELS,
+        limits=near or LIMITS,
         landmarks=landmarks,
     )

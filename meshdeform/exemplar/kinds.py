@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 
-__all__ = ["is_boxed", "is_built", "is_figure", "is_living", "is_turned"]
+__all__ = ["is_boxed", "is_built", "is_figure", "is_living", "is_tower", "is_turned"]
 
 _LIVING = frozenset((*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]))
 _BUILT = frozenset((*NOUN_GROUPS["vehicles"], *NOUN_GROUPS["furniture"], *NOUN_GROUPS["buildings"]))
@@ -36,3 +36,8 @@ def is_boxed(noun: str) -> bool:
 def is_turned(noun: str) -> bool:
     """Return whether a noun is alike from all four sides."""
     return noun in TURNED
+
+
+def is_tower(noun: str) -> bool:
+    """Return whether a noun is a tall body about one upright axis, known by its outline and not by its parts."""
+    return noun in ("lighthouse", "rocket")

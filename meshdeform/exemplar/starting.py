@@ -2,6 +2,8 @@
 
 - What is built moves along each axis by itself (`axis_maps`), as the affine maps of its pieces would have it; its
   wheels go along, with one scale in their plane, and stay on the ground.
+- What rolls on wheels, as its goal does, takes the goal's outline seen from the side instead (`side_maps`), if the two
+  are not too unlike.
 - What is no animal and alike from all four sides, as its goal is, takes the goal's outline (`profiles`).
 - Else each piece goes to its partner, and the maps are blended (`affine_maps`, `blending`).
 """
@@ -19,8 +21,9 @@ from meshdeform.exemplar.kinds import is_boxed, is_built, is_living, is_turned
 from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, neighbours
 from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
+from meshdeform.exemplar.side_maps import by_side
 from meshdeform.exemplar.symmetry import quarter_asymmetry
-from meshdeform.nouns.labels import Floats
+from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["cloud_of", "piece_weights", "started"]
@@ -55,7 +58,7 @@ def piece_weights(own: Shape, pieces: Pieces) -> Floats:
 def started(
     own: Shape, goal: Shape, matching: Matching, cloud: Cloud, weights: Floats, *, mirrored: bool
 ) -> dict[str, Floats]:
-    """Return ways to bring a source near its goal: vertices (V, 3) by `axes` or `pieces`, and by the `outline`.
+    """Return ways to bring a source near its goal: vertices (V, 3) by `axes`, `side` or `pieces`, and by the `outline`.
 
     `weights` (V, G) are those of the pieces; `mirrored`: whether it is to stay its own mirror image.
     """
@@ -71,7 +74,12 @@ def started(
     maps = articulated(cloud, goal_cloud, names, matching.partner, ties, manner)
     ways = {}
     if all(map(is_built, nouns)):
-        ways["axes"] = _by_axes(own, matching, cloud, maps, weights, mirrored=mirrored)
+        wheels = [_faces_of(pieces, _ROUND) for pieces in (matching.source, matching.goal)]
+        side = by_side(own, goal, *wheels) if all(wheels) else None
+        if side is None:
+            ways["axes"] = _by_axes(own, matching, cloud, maps, weights, mirrored=mirrored)
+        else:
+            ways["side"] = side
     else:
         ways["pieces"] = blended(own.verts, maps, weights)
     if manner.straight and not manner.boxed and (all(map(is_turned, nouns)) or _is_lathed(own, goal)):
@@ -82,6 +90,11 @@ def started(
     for verts in ways.values():
         verts[idle] = own.verts[idle]
     return ways
+
+
+def _faces_of(pieces: Pieces, name: str) -> list[Index]:
+    """Return the faces of each piece of a name."""
+    return [np.flatnonzero(pieces.of_face == number) for number in pieces.named(name)]
 
 
 def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:
