@@ -9,7 +9,7 @@ probability of a noun is w over the sum of all w and that of none of them,
 and what is named has 300 (p + 0.01)^0.6 in place of its first factor, what is near to a name 8 (p + 0.01)^0.6. The
 three constants of w were fitted to 150 public assets, leaving out one author at a time to see what they are worth; of
 names that tell a noun, 95 % are right.
-What is held in a hand may also lie: its length is then the asset's longest axis.
+What is held in a hand may also lie, its length then being the asset's longest axis, or stand on its head.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _CONVENTION = 0.03
 """By which share other fronts must be better than +Z, which is where assets face by glTF's convention."""
 _HELD_NAMES = "axe banana bone bottle candle carrot corn dumbbell guitar hammer pan rocket shield sword torch umbrella"
 _HELD = frozenset(_HELD_NAMES.split())
-"""Nouns of things that may lie."""
+"""Nouns of things that may lie, or stand on their heads."""
 
 
 @dataclass(frozen=True)
@@ -121,13 +121,14 @@ class _Frames:
 
 
 def _lying(surface: Surface) -> list[Floats]:
-    """Return the turns that stand up an asset whose longest axis is level, either end up, to all four sides."""
+    """Return the turns that stand up an asset whose longest axis is level, either end up, to all four sides.
+
+    One whose longest axis is upright is stood on its head.
+    """
     axis = int(np.ptp(surface.used, axis=0).argmax())
-    if axis == 1:
-        return []
     turns = []
-    for sign in (1.0, -1.0):
-        up = sign * np.eye(3)[axis]
-        stand = np.stack([np.cross(up, [0.0, 1.0, 0.0]), up, [0.0, 1.0, 0.0]])
-        turns += [facing(front) @ stand for front in FRONTS]
+    for sign in (-1.0,) if axis == 1 else (1.0, -1.0):
+        up, front = sign * np.eye(3)[axis], np.array([0.0, 0.0, 1.0]) if axis == 1 else np.array([0.0, 1.0, 0.0])
+        stand = np.stack([np.cross(up, front), up, front])
+        turns += [facing(azimuth) @ stand for azimuth in FRONTS]
     return turns

@@ -63,6 +63,9 @@ __all__ = ["ExemplarRun", "start_exemplar"]
 _Floats = NDArray[np.float64]
 
 
+_AS_PROBABLE = 0.2
+"""Share of the probability of the noun that was read, from which the asset is the one that the prompt describes: most
+prompts with attributes are of what the asset is, and of the others the noun has next to none."""
 _VERTS = "verts"
 """The tensor of a checkpoint that is its shape, in the cameras' frame."""
 
@@ -87,7 +90,7 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
         pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
     with log.phase("parts"):
-        body = source_body(_as_turned(facts), job_input.readings, verts)
+        body = _read(_as_turned(facts), job_input, verts)
         reading = body.reader.reading
     known = ExemplarFacts(
         **vars(facts),
@@ -133,6 +136,25 @@ def _targets(facts: AssetFacts, job_input: RunInput, frame: Frame) -> dict[str, 
         )
         for name, file in sent.items()
     }
+
+
+def _read(facts: AssetFacts, job_input: RunInput, verts: _Floats | None) -> Body:
+    """Return the source, read as the noun whose parts the prompt describes, if that is not much less probable."""
+    body = source_body(facts, job_input.readings, verts)
+    noun = _described(facts, job_input)
+    reading = body.reader.reading if noun else None
+    if reading is None or reading.probabilities.get(noun, 0.0) < _AS_PROBABLE * reading.probability:
+        return body
+    named = replace(facts, params=facts.params.model_copy(update={"source_noun": noun}))
+    return source_body(named, job_input.readings, verts)
+
+
+def _described(facts: AssetFacts, job_input: RunInput) -> str:
+    """Return the noun of which the only prompt tells attributes; empty if there is none, or the source's is given."""
+    if facts.params.source_noun is not None or facts.params.prompts or any(n in job_input.files for n in TARGET_PARTS):
+        return ""
+    asked = parse(facts.request.prompt)
+    return asked.noun if asked.attributes else ""
 
 
 def _as_turned(facts: AssetFacts) -> AssetFacts:

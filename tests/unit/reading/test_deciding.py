@@ -50,3 +50,12 @@ def test_what_a_word_in_the_file_is_near_to_comes_into_question(mug: Surface) ->
     near = decide(mug, {"can": 0.5, "bowl": 0.3}, near=["mug"]).probabilities
     assert "mug" not in alone
     assert near["can"] < near["mug"] < decide(mug, {"can": 0.5, "bowl": 0.3}, named=["mug"]).probabilities["mug"]
+
+
+def test_what_is_held_may_stand_on_its_head() -> None:
+    member = labelled_member("hammer", (), np.random.default_rng(77))
+    upright = decide(Surface(member.verts, member.faces), {"hammer": 1.0})
+    assert upright.frame.turn[1] @ [0, 1, 0] == pytest.approx(1)
+    turned = decide(Surface(member.verts * [1, -1, -1], member.faces), {"hammer": 1.0})
+    assert turned.frame.turn[1] @ [0, -1, 0] == pytest.approx(1)
+    assert np.linalg.det(turned.frame.turn) == pytest.approx(1)
