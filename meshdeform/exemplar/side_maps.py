@@ -45,7 +45,7 @@ _TIMES, _GRID, _BEYOND, _SOFT = 8, (49, 37), 0.15, 1e-3
 _CELLS, _SMOOTH, _RATIOS = (40, 30), 7.0, (0.3, 3.0)
 _MOST_WIDE = 0.9
 _AROUND, _RING = 1.3, 16
-_RADII, _ACROSS = (0.75, 1.25), (0.7, 1.4)
+_RADII, _ACROSS = (0.9, 1.3), (0.7, 1.4)
 _ON_GROUND, _APART = 0.03, 0.1
 
 

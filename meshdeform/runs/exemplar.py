@@ -41,7 +41,7 @@ from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.reading import NO_PART
+from meshdeform.reading import NO_PART, Reading
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier, OrientationMode
 from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
@@ -90,8 +90,7 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
         pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
     with log.phase("parts"):
-        body = _read(_as_turned(facts), job_input, verts)
-        reading = body.reader.reading
+        body, reading = _read(_as_turned(facts), job_input, verts)
     known = ExemplarFacts(
         **vars(facts),
         frame=frame,
@@ -138,15 +137,18 @@ def _targets(facts: AssetFacts, job_input: RunInput, frame: Frame) -> dict[str, 
     }
 
 
-def _read(facts: AssetFacts, job_input: RunInput, verts: _Floats | None) -> Body:
+def _read(facts: AssetFacts, job_input: RunInput, verts: _Floats | None) -> tuple[Body, Reading | None]:
     """Return the source, read as the noun whose parts the prompt describes, if that is not much less probable."""
     body = source_body(facts, job_input.readings, verts)
-    noun = _described(facts, job_input)
-    reading = body.reader.reading if noun else None
-    if reading is None or reading.probabilities.get(noun, 0.0) < _AS_PROBABLE * reading.probability:
-        return body
+    noun, reading = _described(facts, job_input), body.reader.reading
+    if not noun or reading is None or reading.noun == noun:
+        return body, reading
+    if reading.probabilities.get(noun, 0.0) < _AS_PROBABLE * reading.probability:
+        return body, reading
     named = replace(facts, params=facts.params.model_copy(update={"source_noun": noun}))
-    return source_body(named, job_input.readings, verts)
+    body, probabilities = source_body(named, job_input.readings, verts), reading.probabilities
+    described = body.reader.reading
+    return body, None if described is None else replace(described, probabilities=probabilities)
 
 
 def _described(facts: AssetFacts, job_input: RunInput) -> str:

@@ -24,6 +24,7 @@ BALL = icosphere(2)
 ASSET = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
 GIRAFFE, SNAKE = np.array(FACTORS["giraffe"]), np.array(FACTORS["snake"])
 TOP = {"box": {"min": [-2, 0, -2], "max": [2, 2, 2]}}
+PROPOSED = {None: {"pumpkin": 0.6, "giraffe": 0.3}, "giraffe": {"giraffe": 1.0}}
 KNOWN: dict[str, Any] = {"guidance": "exemplar", "source_noun": "pumpkin", "orientation": 0.0}
 
 
@@ -243,6 +244,19 @@ def test_a_correction_of_parts_reaches_the_fit() -> None:
     assert labels is not None
     assert (labels == PART_NAMES.index("horn")).sum() > 50
     assert labels[0] == NO_PART  # no noun has such a part
+
+
+@pytest.mark.parametrize(("share", "noun"), [(0.01, "giraffe"), (1e9, "pumpkin")])
+def test_what_a_prompt_describes_is_believed_where_it_may_be(
+    share: float, noun: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proposed = "meshdeform.runs.reading._proposed"
+    monkeypatch.setattr(proposed, lambda _points, _body, params: PROPOSED[params.source_noun])
+    monkeypatch.setattr("meshdeform.runs.exemplar._AS_PROBABLE", share)
+    told = report("a tall giraffe", source_noun=None)["reading"]
+    assert told["noun"] == noun
+    assert len(told["nouns"]) == 2
+    assert report("a giraffe", source_noun=None)["reading"]["noun"] == "pumpkin"
 
 
 def test_keep_is_the_front_of_the_file() -> None:
