@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.fitting import fit
@@ -67,3 +68,12 @@ def test_level_faces_of_what_is_built_stay_level() -> None:
     level = np.ptp(chair.verts[chair.faces][..., 1], axis=1) < 1e-6
     assert level.sum() > 10
     assert np.ptp(fitted.ways["axes"][chair.faces[level]][..., 1], axis=1).max() < 1e-6
+
+
+def test_a_bottle_becomes_a_rocket_as_a_whole() -> None:
+    bottle, rocket = shape_of("bottle"), shape_of("rocket")
+    ways = fit(bottle, rocket).ways
+    assert next(iter(ways)) == "whole"
+    goal = cKDTree(spread(rocket.verts, rocket.faces, 6000, 0).places)
+    away = {name: goal.query(verts)[0].mean() for name, verts in ways.items()}
+    assert min(away, key=away.__getitem__) == "whole"
