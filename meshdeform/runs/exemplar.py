@@ -38,9 +38,10 @@ from meshdeform.exemplar.smooth_fit import smooth_fit
 from meshdeform.exemplar.symmetry import symmetry_axes
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
+from meshdeform.nouns.solids import part_label
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.reading import NO_PART, Reading
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier, OrientationMode
@@ -138,25 +139,28 @@ def _targets(facts: AssetFacts, job_input: RunInput, frame: Frame) -> dict[str, 
 
 
 def _read(facts: AssetFacts, job_input: RunInput, verts: _Floats | None) -> tuple[Body, Reading | None]:
-    """Return the source, read as the noun whose parts the prompt describes, if that is not much less probable."""
+    """Return the source, read as what the prompt describes, if that is not much less probable and has the parts."""
     body = source_body(facts, job_input.readings, verts)
-    noun, reading = _described(facts, job_input), body.reader.reading
-    if not noun or reading is None or reading.noun == noun:
+    asked, reading = _described(facts, job_input), body.reader.reading
+    if asked is None or reading is None or reading.noun == asked.noun:
         return body, reading
-    if reading.probabilities.get(noun, 0.0) < _AS_PROBABLE * reading.probability:
+    if reading.probabilities.get(asked.noun, 0.0) < _AS_PROBABLE * reading.probability:
         return body, reading
-    named = replace(facts, params=facts.params.model_copy(update={"source_noun": noun}))
-    body, probabilities = source_body(named, job_input.readings, verts), reading.probabilities
-    described = body.reader.reading
-    return body, None if described is None else replace(described, probabilities=probabilities)
+    named = replace(facts, params=facts.params.model_copy(update={"source_noun": asked.noun}))
+    other = source_body(named, job_input.readings, verts)
+    described = other.reader.reading
+    parts = {part_label(each.part) for each in asked.attributes if each.part != "whole"}
+    if described is None or not parts <= set(described.parts):
+        return body, reading
+    return other, replace(described, probabilities=reading.probabilities)
 
 
-def _described(facts: AssetFacts, job_input: RunInput) -> str:
-    """Return the noun of which the only prompt tells attributes; empty if there is none, or the source's is given."""
+def _described(facts: AssetFacts, job_input: RunInput) -> ParsedPrompt | None:
+    """Return the only prompt if it tells attributes of its noun; None if it does not, or the source's is given."""
     if facts.params.source_noun is not None or facts.params.prompts or any(n in job_input.files for n in TARGET_PARTS):
-        return ""
+        return None
     asked = parse(facts.request.prompt)
-    return asked.noun if asked.attributes else ""
+    return asked if asked.attributes else None
 
 
 def _as_turned(facts: AssetFacts) -> AssetFacts:
