@@ -38,22 +38,21 @@ from meshdeform.exemplar.smooth_fit import smooth_fit
 from meshdeform.exemplar.symmetry import symmetry_axes
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
-from meshdeform.nouns.solids import part_label
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
-from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
-from meshdeform.reading import NO_PART, Reading
+from meshdeform.priors.builtin.grammar import parse
+from meshdeform.reading import NO_PART
 from meshdeform.rendering.cameras import Frame
-from meshdeform.requests.choices import Carrier, OrientationMode
+from meshdeform.requests.choices import Carrier
 from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
+from meshdeform.runs.believed import believed_source
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.exemplar_control import Controls
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import DIGITS, ExemplarFacts, Fit, exemplar_report
 from meshdeform.runs.goals import SilhouetteFit, TargetFit
-from meshdeform.runs.plain_change import source_body
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import shape_id
@@ -63,10 +62,6 @@ __all__ = ["ExemplarRun", "start_exemplar"]
 
 _Floats = NDArray[np.float64]
 
-
-_AS_PROBABLE = 0.2
-"""Share of the probability of the noun that was read, from which the asset is the one that the prompt describes: most
-prompts with attributes are of what the asset is, and of the others the noun has next to none."""
 _VERTS = "verts"
 """The tensor of a checkpoint that is its shape, in the cameras' frame."""
 
@@ -91,7 +86,7 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
         pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
     with log.phase("parts"):
-        body, reading = _read(_as_turned(facts), job_input, verts)
+        body, reading = believed_source(facts, job_input, verts)
     known = ExemplarFacts(
         **vars(facts),
         frame=frame,
@@ -136,38 +131,6 @@ def _targets(facts: AssetFacts, job_input: RunInput, frame: Frame) -> dict[str, 
         )
         for name, file in sent.items()
     }
-
-
-def _read(facts: AssetFacts, job_input: RunInput, verts: _Floats | None) -> tuple[Body, Reading | None]:
-    """Return the source, read as what the prompt describes, if that is not much less probable and has the parts."""
-    body = source_body(facts, job_input.readings, verts)
-    asked, reading = _described(facts, job_input), body.reader.reading
-    if asked is None or reading is None or reading.noun == asked.noun:
-        return body, reading
-    if reading.probabilities.get(asked.noun, 0.0) < _AS_PROBABLE * reading.probability:
-        return body, reading
-    named = replace(facts, params=facts.params.model_copy(update={"source_noun": asked.noun}))
-    other = source_body(named, job_input.readings, verts)
-    described = other.reader.reading
-    parts = {part_label(each.part) for each in asked.attributes if each.part != "whole"}
-    if described is None or not parts <= set(described.parts):
-        return body, reading
-    return other, replace(described, probabilities=reading.probabilities)
-
-
-def _described(facts: AssetFacts, job_input: RunInput) -> ParsedPrompt | None:
-    """Return the only prompt if it tells attributes of its noun; None if it does not, or the source's is given."""
-    if facts.params.source_noun is not None or facts.params.prompts or any(n in job_input.files for n in TARGET_PARTS):
-        return None
-    asked = parse(facts.request.prompt)
-    return asked if asked.attributes else None
-
-
-def _as_turned(facts: AssetFacts) -> AssetFacts:
-    """Return facts with the front that `keep` means, +Z, which a reading takes for none."""
-    if facts.params.orientation is not OrientationMode.KEEP:
-        return facts
-    return replace(facts, params=facts.params.model_copy(update={"orientation": 0.0}))
 
 
 class ExemplarRun(JobRun):

@@ -28,6 +28,7 @@ from meshdeform.reading import Reading
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
+from meshdeform.runs.believed import believed_source
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
@@ -181,9 +182,9 @@ def _described(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: 
     """
     if has_controls(facts.params):
         return None
-    body = source_body(facts, job_input.readings)
     with log.phase("parts"):
-        read = Recognition("", 0.0).with_reading(body.reader.reading)
+        body, reading = believed_source(facts, job_input)
+        read = Recognition("", 0.0).with_reading(reading)
     if read.noun != sentence.noun:
         return None
     try:

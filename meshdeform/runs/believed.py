@@ -1,0 +1,62 @@
+"""Read the source of a run with the help of its prompt: who asks for a rhino's long horns has sent a rhino."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshdeform.nouns.solids import part_label
+from meshdeform.plain.body import Body
+from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
+from meshdeform.reading import Reading
+from meshdeform.requests.choices import OrientationMode
+from meshdeform.requests.parameters import TARGET_PARTS
+from meshdeform.runs.base import RunInput
+from meshdeform.runs.plain_change import source_body
+from meshdeform.runs.text_report import AssetFacts
+
+__all__ = ["believed_source"]
+
+_AS_PROBABLE = 0.2
+"""Share of the probability of the noun that was read, from which the asset is the one that the prompt describes: most
+prompts with attributes are of what the asset is, and of the others the noun has next to none."""
+
+
+def believed_source(
+    facts: AssetFacts, job_input: RunInput, verts: NDArray[np.float64] | None = None
+) -> tuple[Body, Reading | None]:
+    """Return the source of a run, and its reading: as what the prompt describes, if it may be that and has the parts.
+
+    `verts` (V, 3) float64: where the welded vertices are, if not at rest.
+    """
+    facts = _as_turned(facts)
+    body = source_body(facts, job_input.readings, verts)
+    asked, reading = _described(facts, job_input), body.reader.reading
+    if asked is None or reading is None or reading.noun == asked.noun:
+        return body, reading
+    if reading.probabilities.get(asked.noun, 0.0) < _AS_PROBABLE * reading.probability:
+        return body, reading
+    named = replace(facts, params=facts.params.model_copy(update={"source_noun": asked.noun}))
+    other = source_body(named, job_input.readings, verts)
+    described = other.reader.reading
+    parts = {part_label(each.part) for each in asked.attributes if each.part != "whole"}
+    if described is None or not parts <= set(described.parts):
+        return body, reading
+    return other, replace(described, probabilities=reading.probabilities)
+
+
+def _described(facts: AssetFacts, job_input: RunInput) -> ParsedPrompt | None:
+    """Return the only prompt if it tells attributes of its noun; None if it does not, or the source's is given."""
+    if facts.params.source_noun is not None or facts.params.prompts or any(n in job_input.files for n in TARGET_PARTS):
+        return None
+    asked = parse(facts.request.prompt)
+    return asked if asked.attributes else None
+
+
+def _as_turned(facts: AssetFacts) -> AssetFacts:
+    """Return facts with the front that `keep` means, +Z, which a reading takes for none."""
+    if facts.params.orientation is not OrientationMode.KEEP:
+        return facts
+    return replace(facts, params=facts.params.model_copy(update={"orientation": 0.0}))
