@@ -34,7 +34,7 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import Samples, spread
 
-__all__ = ["Manner", "SurfaceGoal", "surface_fit"]
+__all__ = ["Manner", "SurfaceGoal", "laplacian_of", "nodes_of", "surface_fit"]
 
 _SCALE = 1 / 400
 _NORMAL, _COSINE, _APART = 0.1, 0.1, 4.0
@@ -118,7 +118,7 @@ class _SurfaceFit:
         self._rest, self._manner, self._diagonal = verts, manner, max(diagonal, _TINY)
         fitted = codes >= 0
         self._faces, self._codes = faces[fitted], codes[fitted]
-        nodes = _nodes(verts, faces)
+        nodes = nodes_of(verts, faces)
         places = nodes.mean @ verts
         free = np.zeros(len(verts), bool)
         free[self._faces] = True
@@ -126,7 +126,7 @@ class _SurfaceFit:
         self._spread = (sparse.diags(free.astype(float)) @ nodes.weights[:, moving]).tocsr()
         # As many as there would be on the whole surface.
         self._count = len(places) * area / max(_area(verts, faces), _TINY)
-        laplacian = _laplacian(places, nodes, self._diagonal)[:, moving]
+        laplacian = laplacian_of(places, nodes, self._diagonal)[:, moving]
         self._smooth = (laplacian.T @ laplacian * (_SCALE / self._count)).tocsc()
         self._goal = goal
         self._features = self._described(goal.samples.places, goal.samples.normals, goal.codes)
@@ -195,7 +195,7 @@ class _Nodes(NamedTuple):
     components: Index
 
 
-def _nodes(verts: Floats, faces: Index) -> _Nodes:
+def nodes_of(verts: Floats, faces: Index) -> _Nodes:
     """Return the vertices as nodes, or fewer nodes for many."""
     count = len(verts)
     edges = np.unique(np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1), axis=0)
@@ -245,7 +245,7 @@ def _vertex_normals(verts: Floats, faces: Index) -> Floats:
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
-def _laplacian(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_matrix:
+def laplacian_of(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_matrix:
     """Return the Laplacian (M, M) of the displacements of the nodes, times the diagonal over the mean edge."""
     count = len(places)
     edges = np.concatenate([nodes.edges, _touching(places, nodes.components, diagonal)])
