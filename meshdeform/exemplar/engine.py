@@ -16,8 +16,9 @@ With a strength below 1 the asset goes that share of the way, and what breaks on
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -56,13 +57,17 @@ class Stage:
 
 @dataclass
 class _Way:
-    """Where one exemplar takes the asset: vertices (V, 3) in the frame, before mending, and what it was."""
+    """Where one exemplar takes the asset: vertices (V, 3) in the frame, before mending, and what it was.
+
+    `last`: what is still to be done to the vertices if the way is taken.
+    """
 
     verts: Floats
     told: Mapping[str, object]
     goal: Shape
     matching: Matching | None = None
     merit: float | None = None
+    last: Callable[[Floats], Floats] | None = None
 
 
 class ExemplarFit:
@@ -139,7 +144,13 @@ class ExemplarFit:
             return [_Way(verts, {**exemplar.told, "way": "target"}, goal)]
         fitted = self._fit.fit(goal, landmarks=landmarks)
         return [
-            _Way(verts, {**exemplar.told, "way": name}, fitted.goal, fitted.matching)
+            _Way(
+                verts,
+                {**exemplar.told, "way": name},
+                fitted.goal,
+                fitted.matching,
+                last=partial(self._fit.relaxed, fitted) if name == "smooth" else None,
+            )
             for name, verts in fitted.ways.items()
         ]
 
@@ -157,7 +168,8 @@ class ExemplarFit:
         rest, faces, strength = self.source.verts, self.source.faces, self._wish.strength
         best, done = ways[0], None
         for way in ways[:_MENDED]:
-            now = mended(rest, rest + strength * (way.verts - rest), faces)
+            verts = way.verts if way.last is None else way.last(way.verts)
+            now = mended(rest, rest + strength * (verts - rest), faces)
             if done is None or now.kept > done.kept:
                 best, done = way, now
             if done.kept >= _ENOUGH:

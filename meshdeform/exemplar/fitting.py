@@ -5,7 +5,8 @@
 3. What came there piece by piece is fitted smoothly, like pieces to like pieces (`smooth_fit`). What only the
    goal has counts with the piece from which it grows, with limits three times as wide.
 4. A rocket or a lighthouse is hardly its parts: what was brought near it is fitted as a whole, all to all.
-5. Faces that turned over or cut others are mended (`mending`).
+5. It slides along the goal until it is distorted less (`relaxing`), but for what is built.
+6. Faces that turned over or cut others are mended (`mending`).
 
 The plate on which an asset stands is left as it is. Without any matched piece there is only the smooth fit.
 """
@@ -21,12 +22,14 @@ from meshdeform.exemplar.growth import grown
 from meshdeform.exemplar.kinds import is_built, is_tower
 from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, matched
+from meshdeform.exemplar.relaxing import relaxed
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import LEVELS, LIMITS, smooth_fit
 from meshdeform.exemplar.starting import cloud_of, piece_weights, started
 from meshdeform.exemplar.symmetry import evened, is_even
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND
+from meshdeform.reading.samples import hidden, resampled
 
 __all__ = ["Fitted", "SourceFit", "fit"]
 
@@ -84,7 +87,7 @@ class SourceFit:
     def fit(self, goal: Shape, *, landmarks: tuple[Floats, Floats] | None = None) -> Fitted:
         """Fit the source to a goal in its frame."""
         own, matching = self._own, matched(self._own, goal)
-        planes = tuple(axis for axis in self._even if axis == 0 or is_even(goal.verts, goal.faces, axis))
+        planes = self._planes(goal)
         if not (matching.partner >= 0).any():
             return self._finished(goal, None, {"smooth": _whole(own, goal, planes, landmarks)}, planes)
         cloud = cloud_of(own, matching)
@@ -97,6 +100,9 @@ class SourceFit:
             near = next(ways[name] for name in ("outline", "axes", "smooth") if name in ways)
             ways = {"whole": _whole(own.moved(near), goal, planes, landmarks, _WHOLE_LIMITS), **ways}
         return self._finished(goal, matching, ways, planes)
+
+    def _planes(self, goal: Shape) -> tuple[int, ...]:
+        return tuple(axis for axis in self._even if axis == 0 or is_even(goal.verts, goal.faces, axis))
 
     def _piece_weights(self, pieces: Pieces) -> Floats:
         """Return the weights of pieces, which are mostly the same for all goals."""
@@ -111,11 +117,20 @@ class SourceFit:
         self, goal: Shape, matching: Matching | None, ways: dict[str, Floats], planes: tuple[int, ...]
     ) -> Fitted:
         """Return a fit in which mirror images stay such, and the ground stays."""
+        return Fitted(self.source, goal, matching, {name: self._even_over(each, planes) for name, each in ways.items()})
+
+    def _even_over(self, verts: Floats, planes: tuple[int, ...]) -> Floats:
         ground = np.unique(self.source.faces[~self._standing])
-        even = {name: evened(self._own.verts, verts, planes) for name, verts in ways.items()}
-        for verts in even.values():
-            verts[ground] = self.source.verts[ground]
-        return Fitted(self.source, goal, matching, even)
+        even = evened(self._own.verts, verts, planes)
+        even[ground] = self.source.verts[ground]
+        return even
+
+    def relaxed(self, fitted: Fitted, verts: Floats) -> Floats:
+        """Return the vertices (V, 3) of a smooth way along which the surface slid; what is built is left as it is."""
+        own, goal = self._own, fitted.goal
+        if is_built(own.noun) or is_built(goal.noun):
+            return verts
+        return self._even_over(relaxed(own.verts, verts, own.faces, goal.verts, _seen(goal)), self._planes(goal))
 
 
 @dataclass(frozen=True)
@@ -160,6 +175,15 @@ class _Codes:
                 if goal_areas[matching.goal.of_face == partner].sum() > _MUCH * area:
                     much.add(piece)
         return much
+
+
+def _seen(goal: Shape) -> Index:
+    """Return the faces (F, 3) of a goal that do not lie inside another of its solids."""
+    if goal.solids is None:
+        return goal.faces
+    count = len(goal.faces)
+    middles = resampled(goal.verts, goal.faces, np.arange(count), np.full((count, 3), 1 / 3))
+    return goal.faces[~hidden(middles, goal.solids)]
 
 
 def _smooth(

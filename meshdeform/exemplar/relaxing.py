@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
+from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.surface_fit import laplacian_of, nodes_of
 from meshdeform.geometry.folds import area_vectors
@@ -35,6 +36,8 @@ _SAMPLES, _ROUNDS = 5000, 8
 _DISTORTION, _STIFFNESS, _LIMITS = 3e-5, 1 / 400, (0.05, 0.02)
 _COSINE, _ALONG, _ACROSS = 0.1, 0.001, 0.2
 _LEAST = 0.05
+_RIM, _RIMS = 0.012, 0.1
+"""Distance of vertices on open borders that stay together, a share of the diagonal, and how much that counts."""
 _STEPS, _ENOUGH, _SHORTEST = 60, 1e-4, 0.1
 _FLAT = 1e-6
 _TINY = 1e-30
@@ -101,6 +104,8 @@ class _Relaxing:
         places = nodes.mean @ start
         laplacian = laplacian_of(places, nodes, self._diagonal)
         bending = laplacian.T @ laplacian * (stiffness * _STIFFNESS / len(places) / self._diagonal**2)
+        across = _across_rims(rest, faces) @ nodes.weights
+        bending += across.T @ across * (_RIMS / max(across.shape[0], 1) / self._diagonal**2)
         self._spread = sparse.kron(nodes.weights, sparse.identity(3), format="csr")
         self._smooth = sparse.kron(bending, sparse.identity(3), format="csr")
         self._gone = np.zeros(3 * len(places))
@@ -203,6 +208,18 @@ class _Relaxing:
         return sparse.vstack([distorted, tied], format="csr"), np.concatenate(
             [(root[:, :, None] * goals).ravel(), gaps]
         )
+
+
+def _across_rims(rest: Floats, faces: Index) -> sparse.csr_matrix:
+    """Return rows (P, V) that take vertices to the differences of those on open borders that are near at rest."""
+    edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1)
+    edges, count = np.unique(edges, axis=0, return_counts=True)
+    rims = np.unique(edges[count == 1])
+    reach = _RIM * float(np.linalg.norm(np.ptp(rest[np.unique(faces)], axis=0)))
+    pairs = rims[cKDTree(rest[rims]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
+    number = np.repeat(np.arange(len(pairs)), 2)
+    signs = np.tile([1.0, -1.0], len(pairs))
+    return sparse.csr_matrix((signs, (number, pairs.ravel())), (len(pairs), len(rest)))
 
 
 def _solved(matrix: sparse.csr_matrix, right: Floats) -> Floats:
