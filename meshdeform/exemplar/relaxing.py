@@ -8,6 +8,8 @@ there, each round takes a step that lowers
     k mean a [(s_1^2 + s_2^2 + s_1^-2 + s_2^-2) / 4 + |n . J|^2]
     + mean w (n . r)^2 / D^2  +  b (D / e)^2 / (400 V) |L^2 d|^2 / D^2
 
+    + 0.1 mean over pairs |d_i - d_j|^2 / D^2 of vertices on open borders that are near at rest
+
 w = 1 / sqrt(1 + (2 |r| / l)^2) where normals have a product above 0.1 and |r| < l. For the step, the stretches are
 replaced by squares with the same slope: with u_i the directions in which a face is stretched, R the nearest isometry
 and f the energy, sum_i f'(s_i) / (2 (s_i - 1)) (u_i . (J - R))^2.
@@ -153,10 +155,10 @@ class _Relaxing:
         length, before = 1.0, self._energy(now, np.zeros_like(now), ties) + self._bent(self._gone)
         while length > _SHORTEST:
             gone = self._gone + length * change
-            step = (self._spread @ (length * change)).reshape(-1, 3)
+            step = np.asarray(self._spread @ (length * change)).reshape(-1, 3)
             if self._energy(now, step, ties) + self._bent(gone) < before:
                 self._gone = gone
-                return now + step
+                return np.asarray(now + step)
             length *= 0.5
         return now
 
@@ -251,4 +253,4 @@ def _normals(verts: Floats, faces: Index) -> Floats:
 
 def _tree(verts: Floats, faces: Index, normals: Floats) -> SurfaceTree:
     diagonal = max(float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0))), _TINY)
-    return SurfaceTree(verts, faces, normals, spacing=0.02 * diagonal, opposite=0.1 * diagonal, slack=0.2)
+    return SurfaceTree(verts, faces, normals, spacing=0.02 * diagonal, opposite=0.1 * diagonal)

@@ -60,3 +60,15 @@ def test_faces_without_area_do_not_count() -> None:
     faces = np.concatenate([_FACES, [[0, 0, 1]]])
     moved = relaxed(_VERTS, _slid(_VERTS, 0.3), faces, _VERTS, _FACES)
     assert np.isfinite(moved).all()
+
+
+def test_a_slit_stays_closed() -> None:
+    right = (_VERTS[_FACES].mean(1)[:, 0] > 0)[:, None]
+    halves = np.concatenate([_VERTS, _VERTS])
+    faces = np.where(right, _FACES, _FACES + len(_VERTS))
+    seam = np.intersect1d(_FACES[right[:, 0]], _FACES[~right[:, 0]])
+    start = np.concatenate([_slid(_VERTS, 0.3), _slid(_VERTS, 0.3)])
+    moved = relaxed(halves, start, faces, _FINE.verts.numpy(), _FINE.faces.numpy(), stiffness=0.01)
+    step = moved - start
+    assert np.linalg.norm(step[seam], axis=1).max() > 1e-3
+    assert np.linalg.norm(step[seam] - step[seam + len(_VERTS)], axis=1).max() < 5e-3
