@@ -86,7 +86,7 @@ def batch(
             seeds=range(first, first + seeds) if seeds else (),
             output=written(ctx, "output"),
             known_names=ledger.known_names(),
-            check=(lambda _request, _has_target: None) if place.url else _checker(),
+            check=(lambda request, _has_target: request) if place.url else _checker(),
         )
         if repeated:
             note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=printed.quiet)
@@ -128,14 +128,21 @@ def _entries(source: Path, prompts: Sequence[str], prompts_file: Path | None) ->
 
 
 def _checker() -> Any:
-    """Return a check that refuses a row that cannot run on this machine, without importing torch."""
+    """Return a check that refuses a row that cannot run on this machine, without importing torch.
+
+    It returns the request with its kind of guidance; a service decides that itself.
+    """
     require("torch", "deform")
     from meshdeform.cli.local import check_locally
+    from meshdeform.requests.default_kind import with_kind
 
     settings = load_settings()
 
-    def check(request: JobRequest, has_target: bool) -> None:
-        check_locally(request, settings, ["asset", "target"] if has_target else ["asset"])
+    def check(request: JobRequest, has_target: bool) -> JobRequest:
+        files = ["asset", "target"] if has_target else ["asset"]
+        request = with_kind(request, settings.model, files)
+        check_locally(request, settings, files)
+        return request
 
     return check
 

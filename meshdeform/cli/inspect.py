@@ -75,6 +75,7 @@ def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, So
     from meshdeform.assets import Limits, load_asset
     from meshdeform.assets.bundle import read_with_files
     from meshdeform.requests.choices import BackdropMode
+    from meshdeform.requests.default_kind import with_kind
     from meshdeform.requests.document import resolve
     from meshdeform.runs.base import sha256_hex
     from meshdeform.runs.kept_readings import FolderReadings
@@ -83,6 +84,7 @@ def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, So
     settings, limits = load_settings(), Limits.from_settings(load_settings())
     guidance = {name: value for name, value in params.get("guidance", {}).items() if name != "prompts"}
     request = make_request("taller", {**params, "guidance": guidance})  # any change: it needs no model
+    request = with_kind(request, settings.model, ["asset"])
     check_locally(request, settings, ["asset"])
     resolved = resolve(request.params, default_model=settings.model)
     resolved = resolved.model_copy(update={"exclude": (), "backdrop": BackdropMode.LEAVE})  # all of it is shown

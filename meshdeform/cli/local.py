@@ -74,6 +74,12 @@ class LocalJob:
     _step: tuple[int, int] | None = field(default=None, init=False)
     _saved_step: int | None = field(default=None, init=False)
 
+    def __post_init__(self) -> None:
+        """Decide the kind of guidance of a request that names none."""
+        from meshdeform.requests.default_kind import with_kind
+
+        self.request = with_kind(self.request, self.settings.model, self.files)
+
     def check(self, *, force: bool = False, also: Sequence[Path] = ()) -> None:
         """Refuse, without torch, what could not run here, and unless with `force` to lose a file.
 

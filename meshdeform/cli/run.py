@@ -85,7 +85,7 @@ def run(
 
     meshdeform run examples/sphere.glb --target examples/vase.glb --set laplacian_weight=0.3
 
-    meshdeform run service/web/examples/animal.glb "a giraffe" --guidance exemplar
+    meshdeform run examples/sphere.glb "a mushroom" --guidance sds --preset preview
 
     meshdeform run examples/sphere.glb "a mushroom" --url http://127.0.0.1:8765 -o mushroom
     """
@@ -93,13 +93,8 @@ def run(
     kind = JobKind(job.pop("kind", JobKind.TEXT_DEFORM))
     if animate is not None:
         check_animation(animate, "--animate")
-    pictures, also = parse_pictures(silhouette), written(ctx).get("guidance", {}).get("prompts")
-    options: dict[str, Any] = {
-        **({"guidance": "target" if len(target) == 1 else "exemplar"} if target else {}),
-        **({"guidance": "silhouettes"} if silhouette and not (prompt or also or target) else {}),
-        "silhouettes": pictures.views or None,
-    }
-    params = merge_params(ctx, param, **options)
+    pictures = parse_pictures(silhouette)
+    params = merge_params(ctx, param, silhouettes=pictures.views or None)
     outputs = written(ctx, "output")
     if "morph_path" in outputs:
         outputs["morph"] = True

@@ -388,6 +388,8 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     `document`: as stored in the record.
     """
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
+    if kind == JobKind.TEXT_DEFORM:
+        params = _with_guidance_of_its_time(params)
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
     if model is None:
         raise UnreadableJobError(f"The stored request cannot be read here: there is no kind of job {kind!r}.")
@@ -401,6 +403,17 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
         return _with_rig_of_its_time(read_unbounded(JobRequest, {**document, **read}), document)
     except ValidationError as error:
         raise UnreadableJobError(f"The stored request cannot be read here: {first_problem(error)}.") from error
+
+
+def _with_guidance_of_its_time(params: Any) -> Any:
+    """Return stored parameters with a kind of guidance.
+
+    Requests name it when they are stored. Those without it are older, and it was `sds` then.
+    """
+    guidance = params.get("guidance", {}) if isinstance(params, Mapping) else None
+    if not isinstance(guidance, Mapping) or "kind" in guidance:
+        return params
+    return {**params, "guidance": {"kind": GuidanceKind.SDS.value, **guidance}}
 
 
 def _with_rig_of_its_time(request: JobRequest, document: Mapping[str, Any]) -> JobRequest:

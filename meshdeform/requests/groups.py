@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from meshdeform.requests.choices import GuidanceKind
-from meshdeform.requests.parameters import GUIDANCES, CommonParams, Control
+from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, Control, OpenGuidance
 
 PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     **dict.fromkeys(CommonParams.model_fields, ("", ())),
@@ -23,10 +23,13 @@ PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
 }
 """The group of each parameter, empty for those that are in none, and for `guidance` the kinds that have it."""
 
+_TAGS: dict[str, type[BaseModel]] = {**{kind.value: model for kind, model in GUIDANCES.items()}, OPEN: OpenGuidance}
+"""What pydantic adds to the path of guidance, and the model of each."""
+
 
 def plain_place(place: Sequence[Any]) -> list[Any]:
     """Return a place in a request without the kind of guidance, which pydantic adds to the path of a union's member."""
-    tagged = list(place[:2]) == ["params", "guidance"] and place[2:3] and place[2] in list(GuidanceKind)
+    tagged = list(place[:2]) == ["params", "guidance"] and place[2:3] and place[2] in _TAGS
     return [*place[:2], *place[3:]] if tagged else list(place)
 
 
@@ -66,9 +69,10 @@ def grouped(params: Mapping[str, Any]) -> dict[str, Any]:
 def without_unused(params: Mapping[str, Any]) -> dict[str, Any]:
     """Return grouped parameters without those that only another kind of guidance has."""
     guidance = params.get("guidance")
-    used = GUIDANCES.get(guidance.get("kind", GuidanceKind.SDS)) if isinstance(guidance, Mapping) else None
-    if used is None or not isinstance(guidance, Mapping):
+    kind = guidance.get("kind") if isinstance(guidance, Mapping) else None
+    if not isinstance(guidance, Mapping) or kind not in list(GuidanceKind):
         return dict(params)
+    used = GUIDANCES[kind]
     # Unknown names are refused, not dropped.
     own = {name: value for name, value in guidance.items() if name in used.model_fields or name not in PLACES}
     return {**params, "guidance": own}
@@ -105,7 +109,7 @@ def _unknown(place: Sequence[Any], model: type[BaseModel]) -> str:
         return advice
     inner: type[BaseModel] | None = model
     for step in place[:-1]:
-        inner = GUIDANCES[step] if step in list(GuidanceKind) else _model_of(inner, step) if inner is not None else None
+        inner = _TAGS[step] if step in _TAGS else _model_of(inner, step) if inner is not None else None
     return did_you_mean(str(place[-1]), inner.model_fields if inner is not None else ())
 
 

@@ -69,6 +69,7 @@ __all__ = [
     "MAX_STEPS",
     "MAX_TARGETS",
     "OF_OPTIMISER",
+    "OPEN",
     "OVERRIDES",
     "SILHOUETTE_PARTS",
     "TARGET_PARTS",
@@ -76,6 +77,7 @@ __all__ = [
     "DeformParams",
     "ExemplarGuidance",
     "Family",
+    "OpenGuidance",
     "Prompt",
     "PromptGuidance",
     "ResolvedParams",
@@ -571,7 +573,10 @@ class PromptGuidance(PromptParams):
     """A diffusion model and the prompt."""
 
     kind: Literal["sds"] = Field(
-        "sds", description="Kind of guidance.", examples=["sds"], json_schema_extra=_AS_GUIDANCE
+        description="Kind of guidance: `exemplar`, `sds`, `target` or `silhouettes`. Default: by what else is sent; of "
+        "a prompt alone, `exemplar`.",
+        examples=["sds"],
+        json_schema_extra=_AS_GUIDANCE,
     )
 
 
@@ -599,9 +604,19 @@ class ExemplarGuidance(ExemplarParams):
     )
 
 
+class OpenGuidance(ExemplarParams, TargetParams, PromptParams):
+    """Options without a `kind`, which they, the files and the prompt decide: of a prompt alone, `exemplar`."""
+
+
+OPEN = "open"
+"""The tag of guidance without a kind."""
+
+
 def _kind_of_guidance(value: Any) -> str | None:
-    """Return the kind of guidance of a value; None if it is none."""
-    kind = value.get("kind", "sds") if isinstance(value, Mapping) else getattr(value, "kind", None)
+    """Return the kind of guidance of a value, `OPEN` of one without a kind; None if it is none."""
+    if isinstance(value, OpenGuidance):
+        return OPEN
+    kind = value.get("kind", OPEN) if isinstance(value, Mapping) else getattr(value, "kind", None)
     return kind if isinstance(kind, str) else None
 
 
@@ -609,7 +624,8 @@ Guidance = Annotated[
     Annotated[PromptGuidance, Tag("sds")]
     | Annotated[TargetGuidance, Tag("target")]
     | Annotated[SilhouetteGuidance, Tag("silhouettes")]
-    | Annotated[ExemplarGuidance, Tag("exemplar")],
+    | Annotated[ExemplarGuidance, Tag("exemplar")]
+    | Annotated[OpenGuidance, Tag(OPEN)],
     Discriminator(
         _kind_of_guidance,
         custom_error_type="guidance_kind",
@@ -622,11 +638,12 @@ class DeformParams(CommonParams):
     """The parameters of a deformation as a user writes them; the rest comes from the preset."""
 
     guidance: Guidance = Field(
-        default_factory=PromptGuidance,
-        description="Guidance of the deformation, by `kind`: `sds` (a diffusion model and the prompt, the default), "
-        "`target` (a second mesh, sent as the part `target`), `silhouettes` (pictures alone) or `exemplar` (what the "
-        "prompt's noun stands for, part to part).",
-        examples=[{"guidance_scale": 50.0}, {"kind": "target"}],
+        default_factory=OpenGuidance,
+        description="Guidance of the deformation, by `kind`: `exemplar` (what the prompt's noun stands for, part to "
+        "part), `sds` (a diffusion model and the prompt), `target` (a second mesh, sent as the part `target`) or "
+        "`silhouettes` (pictures alone). Default: the first that fits the files and the prompt and has every option "
+        "that was sent ([Which kind](parameters.md#which-kind)).",
+        examples=[{"strength": 0.9}, {"kind": "sds"}],
     )
     control: Control = Field(
         default_factory=Control,
@@ -643,13 +660,13 @@ class DeformParams(CommonParams):
 
     @property
     def kind(self) -> GuidanceKind:
-        """The kind of guidance."""
-        return GuidanceKind(self.guidance.kind)
+        """The kind of guidance; `sds` where none is named, which was the default of earlier versions."""
+        return GuidanceKind.SDS if isinstance(self.guidance, OpenGuidance) else GuidanceKind(self.guidance.kind)
 
     @property
     def model(self) -> str | None:
         """The model that was written."""
-        return self.guidance.model if isinstance(self.guidance, PromptGuidance) else None
+        return self.guidance.model if isinstance(self.guidance, ModelParams) else None
 
     @property
     def prompts(self) -> tuple[Prompt, ...]:
@@ -663,7 +680,7 @@ class DeformParams(CommonParams):
 
     def with_model(self, model: str) -> Self:
         """Return the parameters with another model; a guidance without one stays as it is."""
-        if not isinstance(self.guidance, PromptGuidance):
+        if not isinstance(self.guidance, ModelParams):
             return self
         return self.model_copy(update={"guidance": self.guidance.model_copy(update={"model": model})})
 

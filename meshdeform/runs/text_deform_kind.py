@@ -16,6 +16,7 @@ from meshdeform.assets.check import MAX_PARTS
 from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
 from meshdeform.priors import configured_name, hidden_folders, public_names
 from meshdeform.requests.choices import WEIGHTS_PART, StartMode, is_builtin, is_sent, is_taught
+from meshdeform.requests.default_kind import kind_like
 from meshdeform.requests.document import (
     BUILTIN_MODEL,
     DeformParams,
@@ -191,13 +192,13 @@ def _check_targets(params: ResolvedParams, targets: Collection[str]) -> None:
         raise ParameterError.at(
             ["params", "guidance"],
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
-            'Set params.guidance to {"kind": "target"}, or omit the part `target`.',
+            "Leave params.guidance.kind out, or omit the part `target`.",
         )
     for name in sorted(set(targets) - {_TARGET}):
         raise ParameterError.at(
             ["params", "guidance"],
             f"`{name}` was sent, but only `exemplar` guidance takes the nearest of several targets.",
-            f'Set params.guidance to {{"kind": "exemplar"}}, or omit the part `{name}`.',
+            f"Leave params.guidance.kind out, or omit the part `{name}`.",
         )
 
 
@@ -263,7 +264,7 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
             )
         if prompt:
             detail = "There is a prompt, and `silhouettes` guidance does not use it."
-            advice = 'Use {"kind": "sds"} to use both, or leave the prompt out.'
+            advice = "Leave params.guidance.kind out to use both, or leave the prompt out."
             raise ParameterError.at(["params", "guidance"], detail, advice)
     parts = SILHOUETTE_PARTS[: len(views)]
     for number, name in enumerate(parts):
@@ -433,7 +434,8 @@ def _outlook(
 
 
 def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
-    """Return the branch's request with what determines the mesh of its job, whose checkpoint fits no other."""
+    """Return the branch's request with its kind and its job's mesh, without which a checkpoint is of no use."""
+    branch = kind_like(job, branch)
     output = _with_same(("output",), job.output, branch.output, ("subdivide",))
     control = _with_same(("params", "control"), job.params.control, branch.params.control, ("exclude", "backdrop"))
     params = branch.params.model_copy(update={"control": control})
@@ -441,7 +443,8 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
         raise ParameterError.at(
             ["params", "guidance"],
             "A branch of a job with `exemplar` guidance has that guidance: no optimiser can go on with its shape.",
-            "Set params.guidance.kind to exemplar, or post a new job with the result.glb of this one as its asset.",
+            "Leave out what only the optimiser or a model has, or post a new job with the result.glb of this one as "
+            "its asset.",
         )
     if _starts_at_exemplar(params) and not _starts_at_exemplar(job.params):
         raise ParameterError.at(

@@ -14,6 +14,7 @@ from meshdeform.errors import (
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.choices import WEIGHTS_PART
+from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument, FileReference, FileSource
@@ -67,9 +68,12 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         if isinstance(claim, Answer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
-        references = _own_references(job, document)
-        inherited = _inherited(job, document, references)
+        if document.kind is not job.kind:
+            detail = f"A branch has the kind of its job: {job.kind}."
+            raise ParameterError.at(["kind"], detail, f'Set "kind": "{job.kind}".')
         request = kind_of(job.kind).as_branch(job.request, document)
+        references = _own_references(job, document)
+        inherited = _inherited(job, request, references)
         params = check_params(request, app.settings, files={*inherited, *references})
         with app.record.files.leases() as leases:
             files = dict(inherited)
@@ -110,21 +114,17 @@ def _own_references(job: Job, document: BranchDocument) -> dict[str, tuple[FileR
 
 
 def _inherited(
-    job: Job, document: BranchDocument, named: Mapping[str, tuple[FileReference | FileSource, list[str]]]
+    job: Job, request: JobRequest, named: Mapping[str, tuple[FileReference | FileSource, list[str]]]
 ) -> dict[str, StoredFile]:
     """Return the files of the other job that a branch keeps."""
-    # `ParameterError`: the document has another kind, or replaces a file to which the checkpoint belongs.
-    if document.kind is not job.kind:
-        raise ParameterError.at(
-            ["kind"], f"A branch has the kind of its job: {job.kind}.", f'Set "kind": "{job.kind}".'
-        )
+    # `ParameterError`: the request replaces a file to which the checkpoint belongs.
     kind = kind_of(job.kind)
     for part in kind.reads:
         if part.required and part.name in named:
             raise ParameterError.at(
                 [part.name], f"A branch keeps its job's `{part.name}`.", "Post a new job for another file."
             )
-    kept = kind.inherits(document) - set(named)
+    kept = kind.inherits(request) - set(named)
     return {name: file for name, file in job.files.items() if name in kept}
 
 

@@ -52,6 +52,7 @@ from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
 from meshdeform.requests.choices import WEIGHTS_PART, PartsAs
+from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
@@ -146,6 +147,7 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
         if isinstance(claim, Answer):
             return claim
+        submission = submission.with_kind(app.settings)
         params, files, summaries = check_job(app, caller.owner_id, submission)
         failpoint("api.received")
         sizes = {key_of(file): file.size for file in files.values()}
@@ -164,6 +166,7 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
 def validate(app: AppState, principal: Principal, submission: Submission) -> Validation:
     """Check a job as `accept_job` does, and return its parameters, summaries and estimated time. Nothing is stored."""
     check_priority(submission.document.priority, principal.max_priority)
+    submission = submission.with_kind(app.settings)
     params, files, summaries = check_job(app, principal.owner_id, submission)
     reports: dict[str, AssetFound] = {}
     pictures: dict[str, PictureFound] = {}
@@ -221,8 +224,8 @@ async def list_parts(app: AppState, owner_id: str, submission: Submission, glb: 
     """
     prompt = submission.document.prompt
     # The child reads the prompt; whatever it is, the rest is checked as that of a change that needs no part.
-    whole = submission.document.model_copy(update={"prompt": "taller"})
-    params, asset = await app.take_in(owner_id, _with_parts, app, owner_id, replace(submission, document=whole))
+    whole = replace(submission, document=submission.document.model_copy(update={"prompt": "taller"}))
+    params, asset = await app.take_in(owner_id, _with_parts, app, owner_id, whole.with_kind(app.settings))
     async with app.naming.slot(owner_id):
         limits = app.assets.limits
         find = partial(parts_of, asset.path, asset.filename, prompt, params, limits, app.readings, glb=glb)
@@ -332,6 +335,10 @@ class Submission:
     def names(self) -> set[str]:
         """The names of all files, sent or named."""
         return {*self.files, *self.document.references}
+
+    def with_kind(self, settings: Settings) -> Submission:
+        """Return the submission of a request that names its kind of guidance."""
+        return replace(self, document=with_kind(self.document, settings.model, self.names))
 
     def fetch_all(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
         """Fetch the files that the document names, and return all files by name, in the order of the kind's parts."""

@@ -182,12 +182,13 @@ def make_rows(
     seeds: Sequence[int] = (),
     output: Mapping[str, bool] | None = None,
     known_names: Mapping[str, str] | None = None,
-    check: Callable[[JobRequest, bool], None] = lambda _request, _has_target: None,
+    check: Callable[[JobRequest, bool], JobRequest] = lambda request, _has_target: request,
 ) -> tuple[list[Row], list[str]]:
     """Validate every row before the first one begins; return the rows, and the places of repeated ones, left out.
 
     A row without a seed is done once for each of `seeds`. `known_names` are those by key from an earlier run of the
-    batch, which are kept. `check` is called with each request and whether it has a target, and raises if it is invalid.
+    batch, which are kept. `check` is called with each request and whether it has a target, and returns it as it is to
+    run, or raises if it is invalid.
     A ParameterError lists invalid rows.
     """
     digest, wrong = functools.cache(_digest), list[dict[str, str]]()
@@ -197,8 +198,7 @@ def make_rows(
         for seed in seeds if seeds and "seed" not in entry.params else (None,):
             params = {**defaults, **({"seed": seed} if seed is not None else {})}
             try:
-                request = _request(entry, params, output or {})
-                check(request, entry.target is not None)
+                request = check(_request(entry, params, output or {}), entry.target is not None)
                 key = _key(entry, request, digest)
             except MeshdeformError as error:
                 wrong.append({"place": entry.place, "code": error.code, "detail": _with_suggestions(error)})
@@ -273,7 +273,7 @@ def _chosen(params: DeformParams) -> dict[str, Any]:
 
     fields = {name: field for name, field in ResolvedParams.model_fields.items() if name not in FROM_PRESET}
     defaults = to_jsonable_python({name: field.default for name, field in fields.items()})
-    values = to_jsonable_python({**params.flat(), "guidance": params.kind})
+    values = to_jsonable_python({**params.flat(), "guidance": getattr(params.guidance, "kind", None)})
     return {name: value for name, value in values.items() if name not in defaults or value != defaults[name]}
 
 
