@@ -16,6 +16,7 @@ __all__ = ["NODE_CLASS_MAPPINGS", "NODE_DISPLAY_NAME_MAPPINGS"]
 # The names by which workflows refer to the types and the nodes must never change.
 _PARAMETERS = "MESHDEFORM_PARAMETERS"
 _CATEGORY = "Meshdeform"
+_NO_PRESET = "default"
 _LARGEST_SEED = 2**53 - 1  # the largest whole number that the browser keeps exactly
 
 _PATH = ("STRING", {"forceInput": True, "tooltip": "A path, from Load 3D Asset, Load 3D, or glb_path of another job."})
@@ -25,10 +26,11 @@ _PREFIX = (
 )
 _SETTINGS: dict[str, tuple[Any, ...]] = {
     "preset": (
-        [preset.value for preset in Preset],
+        [_NO_PRESET, *(preset.value for preset in Preset)],
         {
-            "default": Preset.BALANCED.value,
-            "tooltip": "preview: the same in fewer steps. paper: the published settings.",
+            "default": _NO_PRESET,
+            "tooltip": "default: fitted to what the prompt's noun stands for. Others: pushed by a model, balanced, in few "
+            "steps (preview), or with the published settings (paper).",
         },
     ),
     "seed": ("INT", {"default": 0, "min": 0, "max": _LARGEST_SEED, "control_after_generate": True}),
@@ -115,7 +117,7 @@ class _Job:
         seed: int,
         filename_prefix: str,
     ) -> dict[str, Any]:
-        params = {**(sent_params or {}), "preset": preset, "seed": seed}
+        params = {**(sent_params or {}), **({} if preset == _NO_PRESET else {"preset": preset}), "seed": seed}
         if target is not None:
             params = without_unused({**params, "guidance": {**params.get("guidance", {}), "kind": "target"}})
         with explained():

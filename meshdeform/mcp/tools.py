@@ -36,7 +36,8 @@ _PRESET = DeformParams.model_fields["preset"]
 Params = Annotated[
     dict[str, Any] | None,
     Field(
-        description='Parameters of the job, for example {"preset": "preview", "seed": 7}. '
+        description='Parameters of the job, for example {"seed": 7}: another seed takes another design. With '
+        '{"preset": "preview"} or {"guidance": {"kind": "sds"}} a model pushes the asset step by step instead; '
         f"preset (default: {_PRESET.default}): {_PRESET.description}"
     ),
 ]
@@ -149,10 +150,9 @@ class Tools:
             dict[str, Any] | None, Field(description='For example {"morph": true} for a file that animates the change.')
         ] = None,
     ) -> dict[str, Any]:
-        """Start a job that deforms an asset towards a prompt, and return its id at once. Then call wait.
+        """Start a job that fits an asset to what a prompt stands for, and return its id at once. Then call wait.
 
-        With params {"guidance": {"kind": "exemplar"}} the asset is fitted to what the noun stands for, in seconds.
-        Topology, UVs, materials and rig stay as they are.
+        It takes seconds. Topology, UVs, materials and rig stay as they are.
         """
         async with self._client(ctx) as client:
             return _summary(await client.submit(self._folders.source(asset), prompt, params=params, output=output))
@@ -166,9 +166,7 @@ class Tools:
     ) -> dict[str, Any]:
         """Start a job that gives an asset the shape of another mesh, and return its id at once. Then call wait."""
         async with self._client(ctx) as client:
-            own = (params or {}).get("guidance") or {}
-            merged = {**(params or {}), "guidance": {"kind": "target", **own}}
-            job = await client.submit(self._folders.source(asset), params=merged, target=self._folders.source(target))
+            job = await client.submit(self._folders.source(asset), params=params, target=self._folders.source(target))
             return _summary(job)
 
     async def wait(

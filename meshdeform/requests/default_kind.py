@@ -12,7 +12,7 @@ from typing import TypeVar
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import BUILTIN_MODEL, WEIGHTS_PART, GuidanceKind
 from meshdeform.requests.document import DeformParams, JobRequest
-from meshdeform.requests.groups import elsewhere
+from meshdeform.requests.groups import PLACES
 from meshdeform.requests.parameters import (
     GUIDANCES,
     OF_OPTIMISER,
@@ -73,8 +73,11 @@ def _named(request: R, kinds: Sequence[GuidanceKind]) -> R:
     params = request.params
     kind = next((kind for kind in kinds if _has_all(kind, params)), kinds[-1])
     for name in sorted(params.guidance.model_fields_set - GUIDANCES[kind].model_fields.keys()):
-        place = ["params", "guidance", name]
-        raise ParameterError.at(place, f"`{kind}` guidance has no {name}: {elsewhere(place)}")
+        raise ParameterError.at(
+            ["params", "guidance", name],
+            f"No kind of guidance for this job has all options that were sent: `{kind}` has no {name}.",
+            f"Leave it out, or set params.guidance.kind; {' and '.join(PLACES[name][1])} have it.",
+        )
     written = {name: getattr(params.guidance, name) for name in params.guidance.model_fields_set}
     guidance = GUIDANCES[kind].model_validate({"kind": kind.value, **written})
     return request.model_copy(update={"params": params.model_copy(update={"guidance": guidance})})

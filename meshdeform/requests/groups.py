@@ -45,7 +45,7 @@ def elsewhere(place: Sequence[Any]) -> str | None:
         return f"{place_now}."
     others = "".join(f"{kind}, " for kind in kinds[:-2])
     there = f"{place_now}, where the guidance is {others}{' or '.join(kinds[-2:])}."
-    return f"{there} Leave it out, or set params.guidance.kind." if path[1] == group else there
+    return f"{there} Leave it out, or the kind, or set params.guidance.kind." if path[1] == group else there
 
 
 def grouped(params: Mapping[str, Any]) -> dict[str, Any]:

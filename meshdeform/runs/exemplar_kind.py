@@ -34,7 +34,7 @@ def check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collect
         raise ParameterError.at(
             ["params", name],
             f"params.{name} is a setting of the optimiser, and `exemplar` guidance does without one.",
-            f"Leave {name} out; or leave params.guidance.kind out, or set it to sds.",
+            f"Leave {name} out, or the kind, or set params.guidance.kind to sds.",
         )
     if not targets:
         _refuse_options_of_targets(request)

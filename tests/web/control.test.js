@@ -30,7 +30,7 @@ test("a job that is asked for again brings its control, and nothing twice", () =
   assert.equal(wish.control.of, fileKey("a.glb", 7));
   assert.deepEqual(wish.kept.params, { rigid: [{ node: "wheel" }] });
   const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documents(wish, null, "", FORM)[0].params;
-  assert.deepEqual(params, job.params);
+  assert.deepEqual(params, { ...job.params, guidance: { kind: "sds" } });
 });
 
 test("further prompts keep their regions through the form, and each is sent as documented", () => {

@@ -23,7 +23,7 @@ test("by shape, a request has what a fit takes, and nothing of the model's", () 
     { prompt: "a giraffe", params: { seed: 7, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} },
   ]);
   // The model, on the other hand, has no such strength.
-  assert.deepEqual(asked({ advanced: { strength: "0.9" }, byShape: false })[0].params.guidance, { model: "builtin" });
+  assert.deepEqual(asked({ advanced: { strength: "0.9" }, byShape: false })[0].params.guidance, { kind: "sds", model: "builtin" });
 });
 
 test("the form shows what the way has", () => {

@@ -24,7 +24,7 @@ test("the form offers what the server declares", () => {
 
 test("one job asks for what was chosen and nothing else", () => {
   assert.deepEqual(documents(WISH, 80, "g", FORM), [
-    { prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { model: "builtin" } }, output: {} },
+    { prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { kind: "sds", model: "builtin" } }, output: {} },
   ]);
 });
 
@@ -37,7 +37,7 @@ test("variations differ by their seed and share a label", () => {
 test("what was typed under Advanced goes along as numbers; what is empty or wrong does not", () => {
   const advanced = { steps: "40", learning_rate: " 0.01 ", safeguard: "none", normal_weight: "-2.5", guidance_scale: "" };
   const { params } = documents({ ...WISH, advanced }, 80, "g", FORM)[0];
-  assert.deepEqual(params, { preset: "preview", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7, guidance: { model: "builtin" } });
+  assert.deepEqual(params, { preset: "preview", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7, guidance: { kind: "sds", model: "builtin" } });
 });
 
 test("the front is a word or a number", () => {
@@ -85,7 +85,7 @@ test("a job's own parameters fill the form again, and what it has no field for i
   assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
   const [document] = documents(wish, null, "g", FORM);
   assert.deepEqual(document, {
-    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { kind: "sds", timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
   });
   assert.equal(keptText(kept), 'timestep_min 0.5, exclude ["Ground"], output.morph true, output.other 1');
   // What every job has is not kept, in whatever order its members are.
@@ -107,7 +107,7 @@ test("each parameter is in its group, and what another kind of guidance has stay
   assert.deepEqual(asked({ guide: { ...guide, targets: 1 } }), { ...common, guidance: { kind: "target", align: "none" } });
   assert.deepEqual(asked({ guide, prompt: "" }), { ...common, guidance: { kind: "silhouettes", silhouettes: guide.pictures } });
   const prompted = asked({ guide });
-  assert.deepEqual(prompted, { ...common, guidance: { silhouettes: guide.pictures, model: "builtin", guidance_scale: 9 } });
+  assert.deepEqual(prompted, { ...common, guidance: { kind: "sds", silhouettes: guide.pictures, model: "builtin", guidance_scale: 9 } });
   assert.deepEqual(plainParams(prompted), { ...common, silhouettes: guide.pictures, model: "builtin", guidance_scale: 9 });
   // Reports have them as they are here.
   for (const params of [{ guidance: "target", seed: 3 }, { guidance: { kind: "target" }, seed: 3 }]) assert.deepEqual(plainParams(params), { guidance: "target", seed: 3 });

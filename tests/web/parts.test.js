@@ -93,7 +93,7 @@ test("corrections are sent as documented, kept for the next job, and said", () =
   assert.deepEqual(wish.kept.params, {});
   const form = { fields: [], groups: { control: { parts: {}, regions: {} }, guidance: { sds: { source_noun: {} }, target: {} }, unused: {} } };
   const { guidance, control: sent } = documents(wish, null, "", form)[0].params;
-  assert.deepEqual(guidance, { source_noun: "elephant" });
+  assert.deepEqual(guidance, { kind: "sds", source_noun: "elephant" });
   assert.deepEqual(sent.parts[1], { name: "trunk", faces: [[0, 8]] });
   assert.deepEqual(moved(control.regions, ["trunk"], "nose")[1].action, "part:nose");
 });

@@ -13,10 +13,12 @@ from .errors import AddonError
 from .session import HANDLE_START, current
 
 _REDRAW_S = 0.2
+# The numbers are those in scenes that were saved.
 _PRESETS = [
-    ("balanced", "Balanced", "The default"),
-    ("preview", "Preview", "The same in fewer steps"),
-    ("paper", "Paper", "The published settings, 5,000 steps"),
+    ("none", "By Shape", "Fitted to what the prompt stands for; towards an object, balanced", "NONE", 3),
+    ("balanced", "Balanced", "Pushed by a model", "NONE", 0),
+    ("preview", "Preview", "The same in fewer steps", "NONE", 1),
+    ("paper", "Paper", "The published settings, 5,000 steps", "NONE", 2),
 ]
 _GUIDANCE = [
     ("sds", "Prompt", "Deform towards the prompt"),
@@ -76,7 +78,7 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
     target: bpy.props.PointerProperty(
         name="Target", type=bpy.types.Object, poll=lambda _, obj: obj.type == "MESH", description="The target shape"
     )
-    preset: bpy.props.EnumProperty(name="Preset", items=_PRESETS)
+    preset: bpy.props.EnumProperty(name="Preset", items=_PRESETS, default="none")
     steps: bpy.props.IntProperty(name="Steps", min=0, max=50_000, description="0: the preset's number")
     seed: bpy.props.IntProperty(
         name="Seed", min=0, description="The same seed gives the same result on the same server"
@@ -100,7 +102,9 @@ class MESHDEFORM_settings(bpy.types.PropertyGroup):
 
     def request(self) -> dict[str, Any]:
         """Return the request document."""
-        params: dict[str, Any] = {"preset": self.preset, "seed": self.seed, "guidance": {"kind": self.guidance}}
+        params: dict[str, Any] = {"seed": self.seed, "guidance": {}}  # the server decides its kind
+        if self.preset != "none":
+            params["preset"] = self.preset
         if self.steps:
             params["steps"] = self.steps
         if self.model.strip() and self.guidance == "sds":

@@ -13,7 +13,8 @@
 export function groupsOf(schema) {
   const members = (/** @type {{$ref: string}} */ { $ref }) => schema.$defs[/** @type {string} */ ($ref.split("/").at(-1))].properties;
   const { control, guidance } = schema?.properties ?? {};
-  const kinds = (guidance?.oneOf ?? []).map(members).map((/** @type {any} */ { kind, ...others }) => [kind.const, others]);
+  const named = (guidance?.oneOf ?? []).map(members).filter((/** @type {any} */ { kind }) => kind);
+  const kinds = named.map((/** @type {any} */ { kind, ...others }) => [kind.const, others]);
   return { control: control ? members(control) : {}, guidance: Object.fromEntries(kinds), unused: schema?.["x-unused"] ?? {} };
 }
 
@@ -32,7 +33,7 @@ export function plainParams(params) {
  */
 export function groupedParams({ guidance: kind = "sds", ...params }, groups) {
   /** @type {Record<string, any>} */
-  const guidance = kind === "sds" ? {} : { kind };
+  const guidance = { kind };
   /** @type {[Record<string, any>, Record<string, any>]} */
   const [control, others] = [{}, {}];
   for (const [name, value] of Object.entries(params)) {
@@ -40,8 +41,7 @@ export function groupedParams({ guidance: kind = "sds", ...params }, groups) {
     else if (name in (groups.guidance[kind] ?? {})) guidance[name] = value;
     else if (!isUnused(name, kind, groups)) others[name] = value;
   }
-  const used = Object.entries({ guidance, control }).filter(([, members]) => Object.keys(members).length);
-  return { ...others, ...Object.fromEntries(used) };
+  return { ...others, guidance, ...(Object.keys(control).length ? { control } : {}) };
 }
 
 /** Whether a parameter is for other kinds of guidance alone. @param {string} name @param {string} kind @param {Groups} groups */

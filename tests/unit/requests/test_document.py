@@ -142,7 +142,7 @@ def test_what_is_in_a_group_now_is_said_with_its_place() -> None:
         (["params", "guidance_scale"], "it is params.guidance.guidance_scale, where the guidance is sds."),
         (
             ["params", "guidance", "target", "silhouettes"],
-            "where the guidance is sds, silhouettes or exemplar. Leave it out, or set params.guidance.kind.",
+            "where the guidance is sds, silhouettes or exemplar. Leave it out, or the kind, or set params.guidance.kind.",
         ),
         (["params", "guidance", "sds", "handles"], "it is params.control.handles."),
         (["params", "control", "steps"], "it is params.steps."),
@@ -197,7 +197,7 @@ def test_bounds_are_for_the_door_alone(params: dict[str, Any]) -> None:
     stored = grouped(params)
     read = read_stored({"prompt": "x" * 9000, "params": stored, "priority": 10**6, "metadata": {"n" * 99: "v" * 999}})
     assert set(read.params.flat()) == set(params)
-    assert read.params.model_dump(mode="json", exclude_unset=True).keys() == stored.keys()
+    assert read.params.model_dump(mode="json", exclude_unset=True).keys() == {*stored, "guidance"}
     assert resolve(read.params).model_dump(mode="json", exclude_unset=True)
     assert read_unbounded(ResolvedParams, {**resolve(DeformParams()).model_dump(), "steps": 10**9}).steps == 10**9
 

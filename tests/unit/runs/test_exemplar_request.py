@@ -202,5 +202,7 @@ def test_a_branch_of_a_fit_is_a_fit() -> None:
     other = JobRequest(prompt="a cat")
     assert kind.as_branch(request(), request("a cat")).prompt == "a cat"
     assert kind.as_branch(other, request("a dog")).params.kind is GuidanceKind.EXEMPLAR
+    assert kind.as_branch(request(), other).params.kind is GuidanceKind.EXEMPLAR
+    pushed = JobRequest.model_validate({"prompt": "a cat", "params": {"steps": 20}})
     with pytest.raises(ParameterError, match="no optimiser can go on"):
-        kind.as_branch(request(), other)
+        kind.as_branch(request(), pushed)

@@ -141,6 +141,7 @@ export class CreateView {
     if (this.scope.over) return;
     this.parts.line.offer(known?.nouns ?? []);
     this.parts.corrector.known = Object.values(known?.parts ?? {}).flat();
+    this.way.set(this._usuallyByShape(found));
     if (found.models.length) this.settings.offer(found);
     if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value }, draft.files ?? {});
     this.begun ||= draft !== null; // its asset may take longer, and what is typed meanwhile counts
@@ -178,7 +179,7 @@ export class CreateView {
     this.settings.reset();
     this.control.restore(null);
     this.guide.restore(null, {});
-    this._useWay(false);
+    this._useWay(this._usuallyByShape(this.settings.catalogue));
     this.prompt.set("");
     await this.assets.example(EXAMPLES[0].name);
     this.begun = true;
@@ -192,6 +193,11 @@ export class CreateView {
     const { byShape } = this.way;
     // Whatever the model: there are shapes of the words of the built-in one.
     this.prompt.offer(byShape ? (models.find(({ id }) => id === "builtin") ?? model) : model, others, byShape);
+  }
+
+  /** Whether the server fits to shapes where nobody chooses: unless its operator has named a model. @param {import("../vocabulary.js").Catalogue} catalogue */
+  _usuallyByShape({ default: model }) {
+    return model === "builtin";
   }
 
   /** @param {boolean} byShape */
