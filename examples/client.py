@@ -27,9 +27,9 @@ def main() -> int:
     parser.add_argument("asset")
     parser.add_argument("prompt")
     parser.add_argument("folder")
-    parser.add_argument("--steps", type=int)
+    parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    params = {"preset": "preview"} | ({"steps": options.steps} if options.steps else {})
+    params = {"seed": options.seed}
     try:
         with Client() as client:
             result = client.deform(options.asset, options.prompt, params=params, on_event=show)

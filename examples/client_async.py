@@ -13,11 +13,10 @@ from meshdeform import AsyncClient, MeshdeformError
 from meshdeform.client import UploadView
 
 
-async def deform(client: AsyncClient, asset: UploadView, prompt: str, folder: Path, steps: int | None) -> str:
+async def deform(client: AsyncClient, asset: UploadView, prompt: str, folder: Path, seed: int) -> str:
     """Run one job, save its results and return a line about it."""
-    params = {"preset": "preview"} | ({"steps": steps} if steps else {})
     try:
-        result = await client.deform(asset, prompt, params=params)
+        result = await client.deform(asset, prompt, params={"seed": seed})
         await result.save(folder / prompt.replace(" ", "_"))
     except MeshdeformError as error:
         return f"{prompt}: {error.code}: {error.detail}"
@@ -29,12 +28,12 @@ async def main() -> None:
     parser.add_argument("asset", type=Path)
     parser.add_argument("folder", type=Path)
     parser.add_argument("prompts", nargs="+")
-    parser.add_argument("--steps", type=int)
+    parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     async with AsyncClient() as client:
         # Upload once; every job refers to it.
         asset = await client.upload(options.asset)
-        jobs = [deform(client, asset, prompt, options.folder, options.steps) for prompt in options.prompts]
+        jobs = [deform(client, asset, prompt, options.folder, options.seed) for prompt in options.prompts]
         for line in asyncio.as_completed(jobs):
             print(await line)
 

@@ -65,7 +65,7 @@ A job is described by one JSON document: the part `request` of `POST /v1/jobs`. 
 prompt of a job that is guided by one. Unknown members are refused. (`python docs/generate.py` writes this page.)
 
 ```json
-{"kind": "text_deform", "prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}, "output": {"morph": true}}
+{"kind": "text_deform", "prompt": "a mushroom", "params": {"seed": 7}, "output": {"morph": true}}
 ```
 
 The group `params.guidance`, whose members depend on its `kind`, says what guides the deformation; `params.control`
@@ -82,9 +82,25 @@ Every name is unique. The command line takes it with its group or without (`--se
 GUIDANCE = """\
 ## params.guidance
 
-An object whose `kind` says what guides the deformation. It may be left out: without one, it is `sds`. A parameter of
-another kind is refused.
+An object whose `kind` says what guides the deformation:
 
+"""
+
+WHICH = """\
+A parameter of another kind is refused.
+
+### Which kind
+
+A request need not name the kind. It is then decided once, when the job is accepted, and the job names it: the first of
+these that has every parameter that was sent.
+
+- with target meshes: `target` for one, `exemplar` for several
+- with pictures and without a prompt: `silhouettes`
+- with a prompt: `exemplar`, then `sds`; the other way round where the operator has named a model (MESHDEFORM_MODEL)
+- with taught weights, or for whatever has none of these: `sds`
+
+So `preset`, `steps` and the other parameters of the optimiser, `model`, `negative_prompt` and whatever else only a
+model has mean `sds` beside a prompt. A branch without a kind has that of its job.
 """
 
 KINDS = {
@@ -95,7 +111,13 @@ KINDS = {
 }
 
 PROMPT = """\
-`params.guidance` of the kind `sds`. Pictures can guide beside the prompt: `silhouettes` and `silhouette_weight` are
+`params.guidance` of the kind `sds`:
+
+```json
+{"prompt": "a dog", "params": {"preset": "preview", "guidance": {"kind": "sds"}}}
+```
+
+Pictures can guide beside the prompt: `silhouettes` and `silhouette_weight` are
 those of [guidance by pictures](#guidance-by-pictures).
 """
 
@@ -108,7 +130,7 @@ TARGET = """\
 """
 
 PICTURES = """\
-`params.guidance` of the kind `silhouettes`, or of `sds` beside a prompt:
+`params.guidance` of the kind `silhouettes`, or of `exemplar` or `sds` beside a prompt:
 
 ```json
 {"params": {"guidance": {"kind": "silhouettes", "silhouettes": [{"azimuth": 0}, {"azimuth": 90}]}}}
@@ -119,7 +141,7 @@ EXEMPLAR = """\
 `params.guidance` of the kind `exemplar` ([A word is a shape](exemplar.md)):
 
 ```json
-{"prompt": "a giraffe", "params": {"guidance": {"kind": "exemplar", "strength": 0.9}}}
+{"prompt": "a giraffe", "params": {"guidance": {"strength": 0.9}}}
 ```
 
 `prompts`, `orientation` and `source_noun` are those of [guidance by a prompt](#guidance-by-a-prompt), `align` and
@@ -270,6 +292,7 @@ def page() -> str:
             "## params\n",
             section(DeformParams, prefix="params.", without=("guidance", "control")),
             GUIDANCE + guidances(),
+            WHICH,
             "## Guidance by a prompt\n",
             PROMPT,
             section(PromptGuidance, prefix=_GUIDANCE, without=("kind", *SilhouetteGuidance.model_fields)),

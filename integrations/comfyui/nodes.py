@@ -29,8 +29,8 @@ _SETTINGS: dict[str, tuple[Any, ...]] = {
         [_NO_PRESET, *(preset.value for preset in Preset)],
         {
             "default": _NO_PRESET,
-            "tooltip": "default: fitted to what the prompt's noun stands for. Others: pushed by a model, balanced, in few "
-            "steps (preview), or with the published settings (paper).",
+            "tooltip": "default: fitted to what the prompt's noun stands for. Others: pushed by a model, balanced, in "
+            "few steps (preview), or with the published settings (paper).",
         },
     ),
     "seed": ("INT", {"default": 0, "min": 0, "max": _LARGEST_SEED, "control_after_generate": True}),

@@ -77,7 +77,7 @@ class JobView(Document):
     prompt: str = Field(description="New shape of the asset, in words.", examples=["a mushroom"])
     params: SerializeAsAny[SkipValidation[DeformParams]] = Field(
         description="The parameters as given in the request.",
-        examples=[{"preset": "preview"}],
+        examples=[{"seed": 7, "guidance": {"kind": "exemplar"}}],
     )
     output: OutputOptions = Field(description="Files that the job writes, and how.", examples=[{"morph": False}])
     metadata: dict[str, str] = Field(description="Your own labels.", examples=[{"shot": "sc010"}])

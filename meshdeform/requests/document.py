@@ -294,7 +294,7 @@ class JobRequest(StrictModel):
         default_factory=DeformParams,
         validate_default=True,
         description="Parameters of this kind of job.",
-        examples=[{"preset": "preview", "seed": 7}],
+        examples=[{"seed": 7}],
     )
     output: OutputOptions = Field(default_factory=OutputOptions, description="Files that the job writes, and how.")
     metadata: dict[_MetaKey, _MetaValue] = Field(

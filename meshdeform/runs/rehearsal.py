@@ -38,14 +38,23 @@ def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
             device=device,
         )
     else:
-        _run(sphere, {"prompt": _PROMPT, "params": {"guidance": {"orientation": "keep"}}}, prior=prior, device=device)
+        _run(
+            sphere,
+            {"prompt": _PROMPT, "params": {"guidance": {"kind": "sds", "orientation": "keep"}}},
+            prior=prior,
+            device=device,
+        )
 
 
 def main() -> None:
     """Also do what only some jobs do: find the front, fit a target or an exemplar, carry parts, walk a morph's path."""
     prior = load_prior(BUILTIN_MODEL, device="cpu")
     for glb in (_glb(1), _glb(2)):
-        _run(glb, {"prompt": _PROMPT, "output": {"morph": True}}, prior=prior).finish()
+        _run(
+            glb,
+            {"prompt": _PROMPT, "params": {"guidance": {"kind": "sds"}}, "output": {"morph": True}},
+            prior=prior,
+        ).finish()
         _run(glb, {"params": {"guidance": {"kind": "target"}}}, target=_glb(1), target_filename="sphere.glb").finish()
         _run(glb, {"prompt": _PROMPT, "params": {"guidance": {"kind": "exemplar"}}}).finish()
 

@@ -61,7 +61,7 @@ from service.webhooks.routes import checked_address
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 _UPLOAD = {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}
-_DOCUMENT = {"prompt": "a mushroom", "params": {"preset": "preview", "seed": 7}}
+_DOCUMENT = {"prompt": "a mushroom", "params": {"seed": 7}}
 _HEADERS = {**LOCATION, **RETRY_AFTER, **ETAG, **REPLAY}
 # `format: binary` comes from OpenAPI 3.0; code generators still rely on it to recognise files.
 _FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
@@ -97,7 +97,7 @@ _BODY: dict[str, Any] = {
                         "summary": "An asset and a second mesh",
                         "value": {
                             "asset": "the bytes of sphere.glb",
-                            "request": {"params": {"preset": "preview", "guidance": {"kind": "target"}}},
+                            "request": {"params": {"seed": 7}},
                             "target": "the bytes of vase.glb",
                         },
                     },
@@ -282,7 +282,7 @@ def retry_job(
             *CALLER_ERRORS,
         ),
     },
-    openapi_extra=json_body("BranchDocument", {"prompt": "a vase", "params": {"preset": "preview"}}),
+    openapi_extra=json_body("BranchDocument", {"prompt": "a vase", "params": {"seed": 7}}),
 )
 async def branch_job(
     request: Request,

@@ -96,10 +96,7 @@ def snippets(repository: Path) -> list[str]:
 def test_a_snippet_of_the_page_does_what_it_says(service: Service, folder: Path, repository: Path, number: int) -> None:
     blocks = snippets(repository)
     assert len(blocks) == 5
-    block = blocks[number].replace(
-        '"preset": "preview"', '"preset": "preview", "steps": 4, "guidance": {"orientation": "keep"}'
-    )
-    printed = run(service, folder, "-c", block)
+    printed = run(service, folder, "-c", blocks[number])
     if number == 0:
         assert sorted(path.name for path in (folder / "mushroom").iterdir()) == [
             "preview.png",
@@ -107,7 +104,7 @@ def test_a_snippet_of_the_page_does_what_it_says(service: Service, folder: Path,
             "result.glb",
         ]
     if number == 1:
-        assert "5120 triangles; 4 steps" in printed
+        assert "5120 triangles; 20 steps" in printed
         assert "100%" in printed
         assert "succeeded" in printed
     if number == 3:
@@ -115,10 +112,10 @@ def test_a_snippet_of_the_page_does_what_it_says(service: Service, folder: Path,
 
 
 def test_the_example_programs_run(service: Service, folder: Path) -> None:
-    printed = run(service, folder, "examples/client.py", "examples/sphere.glb", "a mushroom", "one", "--steps", "1")
+    printed = run(service, folder, "examples/client.py", "examples/sphere.glb", "a mushroom", "one", "--seed", "1")
     assert sorted(printed.split()) == ["one/preview.png", "one/report.json", "one/result.glb"]
     prompts = ["a mushroom", "a vase", "a quixotic zeitgeist"]
-    printed = run(service, folder, "examples/client_async.py", "examples/cube.glb", "many", *prompts, "--steps", "1")
+    printed = run(service, folder, "examples/client_async.py", "examples/cube.glb", "many", *prompts)
     assert "a quixotic zeitgeist: prompt_unknown_words" in printed
     assert (folder / "many" / "a_vase" / "result.glb").stat().st_size > 1000
     assert (folder / "many" / "a_mushroom" / "result.glb").exists()

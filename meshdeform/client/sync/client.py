@@ -233,10 +233,10 @@ class Client:
         prompt : str
             What the asset should become.
         params : DeformParams or mapping, optional
-            For example `{"preset": "preview", "seed": 7}`.
+            For example `{"seed": 7}`.
         output : OutputOptions or mapping, optional
         target : like `asset`, optional
-            A second mesh, for `params` with `{"guidance": {"kind": "target"}}` or `exemplar`.
+            A second mesh, in place of a prompt.
         files : mapping of str to files like `asset`, optional
             Other files by the names of their parts, such as `silhouette_1`: a picture; `limits().kinds` lists them.
         metadata : mapping, optional

@@ -142,7 +142,8 @@ def test_what_is_in_a_group_now_is_said_with_its_place() -> None:
         (["params", "guidance_scale"], "it is params.guidance.guidance_scale, where the guidance is sds."),
         (
             ["params", "guidance", "target", "silhouettes"],
-            "where the guidance is sds, silhouettes or exemplar. Leave it out, or the kind, or set params.guidance.kind.",
+            "where the guidance is sds, silhouettes or exemplar. "
+            "Leave it out, or the kind, or set params.guidance.kind.",
         ),
         (["params", "guidance", "sds", "handles"], "it is params.control.handles."),
         (["params", "control", "steps"], "it is params.steps."),
