@@ -68,10 +68,11 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         if isinstance(claim, Answer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
-        if document.kind is not job.kind:
-            detail = f"A branch has the kind of its job: {job.kind}."
-            raise ParameterError.at(["kind"], detail, f'Set "kind": "{job.kind}".')
-        request = kind_of(job.kind).as_branch(job.request, document)
+        of = job.request
+        if document.kind is not of.kind:
+            detail = f"A branch has the kind of its job: {of.kind}."
+            raise ParameterError.at(["kind"], detail, f'Set "kind": "{of.kind}".')
+        request = kind_of(of.kind).as_branch(of, document)
         references = _own_references(job, document)
         inherited = _inherited(job, request, references)
         params = check_params(request, app.settings, files={*inherited, *references})

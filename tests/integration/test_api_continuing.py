@@ -177,3 +177,16 @@ def test_a_branch_has_the_mesh_of_its_job(api: Api) -> None:
 def test_a_branch_that_could_not_run_is_refused(api: Api, document: Any, code: str) -> None:
     source = interrupted_job(api, steps=(100,))
     check_problem(api.http.post(f"/v1/jobs/{source}/checkpoints/100/branch", json=document), 422, code)
+
+
+@each_case("kind", ["sds", "exemplar"])
+def test_a_branch_without_a_kind_has_that_of_its_job(api: Api, kind: str) -> None:
+    source = interrupted_job(api, steps=(100,), params={"guidance": {"kind": kind}})
+    path = f"/v1/jobs/{source}/checkpoints/100/branch"
+    job = made_of(api, api.http.post(path, json={"prompt": "a vase", "params": {"seed": 3}}))
+    assert job.document["params"]["guidance"] == {"kind": kind}
+    pushed = api.http.post(path, json={"prompt": "a vase", "params": {"steps": 30}})
+    if kind == "sds":
+        assert made_of(api, pushed).document["params"]["guidance"] == {"kind": "sds"}
+    else:
+        assert "no optimiser can go on" in check_problem(pushed, 422, "parameter_invalid")["detail"]

@@ -34,7 +34,7 @@ def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: byt
     assert answer.headers["location"] == f"/v1/jobs/{job['id']}"
     assert int(answer.headers["retry-after"]) >= 1
     assert job["state"] == "queued"
-    assert job["params"] == {"preset": "preview", "seed": 7}
+    assert job["params"] == {"preset": "preview", "seed": 7, "guidance": {"kind": "sds"}}
     assert job["metadata"] == {"shot": "sc010"}
     resolved = api.record.get(job["id"]).resolved
     assert resolved is not None
@@ -46,6 +46,32 @@ def test_a_posted_job_is_accepted_recorded_stored_and_told(api: Api, sphere: byt
     queue = JobQueue(api.settings.redis_url, api.settings.queue)
     assert job["id"] in queue.announced()
     queue.close()
+
+
+@each_case(
+    ("params", "targets", "prompt", "kind", "steps"),
+    [
+        ({"seed": 7}, (), "a giraffe", "exemplar", 20),
+        ({"steps": 30}, (), "a giraffe", "sds", 30),
+        ({}, ("target",), "", "target", 150),
+        ({}, ("target", "target_2"), "", "exemplar", 20),
+    ],
+)
+def test_a_job_names_the_kind_of_guidance_that_its_request_left_open(
+    api: Api, sphere: bytes, params: dict[str, Any], targets: tuple[str, ...], prompt: str, kind: str, steps: int
+) -> None:
+    document = json.dumps({"prompt": prompt, "params": params})
+    files: dict[str, Any] = dict.fromkeys(("asset", *targets), ("a.glb", sphere)) | {"request": (None, document)}
+    answer = api.http.post("/v1/jobs", files=files)
+    assert answer.status_code == 202, answer.text
+    assert answer.json()["params"] == {**params, "guidance": {"kind": kind}}
+    job = api.record.get(answer.json()["id"])
+    assert job.document["params"] == {**params, "guidance": {"kind": kind}}
+    assert job.request.params.kind == kind
+    assert job.resolved is not None
+    assert job.resolved["guidance"] == kind
+    checked = api.http.post("/v1/jobs:validate", files=files)
+    assert (checked.json()["params"]["guidance"], checked.json()["estimate"]["steps"]) == (kind, steps)
 
 
 def test_the_request_may_be_a_file_part_and_a_target_may_come_along(api: Api, sphere: bytes) -> None:

@@ -19,14 +19,15 @@ pytestmark = pytest.mark.both_databases
 
 
 def test_a_new_job_comes_back_as_it_was_written(record: JobRecord) -> None:
-    request = JobRequest.model_validate({"prompt": " a Müller vase ", "params": {"steps": 3}, "metadata": {"a": "1"}})
+    params = {"steps": 3, "guidance": {"kind": "sds"}}
+    request = JobRequest.model_validate({"prompt": " a Müller vase ", "params": params, "metadata": {"a": "1"}})
     made = record.create(NewJob(request, {"asset": stored_file("a"), "target": stored_file("b", "target.obj")}))
     found = record.get(made.id)
     assert found == made
     assert (found.state, found.attempt, found.version) == (JobState.QUEUED, 0, 1)
     assert (found.oom_attempts, found.ran_s, found.event_seq, found.progress) == (0, 0.0, 1, Progress())
     assert found.request == request
-    assert found.request.params.model_fields_set == {"steps"}
+    assert found.request.params.model_fields_set == {"steps", "guidance"}
     assert found.files["target"] == stored_file("b", "target.obj")
     assert found.created_at.tzinfo is not None
     assert abs(found.created_at - datetime.now(UTC)) < timedelta(minutes=5)
