@@ -35,8 +35,11 @@ def test_a_word_is_used_by_its_shape(page: Page, service: Service, axe: str, sma
     choose(page, small_sphere)
     page.get_by_label("Prompt", exact=True).fill("a horse")
     quality, strength = page.get_by_role("group", name="Quality"), page.get_by_label("Strength", exact=True)
-    expect(strength).to_be_hidden()
     way = page.get_by_role("group", name="How")
+    expect(way.get_by_label("By shape")).to_be_checked()  # unless something else is chosen
+    way.get_by_text("By pictures").click()
+    expect(strength).to_be_hidden()
+    expect(quality).to_be_visible()
     way.get_by_text("By shape").click()
     expect(quality).to_be_hidden()
     strength.fill("80")
@@ -79,6 +82,7 @@ def test_the_nearest_of_several_meshes_is_the_target(
     open_more(page)
     way = page.get_by_role("group", name="How")
     heads = page.locator(".guide-head")
+    way.get_by_text("By pictures").click()
     # Pushed to a mesh, the asset has one target: another takes its place.
     for mesh in meshes:
         page.set_input_files("#target-file", mesh)

@@ -156,8 +156,8 @@ def test_the_example_workflow_runs(host: Host, service: Service, repository: Pat
     assert preview.dtype == torch.float32
     assert 0.0 <= float(preview.min()) < float(preview.max()) <= 1.0
     assert host.shown == sorted(host.shown)
-    guidance = {"orientation": "keep"}
-    assert service.job(job_id)["params"] == {"preset": "preview", "seed": 7, "steps": 2, "guidance": guidance}
+    guidance = {"kind": "sds", "orientation": "keep"}  # steps are the optimiser's
+    assert service.job(job_id)["params"] == {"seed": 7, "steps": 2, "guidance": guidance}
     # Half of the way, by the node after it.
     half = load_asset((host.output / "meshdeform/half_00001_.glb").read_bytes()).surface.positions
     source = load_asset((repository / "examples/sphere.glb").read_bytes()).surface.positions
