@@ -67,7 +67,8 @@ def kept_files(page: Page) -> list[str]:
 
 
 def set_steps(page: Page, steps: int, seed: int = 7) -> None:
-    """Set the length of the job, among the advanced parameters."""
+    """Set the length of the job, among the advanced parameters; fits have none, so a model pushes."""
+    page.get_by_role("group", name="How").get_by_text("By pictures").click()
     open_more(page)
     if not page.locator("#param-steps").is_visible():
         page.get_by_text("Advanced", exact=True).click()
