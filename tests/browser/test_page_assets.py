@@ -66,6 +66,7 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     assert (seen[..., 2] - seen[..., 0] > 60).mean() > 0.05  # the texture is there
 
     # The arrow follows the pointer, the slider and the form.
+    page.get_by_role("group", name="How").get_by_text("By pictures").click()  # a fit searches no front
     open_more(page)
     slider, said = page.get_by_label("Front", exact=True).first, page.locator(".front-control output")
     expect(said).to_have_text("Automatic")

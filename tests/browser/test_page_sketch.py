@@ -64,7 +64,7 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
     job = start(page)
     document = service.job(job)
     # The job has the mesh that was shown, as any other target.
-    assert document["params"]["guidance"] == {"kind": "exemplar"}
+    assert document["params"]["guidance"] == {"kind": "target"}
     assert list(document["files"]) == ["asset", "target"]
     assert service.http.get(f"/v1/jobs/{job}/files/target").content == member_glb("table", sent["values"])
     expect(page.get_by_text("Target: table.glb")).to_be_visible()

@@ -44,7 +44,7 @@ def test_a_file_that_is_broken_is_refused_with_advice_and_nothing_is_posted(
     # Another file, and all is well again.
     choose(page, repository / "examples" / "cube.glb")
     expect(alert).to_be_hidden()
-    expect(page.locator("#estimate")).to_contain_text("steps")
+    expect(page.locator("#estimate")).to_contain_text("A fit")
 
 
 def test_a_job_is_canceled_retried_and_branched(page: Page, watch: Watch, service: Service, small_sphere: Path) -> None:
