@@ -573,8 +573,8 @@ class PromptGuidance(PromptParams):
     """A diffusion model and the prompt."""
 
     kind: Literal["sds"] = Field(
-        description="Kind of guidance: `exemplar`, `sds`, `target` or `silhouettes`. Default: by what else is sent; of "
-        "a prompt alone, `exemplar`.",
+        description="Kind of guidance, `exemplar`, `sds`, `target` or `silhouettes`; without it, by what else is sent, "
+        "`exemplar` of a prompt alone.",
         examples=["sds"],
         json_schema_extra=_AS_GUIDANCE,
     )

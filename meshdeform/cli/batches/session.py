@@ -188,7 +188,7 @@ def record_of(row: Row, line: Mapping[str, Any] | None, folder: Path) -> dict[st
 
 def _method(asked: DeformParams, resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return the preset, the model and the steps of a row; a fit to an exemplar has none."""
-    if asked.kind is GuidanceKind.EXEMPLAR:
+    if resolved.get("guidance", asked.kind) == GuidanceKind.EXEMPLAR:  # a service may have decided it
         return dict.fromkeys(("preset", "model", "steps"))
     steps = resolved.get("steps", asked.model_dump().get("steps"))
     return {"preset": asked.preset.value, "model": resolved.get("model", asked.model), "steps": steps}

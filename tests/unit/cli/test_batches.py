@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.app import app
+from meshdeform.cli.batch import _checker
 from meshdeform.cli.batches import runners
 from meshdeform.cli.batches.ledger import Ledger
 from meshdeform.cli.batches.rows import Entry, Row, combine, make_rows, read_prompts, read_table
@@ -120,6 +121,19 @@ def test_rows_are_fitted_to_words_and_meshes_alike(folder: Path) -> None:
     assert {row.request.params.kind.value for row in rows} == {"exemplar"}
     for row in rows:  # there are none
         assert {record_of(row, None, folder)[name] for name in ("preset", "model", "steps")} == {None}
+
+
+def test_rows_here_name_their_kind_and_a_service_decides_it_itself(folder: Path) -> None:
+    entries = [
+        Entry("1", folder / "a.glb", "a vase"),
+        Entry("2", folder / "a.glb", "a vase", params={"preset": "preview"}),
+        Entry("3", folder / "a.glb", "a vase", params={"guidance": "sds"}),
+    ]
+    rows = rows_of(entries, check=_checker())
+    assert [row.request.params.kind for row in rows] == ["exemplar", "sds", "sds"]
+    sent = rows_of(entries)
+    assert [row.request.params.model_dump(mode="json").get("guidance") for row in sent] == [None, None, {"kind": "sds"}]
+    assert len({row.key for row in [*rows, *sent]}) == 5  # only the third is the same
 
 
 def test_names_stay_when_others_join_and_never_meet(folder: Path) -> None:

@@ -36,6 +36,39 @@ def test_the_prior_is_loaded_as_the_settings_say(tmp_path: Path) -> None:
     assert seen == [("some/model", {"device": "cpu", "revision": "v2", "dtype": "bfloat16"})]
 
 
+@each_case(
+    ("options", "kind"),
+    [
+        (["a giraffe"], "exemplar"),
+        (["a giraffe", "--strength", "0.5"], "exemplar"),
+        (["a giraffe", "--guidance", "sds"], "sds"),
+        (["a giraffe", "--preset", "preview"], "sds"),
+        (["a giraffe", "--steps", "3"], "sds"),
+        (["a giraffe", "--model", "builtin"], "sds"),
+        (["a giraffe", "--set", "laplacian_weight=0.3"], "sds"),
+        (["--target", "a.glb", "--set", "laplacian_weight=0.3"], "target"),
+        (["--target", "a.glb", "--target", "a.glb"], "exemplar"),
+    ],
+)
+def test_options_decide_what_guides_a_run_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], kind: str
+) -> None:
+    class Seen(Exception):
+        pass
+
+    asked: list[str] = []
+
+    def run(job: LocalJob, **_: Any) -> None:
+        asked.append(job.request.params.kind.value)
+        raise Seen
+
+    monkeypatch.setattr(LocalJob, "check", run)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.glb").write_bytes(b"")
+    CliRunner().invoke(app, ["run", "a.glb", *options])
+    assert asked == [kind]
+
+
 def test_the_files_beside_a_gltf_come_along(tmp_path: Path) -> None:
     for name, data in scene().items():
         path = tmp_path / name
