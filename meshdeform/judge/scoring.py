@@ -1,29 +1,23 @@
-"""Score how well each of several prompts fits a mesh, in the judge's own views.
+"""Tell which noun a mesh looks like, in the judge's own views.
 
 The views are clay on white, one channel, 64 pixels per view. They differ from the prior's views, which have face
 normals as colours, elevations of 0 to 30 degrees and a field of view of 30 to 45 degrees: these are from below and
 above these elevations, with a narrower field of view, smoothly shaded clay and one view per picture.
 
-The network is a small residual one for one view, with an encoder for the prompt::
+The network is a small residual one that classifies a single view. The mean of the logits of several views, times a
+sharpness that was fitted on real assets, gives the probabilities. The weights are half precision safetensors that
+record their vocabulary.
 
-    score(view, prompt) = noun_logit(view)[noun] + <a(view), g(noun, attributes)> / sqrt(width)
-
-estimates log p(view | prompt) up to a constant of the view. The scores of several views are averaged. The weights are
-half precision safetensors that record their vocabulary.
-
-Sources: He et al. 2016 (residual networks), van den Oord et al. 2018 (InfoNCE: a score is a log ratio of densities,
-eq. 5).
+Sources: He et al. 2016 (residual networks), Guo et al. 2017 (the sharpness is the inverse of their temperature).
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -32,16 +26,14 @@ from torch import Tensor, nn
 
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, ParsedPrompt, parse
+from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.network import file_sha256
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 
 _NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
-_ATTRIBUTE_NUMBER = {attribute: number for number, attribute in enumerate(ATTRIBUTES)}
 VIEW_SIZE = 64
-NUM_VIEWS = 8
 _STYLE = RenderStyle(view_size=VIEW_SIZE, supersample=2, shading="lambert", background=(0.0, 0.0, 0.0))
 _FOV_DEG = (20.0, 28.0)
 _FROM_BELOW_DEG = (-25.0, -8.0)
@@ -54,24 +46,6 @@ class JudgeConfig:
 
     stem: int = 24
     channels: tuple[int, int, int] = (48, 96, 128)
-    width: int = 128
-
-
-class Prompts(NamedTuple):
-    """P prompts: `noun` (P,) int64 and `attributes` (P, A) float32, 1 where the prompt has the attribute."""
-
-    noun: Tensor
-    attributes: Tensor
-
-
-def encoded(prompts: list[ParsedPrompt]) -> Prompts:
-    """Encode parsed prompts as tensors."""
-    noun = torch.tensor([_NOUN_NUMBER[prompt.noun] for prompt in prompts], dtype=torch.int64)
-    attributes = torch.zeros(len(prompts), len(ATTRIBUTES))
-    for row, prompt in enumerate(prompts):
-        for attribute in prompt.attributes:
-            attributes[row, _ATTRIBUTE_NUMBER[attribute]] = 1.0
-    return Prompts(noun, attributes)
 
 
 class _Block(nn.Module):
@@ -92,53 +66,25 @@ class _Block(nn.Module):
 
 
 class JudgeNetwork(nn.Module):
-    """Network that scores prompts for single views."""
+    """Network that classifies single views."""
 
-    prompt_sharpness: Tensor
-    noun_sharpness: Tensor
+    sharpness: Tensor
 
     def __init__(self, config: JudgeConfig | None = None) -> None:
         super().__init__()
         self.config = config or JudgeConfig()
-        c0, c1, c2, width = self.config.stem, *self.config.channels[:2], self.config.width
-        c3 = self.config.channels[2]
+        c0, (c1, c2, c3) = self.config.stem, self.config.channels
         self.stem = nn.Sequential(nn.Conv2d(1, c0, 5, stride=2, padding=2, bias=False), nn.BatchNorm2d(c0), nn.ReLU())
         self.blocks = nn.Sequential(_Block(c0, c1), _Block(c1, c2), _Block(c2, c3))
         self.noun_head = nn.Linear(c3, len(NOUNS))
-        self.attribute_head = nn.Linear(c3, width)
-        self.noun = nn.Embedding(len(NOUNS), width)
-        self.attribute = nn.Linear(len(ATTRIBUTES), width, bias=False)
-        self.mix = nn.Sequential(nn.Linear(width, 2 * width), nn.SiLU(), nn.Linear(2 * width, width))
-        # Factors of the mean over the views: views of one mesh are correlated, so their sum would be overconfident.
-        self.register_buffer("prompt_sharpness", torch.ones(()))
-        self.register_buffer("noun_sharpness", torch.ones(()))
+        # A factor of the mean over the views: views of one mesh are correlated, so their sum would be overconfident.
+        self.register_buffer("sharpness", torch.ones(()))
 
-    def encode_views(self, images: Tensor) -> tuple[Tensor, Tensor]:
-        """Encode views.
-
-        Parameters
-        ----------
-        images : (B, 1, 64, 64) float32
-            From `draw_views`.
-
-        Returns
-        -------
-        noun_logits : (B, N) float32
-        features : (B, width) float32
-        """
+    def forward(self, images: Tensor) -> Tensor:
+        """Return the logits (B, N) float32 of the nouns for views (B, 1, 64, 64) float32 from `draw_views`."""
         features = self.blocks(self.stem(images * 2.0 - 1.0)).mean((2, 3))
-        return self.noun_head(features).float(), self.attribute_head(features).float()
-
-    def encode_prompts(self, prompts: Prompts) -> Tensor:
-        """Encode prompts as vectors (P, width)."""
-        x = self.noun(prompts.noun) + self.attribute(prompts.attributes)
-        text: Tensor = x + self.mix(x)
-        return text
-
-    def scores(self, noun_logits: Tensor, features: Tensor, prompts: Prompts) -> Tensor:
-        """Return the scores (B, P) of every prompt for every view."""
-        match = features @ self.encode_prompts(prompts).float().mT / math.sqrt(self.config.width)
-        return noun_logits[:, prompts.noun] + match
+        logits: Tensor = self.noun_head(features).float()
+        return logits
 
 
 WEIGHTS = Path(__file__).parent / "weights" / "judge.safetensors"
@@ -149,9 +95,8 @@ _ADVICE = (
 
 
 def vocabulary_hash() -> str:
-    """Hash the nouns and attributes in the order of their numbers."""
-    words = [*NOUNS, *(f"{attribute.degree} {attribute.part}" for attribute in ATTRIBUTES)]
-    return hashlib.sha256(",".join(words).encode()).hexdigest()[:16]
+    """Hash the nouns in the order of their numbers."""
+    return hashlib.sha256(",".join(NOUNS).encode()).hexdigest()[:16]
 
 
 def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:
@@ -264,9 +209,8 @@ class Judge:
             "sha256": file_sha256(weights),
         }
 
-    @torch.no_grad()
     def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> Tensor:
-        """Score how well each prompt fits the mesh.
+        """Score how well the noun of each prompt fits the mesh; attributes do not count.
 
         Parameters
         ----------
@@ -277,8 +221,7 @@ class Judge:
 
         Returns
         -------
-        (P,) float32: log p(mesh | prompt) up to a constant of the mesh. A softmax over the prompts gives the
-        probability of each if all are equally likely beforehand; the largest score is retrieved.
+        (P,) float32: log p(mesh | noun) up to a constant of the mesh.
 
         Raises
         ------
@@ -287,19 +230,19 @@ class Judge:
         ShapeError
             The mesh has no faces, no extent or positions that are not finite.
         """
-        encoded_prompts = encoded([parse(prompt) for prompt in prompts])
-        noun_logits, features = self._network.encode_views(draw_views(mesh, *self._cameras))
-        return self._network.scores(noun_logits, features, encoded_prompts).mean(0) * self._network.prompt_sharpness
+        return self._scores(mesh)[[_NOUN_NUMBER[parse(prompt).noun] for prompt in prompts]]
 
-    @torch.no_grad()
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
-        """Return the probability of each noun of the vocabulary, for any attributes; they sum to 1.
+        """Return the probability of each noun of the vocabulary if all are equally likely beforehand; they sum to 1.
 
         Raises
         ------
         ShapeError
             As in `log_likelihoods`.
         """
-        noun_logits, _ = self._network.encode_views(draw_views(mesh, *self._cameras))
-        probabilities = torch.softmax(noun_logits.mean(0) * self._network.noun_sharpness, 0)
-        return dict(zip(NOUNS, probabilities.tolist(), strict=True))
+        return dict(zip(NOUNS, torch.softmax(self._scores(mesh), 0).tolist(), strict=True))
+
+    @torch.no_grad()
+    def _scores(self, mesh: TriangleMesh) -> Tensor:
+        logits: Tensor = self._network(draw_views(mesh, *self._cameras))
+        return logits.mean(0) * self._network.sharpness

@@ -18,17 +18,21 @@ _SCALE, _SHEAR, _WAVE = 0.15, 0.04, 0.03
 
 
 class RealShapes:
-    """The shapes of one split, by noun."""
+    """The shapes of some splits, by noun."""
 
-    def __init__(self, folder: Path, split: str) -> None:
+    def __init__(self, folder: Path, *splits: str) -> None:
         self._folder = folder
         self._members = defaultdict[str, list[tuple[str, int]]](list)
         for member in json.loads((folder / "members.json").read_text())["members"]:
-            if member["split"] == split:
+            if member["split"] in splits:
                 self._members[member["noun"]].append((member["shape"], member["front_deg"]))
 
     def __contains__(self, noun: object) -> bool:
         return noun in self._members
+
+    def count(self, noun: str) -> int:
+        """Return how many shapes of a noun there are."""
+        return len(self._members.get(noun, ()))
 
     def digest(self, noun: str) -> str:
         """Return a hash of what members of a noun are drawn from."""

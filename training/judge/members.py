@@ -1,9 +1,8 @@
-"""Render the judge's training views: members that the prior never saw, and shapes that are no noun.
+"""Render the views that the judge is trained and measured with: nouns by other code and of collections, and nothing.
 
-Members have two sources. Some are of the prior's families, though not the prior's members: seeds begin with a constant
-of the judge, and attributes are drawn from all pairs that the grammar accepts. The others are made by the judge's own
-code (`shapes`), so that it is not the prior's mirror. Meshes are smoothed and roughened before rendering, because a
-deformed sphere is smoother than joined parts, and lumpier; some get flat facets, as assets of kits have.
+No member of a family (`meshdeform.nouns.families`) trains it: results are fitted to them, and it would tell how much a
+result resembles its goal. They are drawn to measure it alone. Meshes are smoothed and roughened before rendering,
+because a deformed sphere is smoother than joined parts, and lumpier; some get flat facets, as assets of kits have.
 
 Source of the shapes that are no noun: Hendrycks et al. 2019, Deep anomaly detection with outlier exposure.
 """
@@ -13,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,56 +24,48 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.judge.scoring import VIEW_SIZE, draw_views, encoded, judging_cameras, training_cameras
-from meshdeform.nouns.families import FAMILIES, Part, member
+from meshdeform.judge.scoring import VIEW_SIZE, draw_views, judging_cameras, training_cameras
+from meshdeform.nouns.families import Part, member
 from meshdeform.nouns.families.parts import box, ellipsoid, join, limb
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
+from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import normalised
 from meshdeform.priors.builtin.teaching.views import drawn_from
-from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS
+from meshdeform.rendering.cameras import Cameras
 from training.collections.members import RealShapes
 from training.judge import shapes
 
 _log = logging.getLogger(__name__)
 
+OTHER, REAL, FAMILY, NOTHING = "other", "real", "family", "nothing"
+"""Where shapes come from: code of the judge's own, collections, the families; and shapes that are no noun."""
+
 _SEED = 0x6A756467
 """First word of every seed of the judge ("judg"); seeds of the prior begin with a small number."""
 
-TRAINING, CALIBRATION, HELD_OUT = 0, 1, 2
-"""Three disjoint ranges of seeds."""
+TRAINING, HELD_OUT = 0, 2
+"""Disjoint ranges of seeds."""
 
-_ATTRIBUTE_COUNT_ODDS = (0.4, 0.42, 0.18)
-"""Odds of none, one and two attributes."""
-_OTHERS_COUNT_ODDS = (0.6, 0.32, 0.08)
-"""The same of members by the judge's own code."""
+_WHOLE = [Attribute("whole", word) for word in ADJECTIVES]
+_ATTRIBUTE_COUNT_ODDS = (0.6, 0.32, 0.08)
+"""Odds of none, one and two attributes of the whole: a tall vase is a vase."""
 
 
 def seeded(split: int, kind: str, number: int) -> np.random.Generator:
-    """Return the generator of one member of the range `split`; `kind` is a noun, or what `ViewSet.drawn` names."""
+    """Return the generator of one member of the range `split`; `kind` as in `ViewSet.drawn`."""
     return np.random.default_rng([_SEED, split, int.from_bytes(hashlib.sha256(kind.encode()).digest()[:8]), number])
 
 
-def draw_member(noun: str, rng: np.random.Generator) -> tuple[ParsedPrompt, Part]:
-    """Draw a member of the noun's family with up to two attributes; return its true prompt and the mesh."""
-    known = [Attribute("whole", word) for word in ADJECTIVES]
-    known += [Attribute(part, degree) for part in NOUNS[noun] for degree in PARTS[part]]
-    prompt = drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
-    return prompt, member(noun, prompt.attributes, rng)
-
-
-def draw_other(noun: str, rng: np.random.Generator) -> tuple[ParsedPrompt, Part]:
-    """Draw a noun by the judge's own code with up to two attributes of the whole; return its prompt and the mesh.
-
-    The sizes of its parts are not known, so the prompt says nothing of them.
-    """
-    prompt = drawn_from(noun, [Attribute("whole", word) for word in ADJECTIVES], _OTHERS_COUNT_ODDS, rng)
-    return prompt, shapes.drawn(noun, prompt.attributes, rng)
-
-
-def draw_real(noun: str, rng: np.random.Generator, real: RealShapes) -> tuple[ParsedPrompt, Part]:
-    """Draw a noun from collections with up to two attributes of the whole; return its prompt and the mesh."""
-    prompt = drawn_from(noun, [Attribute("whole", word) for word in ADJECTIVES], _OTHERS_COUNT_ODDS, rng)
-    return prompt, real.draw(noun, prompt.attributes, rng)
+def draw_shape(kind: str, rng: np.random.Generator, real: RealShapes | None = None) -> Part:
+    """Draw a shape of a kind, as it was built; `real`: needed for those of collections."""
+    if kind == NOTHING:
+        return draw_nothing(rng)
+    source, noun = kind.split()
+    attributes = drawn_from(noun, _WHOLE, _ATTRIBUTE_COUNT_ODDS, rng).attributes
+    if source == REAL:
+        assert real is not None
+        return real.draw(noun, attributes, rng)
+    return shapes.drawn(noun, attributes, rng) if source == OTHER else member(noun, attributes, rng)
 
 
 def draw_nothing(rng: np.random.Generator) -> Part:
@@ -138,28 +129,22 @@ def faceted(shape: Part) -> Part:
 
 @dataclass(frozen=True)
 class ViewSet:
-    """Views of M meshes with their labels.
-
-    `images` (M, V, 64, 64) uint8; `noun` (M,) int64, -1 for shapes that are no noun; `attributes` (M, A) uint8;
-    `other` (M,) bool: made by the judge's own code, so that the sizes of parts are not known.
-    """
+    """Views of M meshes: `images` (M, V, 64, 64) uint8, `noun` (M,) int64, -1 for shapes that are no noun."""
 
     images: Tensor
     noun: Tensor
-    attributes: Tensor
-    other: Tensor
 
     def __len__(self) -> int:
         return len(self.images)
 
     def rows(self, rows: Tensor) -> ViewSet:
         """Return some meshes of the set."""
-        return ViewSet(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return ViewSet(self.images[rows], self.noun[rows])
 
     @classmethod
     def joined(cls, sets: Sequence[ViewSet]) -> ViewSet:
         """Join sets."""
-        return cls(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(cls)))
+        return cls(torch.cat([each.images for each in sets]), torch.cat([each.noun for each in sets]))
 
     @classmethod
     def drawn(
@@ -167,36 +152,24 @@ class ViewSet:
     ) -> ViewSet:
         """Draw `members` of a kind, from number `first` on.
 
-        A kind is a noun (its family), "other " and a noun (the judge's own code), "real " and a noun, or "nothing".
-
-        The training range is rendered from four random cameras, the others from the judge's eight cameras.
+        A kind is a source and a noun ("other vase"), or "nothing". The training range is rendered from four random
+        cameras, the other from the judge's eight.
         """
-        other, noun = kind.startswith(("other ", "real ")), kind.split()[-1]
-        number_of = {name: number for number, name in enumerate(NOUNS)}
         images = torch.empty(members, 4 if split == TRAINING else 8, VIEW_SIZE, VIEW_SIZE, dtype=torch.uint8)
-        attributes = torch.zeros(members, len(ATTRIBUTES), dtype=torch.uint8)
         for row in range(members):
-            prompt, shape, rng = _drawn_shape(split, kind, first + row, real)
-            if prompt is not None:
-                attributes[row] = encoded([prompt]).attributes[0].to(torch.uint8)
+            rng = seeded(split, kind, first + row)
+            shape = draw_shape(kind, rng, real)
             if rough:
                 shape = roughened(shape, rng)
-                if rng.random() < (0.3 if other else 0.1):
+                if rng.random() < _FACETED:
                     shape = faceted(shape)
-            mesh = TriangleMesh(torch.from_numpy(shape.verts), torch.from_numpy(shape.faces))
             cameras = (training_cameras(rng),) if split == TRAINING else judging_cameras()
-            images[row] = (draw_views(mesh, *cameras)[:, 0] * 255.0).round().to(torch.uint8)
-        nouns = torch.full((members,), -1 if kind == NOTHING else number_of[noun])
-        return cls(images, nouns, attributes, torch.full((members,), other))
-
-    @classmethod
-    def of_all(cls, split: int, counts: Mapping[str, int], real: RealShapes | None = None) -> ViewSet:
-        """Draw so many of each kind (`counts_of`)."""
-        return cls.joined([cls.drawn(split, kind, count, real=real) for kind, count in counts.items()])
+            images[row] = pictures(TriangleMesh(torch.from_numpy(shape.verts), torch.from_numpy(shape.faces)), *cameras)
+        return cls(images, torch.full((members,), _number(kind)))
 
     @classmethod
     def cached(cls, folder: Path, counts: Mapping[str, int], real: RealShapes | None = None) -> ViewSet:
-        """Read training views from a folder with a file for each kind; draw what is missing or was drawn otherwise.
+        """Read so many training views of each kind (`counts_of`) from a folder with a file for each; draw the others.
 
         A kind is drawn anew if its first members differ from those of its file, and its file is continued if it has
         too few.
@@ -205,61 +178,57 @@ class ViewSet:
         sets = []
         for kind, count in counts.items():
             path, recipe = folder / f"{kind.replace(' ', '.')}.safetensors", _recipe(kind, real)
-            view_set = cls(**load_file(path)) if _stored_recipe(path) == recipe else cls.drawn(TRAINING, kind, 0)
-            if len(view_set) < count:
-                more = cls.drawn(TRAINING, kind, count - len(view_set), first=len(view_set), real=real)
-                view_set = cls.joined([view_set, more])
+            known = load_file(path)["images"] if _stored_recipe(path) == recipe else None
+            first = 0 if known is None else len(known)
+            if first < count:
+                more = cls.drawn(TRAINING, kind, count - first, first=first, real=real).images
+                known = more if known is None else torch.cat([known, more])
                 part = path.with_suffix(".part")
-                save_file({field.name: getattr(view_set, field.name) for field in fields(cls)}, part, recipe)
+                save_file({"images": known}, part, recipe)
                 part.replace(path)
                 _log.info("drew %s, %d in all", kind, count)
-            # Numbers of nouns are those of today's vocabulary.
-            number = -1 if kind == NOTHING else list(NOUNS).index(kind.split()[-1])
-            sets.append(replace(view_set.rows(torch.arange(count)), noun=torch.full((count,), number)))
+            assert known is not None
+            sets.append(cls(known[:count], torch.full((count,), _number(kind))))
         return cls.joined(sets)
 
 
-NOTHING = "nothing"
-"""The kind of shapes that are no noun."""
 _TOLD_MEMBERS = 2
-"""Members whose shapes are part of a recipe: enough to notice that a family was changed."""
+"""Members whose shapes are part of a recipe: enough to notice that code was changed."""
+_FACETED = 0.3
+"""Share of shapes with flat facets."""
+_EACH = 15
+"""Most members that are drawn of one real shape."""
+
+
+def pictures(mesh: TriangleMesh, *cameras: Cameras) -> Tensor:
+    """Render a mesh for a set: (V, 64, 64) uint8."""
+    return (draw_views(mesh, *cameras)[:, 0] * 255.0).round().to(torch.uint8)
 
 
 def counts_of(
-    nouns: Sequence[str], members: int, neighbours: int, nothings: int = 0, real: RealShapes | None = None
+    nouns: Sequence[str], others: int, reals: int, nothings: int, real: RealShapes | None = None
 ) -> dict[str, int]:
-    """Return how many of each kind to draw: as many real members as of the family, or as of both if there is none."""
-    counts = {noun: members for noun in nouns if noun in FAMILIES}
-    counts |= {f"other {noun}": neighbours for noun in nouns if noun in FAMILIES}
+    """Return how many of each kind to draw for training: at most `reals` of a noun's real shapes."""
+    counts = {f"{OTHER} {noun}": others for noun in nouns}
     if real is not None:
-        counts |= {f"real {noun}": members + neighbours * (noun not in FAMILIES) for noun in nouns if noun in real}
+        counts |= {f"{REAL} {noun}": min(reals, _EACH * real.count(noun)) for noun in nouns}
     return {kind: count for kind, count in {**counts, NOTHING: nothings}.items() if count}
 
 
-def _drawn_shape(
-    split: int, kind: str, number: int, real: RealShapes | None
-) -> tuple[ParsedPrompt | None, Part, np.random.Generator]:
-    """Draw a shape of a kind; return its prompt, None if it is no noun, and the generator that draws the rest."""
-    rng, (*source, noun) = seeded(split, kind, number), kind.split()
-    if kind == NOTHING:
-        return None, draw_nothing(rng), rng
-    if source == ["real"]:
-        assert real is not None
-        return *draw_real(noun, rng, real), rng
-    return *(draw_other if source else draw_member)(noun, rng), rng
+def _number(kind: str) -> int:
+    return -1 if kind == NOTHING else list(NOUNS).index(kind.split()[1])
 
 
 def _recipe(kind: str, real: RealShapes | None) -> dict[str, str]:
     """Return the fingerprint of a kind's training views."""
     digest = hashlib.sha256()
     for number in range(_TOLD_MEMBERS):
-        prompt, shape, _ = _drawn_shape(TRAINING, kind, number, real)
-        digest.update(str(prompt).encode())
+        shape = draw_shape(kind, seeded(TRAINING, kind, number), real)
         digest.update(np.round(shape.verts, 6).tobytes())
         digest.update(np.asarray(shape.faces, dtype=np.int64).tobytes())
-    if kind.startswith("real ") and real is not None:
-        digest.update(real.digest(kind.split()[-1]).encode())
-    return {"kind": kind, "attributes": str(len(ATTRIBUTES)), "shapes": digest.hexdigest()}
+    if kind.startswith(REAL) and real is not None:
+        digest.update(real.digest(kind.split()[1]).encode())
+    return {"kind": kind, "shapes": digest.hexdigest()}
 
 
 def _stored_recipe(path: Path) -> dict[str, str]:

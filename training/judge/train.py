@@ -1,14 +1,12 @@
-"""Train the judge: ``python -m training.judge.train --cache views --threads 1``.
+"""Train the judge: ``python -m training.judge.train --cache VIEWS --collections SCAN --assets FOLDER --threads 1``.
 
-The loss of a batch of M meshes with four views each is the mean of three cross entropies: of the mesh's prompt among
-candidates from a single view, of the same from the mean over the views, and of the noun from a single view.
-Candidates are the prompts of the batch and others about the same nouns. Each occurs once, with the logarithm of its
-frequency added to its score, so that the score itself learns log p(view | prompt) and not the posterior, which favours
-frequent prompts. For shapes that are no noun, the target distribution is the frequency of the prompts. Members by the
-judge's own code are not compared with other prompts about their noun, whose truth is not known.
+The loss of a batch of M meshes with four views each is the mean of two cross entropies: of the noun from a single view,
+and from the mean over the views. The logarithm of how many meshes show a noun is added to its logit, so that frequent
+nouns are not favoured. For shapes that are no noun, the target is uniform. The sharpness is fitted on the real assets
+of bench/keep/assets.json that may be tuned on.
 
-Sources: van den Oord et al. 2018 (InfoNCE), Menon et al. 2021 (logit adjustment), Hendrycks et al. 2019 (outlier
-exposure with the uniform distribution), Guo et al. 2017 (temperature scaling on held-out examples).
+Sources: Menon et al. 2021 (logit adjustment), Hendrycks et al. 2019 (outlier exposure with the uniform distribution),
+Guo et al. 2017 (temperature scaling on held-out examples).
 """
 
 from __future__ import annotations
@@ -22,21 +20,19 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, Prompts, vocabulary_hash
+from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, vocabulary_hash
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.collections.members import RealShapes
-from training.collections.sources import JUDGE
+from training.collections.sources import JUDGE, PRIOR
+from training.judge.assets import views_of_assets
 from training.judge.augment import augmented
-from training.judge.members import CALIBRATION, ViewSet, counts_of
+from training.judge.members import ViewSet, counts_of
 
 _log = logging.getLogger(__name__)
-
-_OTHERS = 6
-"""Further candidates per mesh: prompts of other meshes of the same noun."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +63,8 @@ class Trainer:
             self.optimiser, config.learning_rate, total_steps=config.steps, pct_start=0.15
         )
         self.average = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
-        labels, self.prompt = torch.unique(
-            torch.cat([data.noun[:, None], data.attributes.long()], 1), dim=0, return_inverse=True
-        )
-        self.prompts = Prompts(labels[:, 0], labels[:, 1:].float())
-        self.rows_of = [(data.noun == noun).nonzero()[:, 0] for noun in range(len(NOUNS))]
+        shown = torch.bincount(data.noun[data.noun >= 0], minlength=len(NOUNS))
+        self.offered = shown.clamp_min(1).log()
         self.order = torch.empty(0, dtype=torch.int64)
         self.done = 0
 
@@ -81,43 +74,21 @@ class Trainer:
         rows, self.order = self.order[: self.config.batch], self.order[self.config.batch :]
         return rows
 
-    def _candidates(self, rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the numbers of the batch's prompts and of others about its nouns, and their frequencies."""
-        shown = rows[self.data.noun[rows] >= 0]
-        prompts = [self.prompt[shown]]
-        for noun in self.data.noun[shown].tolist():
-            pool = self.rows_of[noun]
-            prompts.append(self.prompt[pool[torch.randint(len(pool), (_OTHERS,), generator=self.generator)]])
-        number, count = torch.unique(torch.cat(prompts), return_counts=True)
-        return number, count
-
     def step(self) -> Tensor:
-        """Run one optimiser step; return the three losses."""
+        """Run one optimiser step; return the losses of single views and of the mean over the views."""
         self.network.train()
-        rows = self._next_rows()
-        number, count = self._candidates(rows)
-        views = self.data.images.shape[1]
-        images = augmented(self.data.images[rows].flatten(0, 1)[:, None].float() / 255.0, self.generator)
+        data = self.data.rows(self._next_rows())
+        views = data.images.shape[1]
+        images = augmented(data.images.flatten(0, 1)[:, None].float() / 255.0, self.generator)
         with torch.autocast("cpu", torch.bfloat16):
-            noun_logits, features = self.network.encode_views(images.contiguous(memory_format=torch.channels_last))
-        candidates = Prompts(self.prompts.noun[number], self.prompts.attributes[number])
-        scores = self.network.scores(noun_logits, features, candidates)
-        scores = scores - _unknown(self.data, rows, candidates).repeat_interleave(views, 0)
-        pooled = scores.view(-1, views, len(number)).mean(1) * 2.0
-        shown = self.data.noun[rows] >= 0
-        # One-hot for the prompt; for a shape that is no noun, the frequencies of the candidates.
-        target = functional.one_hot(
-            torch.searchsorted(number, self.prompt[rows]).clamp_max(len(number) - 1), len(number)
-        )
-        target = torch.where(shown[:, None], target.float(), count / count.sum())
-        noun_target = functional.one_hot(self.data.noun[rows].clamp_min(0), len(NOUNS)).float()
-        noun_target = torch.where(shown[:, None], noun_target, 1.0 / len(NOUNS))
-        offered = count.log()
+            logits = self.network(images.contiguous(memory_format=torch.channels_last))
+        # Views of one mesh agree in part: four tell about twice as much as one.
+        pooled = logits.view(-1, views, len(NOUNS)).mean(1) * 2.0
+        target = targets(data.noun, torch.softmax(self.offered, 0))
         losses = torch.stack(
             [
-                functional.cross_entropy(scores + offered, target.repeat_interleave(views, 0)),
-                functional.cross_entropy(pooled + offered, target),
-                functional.cross_entropy(noun_logits, noun_target.repeat_interleave(views, 0)),
+                functional.cross_entropy(logits + self.offered, target.repeat_interleave(views, 0)),
+                functional.cross_entropy(pooled + self.offered, target),
             ]
         )
         self.optimiser.zero_grad()
@@ -142,65 +113,32 @@ class Trainer:
         return network.eval()
 
 
+def targets(noun: Tensor, unknown: Tensor) -> Tensor:
+    """Return the distribution (M, N) that each mesh should get: its noun (M,), or `unknown` (N,) where that is -1."""
+    certain = functional.one_hot(noun.clamp_min(0), len(NOUNS)).float()
+    return torch.where((noun >= 0)[:, None], certain, unknown)
+
+
 @torch.no_grad()
 def calibrate(network: JudgeNetwork, view_set: ViewSet) -> None:
-    """Set the sharpness of the mean over the eight views, so that probabilities are calibrated.
-
-    Minimises the cross entropy over a fine grid, of the noun among the nouns and of the prompt among all prompts of
-    the set. For shapes that are no noun, the target is uniform, which prevents overconfidence.
-    """
-    count, views = view_set.images.shape[:2]
-    shown = view_set.noun >= 0
-    noun_logits, features = network.encode_views(view_set.images.flatten(0, 1)[:, None].float() / 255.0)
-    labels = torch.cat([view_set.noun[:, None], view_set.attributes.long()], 1)
-    labels, of_label = torch.unique(labels[shown], dim=0, return_inverse=True)
-    candidates = Prompts(labels[:, 0], labels[:, 1:].float())
-    scores = network.scores(noun_logits, features, candidates)
-    unknown = _unknown(view_set, torch.arange(count), candidates)
+    """Set the sharpness of the mean over the views that gives the least cross entropy, over a fine grid."""
+    logits = network(view_set.images.flatten(0, 1)[:, None].float() / 255.0)
+    mean = logits.view(*view_set.images.shape[:2], -1).mean(1)
     sharpness = torch.logspace(-1.0, 1.0, 101)
-
-    def best(logits: Tensor, right: Tensor, penalty: Tensor) -> Tensor:
-        mean = logits.view(count, views, -1).mean(1)
-        target = torch.full_like(mean, 1.0 / mean.shape[1])
-        target[shown] = functional.one_hot(right, mean.shape[1]).float()
-        tried = [functional.cross_entropy(s * mean - penalty, target) for s in sharpness]
-        return sharpness[torch.stack(tried).argmin()]
-
-    network.noun_sharpness.copy_(best(noun_logits, view_set.noun[shown], torch.zeros(())))
-    network.prompt_sharpness.copy_(best(scores, of_label, unknown))
-
-
-def _unknown(data: ViewSet, rows: Tensor, candidates: Prompts) -> Tensor:
-    """Return a penalty (rows, P) that takes prompts out of the comparison whose truth is not known.
-
-    Members by the judge's own code are compared with prompts of other nouns only. They vary as kinds do: one without
-    attributes may well be true of "a deer with long horns", or of "a tall deer".
-    """
-    same = candidates.noun[None] == data.noun[rows][:, None]
-    own = (candidates.attributes[None] == data.attributes[rows][:, None].float()).all(2)
-    return 1e4 * (data.other[rows][:, None] & same & ~own).float()
-
-
-def _start_from(trainer: Trainer, path: Path) -> None:
-    """Copy from a file of weights what has the same shape: all but the nouns' own rows, if the vocabulary grew."""
-    state = trainer.network.state_dict()
-    for name, tensor in load_file(path).items():
-        if name in state and state[name].shape == tensor.shape and not name.endswith("sharpness"):
-            state[name].copy_(tensor)
-            trainer.average[name].copy_(tensor)
+    tried = [functional.cross_entropy(each * mean, view_set.noun) for each in sharpness]
+    network.sharpness.copy_(sharpness[torch.stack(tried).argmin()])
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m training.judge.train", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--cache", type=Path, required=True, help="folder for the rendered views (about 520 MB)")
+    parser.add_argument("--cache", type=Path, required=True, help="folder for the rendered views")
+    parser.add_argument("--assets", type=Path, required=True, help="has the files of bench/keep/assets.json")
+    parser.add_argument("--collections", type=Path, help="what training.collections.scan wrote")
     parser.add_argument("--steps", type=int, default=TrainConfig.steps)
     parser.add_argument("--nouns", nargs="+", choices=list(NOUNS), default=list(NOUNS), help="nouns to learn")
-    parser.add_argument("--members", type=int, default=170, help="members of each family")
-    parser.add_argument("--others", type=int, default=80, help="members of each noun by the judge's own code")
-    parser.add_argument("--nothings", type=int, default=500, help="shapes that are no noun")
-    parser.add_argument("--collections", type=Path, help="what training.collections.scan wrote")
-    parser.add_argument("--calibration", type=int, default=3, help="further members of each kind, for calibration")
-    parser.add_argument("--initial", type=Path, help="weights to start from, possibly for another vocabulary")
+    parser.add_argument("--others", type=int, default=70, help="members of each noun by the judge's own code")
+    parser.add_argument("--reals", type=int, default=90, help="most members of each noun from collections")
+    parser.add_argument("--nothings", type=int, default=400, help="shapes that are no noun")
     parser.add_argument("--seed", type=int, default=0, help="seed of the training; the seeds of the members are fixed")
     parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
@@ -228,31 +166,24 @@ def main() -> None:
     arguments = _arguments()
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
-    real = RealShapes(arguments.collections, JUDGE) if arguments.collections else None
-    counts = counts_of(arguments.nouns, arguments.members, arguments.others, arguments.nothings, real)
+    tuned = views_of_assets(arguments.assets, "tuned")
+    real = RealShapes(arguments.collections, PRIOR, JUDGE) if arguments.collections else None
+    counts = counts_of(arguments.nouns, arguments.others, arguments.reals, arguments.nothings, real)
     data = ViewSet.cached(arguments.cache, counts, real)
     trainer = Trainer(data, TrainConfig(steps=arguments.steps, seed=arguments.seed))
-    if arguments.initial:
-        _start_from(trainer, arguments.initial)
-    begun, smooth = time.monotonic(), torch.zeros(3)
+    begun, smooth = time.monotonic(), torch.zeros(2)
     while trainer.done < arguments.steps:
         losses = trainer.step()
         smooth = losses if trainer.done == 1 else 0.97 * smooth + 0.03 * losses
         if trainer.done % 50 == 0:
-            named = "prompt {:.3f}, prompt of four views {:.3f}, noun {:.3f}".format(*smooth.tolist())
+            named = "one view {:.3f}, four views {:.3f}".format(*smooth.tolist())
             per_step = (time.monotonic() - begun) / trainer.done
             _log.info("step %d of %d, %s, %.3f s a step", trainer.done, arguments.steps, named, per_step)
     network = trainer.averaged()
-    # As in training, one shape that is no noun per sixty others.
-    nothings = len(arguments.nouns) * arguments.calibration // 30
-    each = arguments.calibration
-    calibrate(network, ViewSet.of_all(CALIBRATION, counts_of(arguments.nouns, each, each, nothings, real), real))
-    provenance = {"steps": trainer.done, "seed": arguments.seed, "members": arguments.members,
-                  "others": arguments.others, "meshes": len(data)}  # fmt: skip
+    calibrate(network, tuned)
+    provenance = {"steps": trainer.done, "seed": arguments.seed, "meshes": len(data)}
     write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
-    _log.info(
-        "sharpness of nouns %.2f, of prompts %.2f", float(network.noun_sharpness), float(network.prompt_sharpness)
-    )
+    _log.info("sharpness %.2f", float(network.sharpness))
 
 
 if __name__ == "__main__":

@@ -16,24 +16,18 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge import WEIGHTS, Judge
 from meshdeform.judge.scoring import draw_views, framed, judging_cameras, training_cameras
-from meshdeform.nouns.families import Part, member
-from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.priors.builtin.prior import CAMERAS
-from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.cases import each_case
-from training.judge.members import HELD_OUT, NOTHING, seeded
+from training.judge.members import HELD_OUT, NOTHING, draw_shape, seeded
 
 SUITE = ["a vase", "a chair", "a giraffe", "a mushroom", "a car", "a star", "a rabbit", "a table", "a whale", "a lamp"]
 
 
-def as_mesh(shape: Part) -> TriangleMesh:
+def shown(noun: str, number: int) -> TriangleMesh:
+    """A shape by other code, from the range of seeds that nothing was trained with."""
+    kind = f"other {noun}"
+    shape = draw_shape(kind, seeded(HELD_OUT, kind, 1000 + number))
     return TriangleMesh(torch.from_numpy(shape.verts), torch.from_numpy(shape.faces))
-
-
-def shown(prompt: str, number: int) -> TriangleMesh:
-    """A member that is true of the prompt, from the range of seeds that nothing was trained or calibrated with."""
-    parsed = parse(prompt)
-    return as_mesh(member(parsed.noun, parsed.attributes, seeded(HELD_OUT, parsed.noun, 1000 + number)))
 
 
 def turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
@@ -50,7 +44,7 @@ def judge() -> Judge:
 
 def test_retrieval_of_plain_prompts_in_a_suite(judge: Judge) -> None:
     right = [
-        int(judge.log_likelihoods(shown(prompt, number), SUITE).argmax()) == row
+        int(judge.log_likelihoods(shown(prompt.split()[1], number), SUITE).argmax()) == row
         for row, prompt in enumerate(SUITE)
         for number in range(2)
     ]
@@ -58,10 +52,9 @@ def test_retrieval_of_plain_prompts_in_a_suite(judge: Judge) -> None:
 
 
 def test_size_place_stray_vertices_and_other_words_for_the_same_do_not_matter(judge: Judge) -> None:
-    mesh = shown("a rabbit", 0)
-    same = ["a bunny with large ears", "The HARE that has a big ear"]
-    a, b = judge.log_likelihoods(mesh, same).tolist()
-    assert a == pytest.approx(b, abs=1e-6)
+    mesh = shown("rabbit", 0)
+    same = judge.log_likelihoods(mesh, ["a bunny", "The HARE that has a big ear"])
+    assert same[0] == same[1]
     stray = torch.tensor([[500.0, 0.0, 0.0]], dtype=torch.float64)
     place = torch.tensor([3.0, -7.0, 11.0], dtype=torch.float64)
     moved = TriangleMesh(torch.cat([mesh.verts * 0.037 + place, stray]), mesh.faces)
@@ -69,19 +62,16 @@ def test_size_place_stray_vertices_and_other_words_for_the_same_do_not_matter(ju
     assert torch.allclose(judge.log_likelihoods(moved, SUITE), judge.log_likelihoods(mesh, SUITE), atol=1e-2)
 
 
-@each_case("prompt", ["a giraffe", "a chair", "a whale"])
-def test_a_quarter_turn_only_permutes_the_views(judge: Judge, prompt: str) -> None:
-    mesh = shown(prompt, 1)
+@each_case("noun", ["giraffe", "chair", "whale"])
+def test_a_quarter_turn_only_permutes_the_views(judge: Judge, noun: str) -> None:
+    mesh = shown(noun, 1)
     straight, quarter = judge.log_likelihoods(mesh, SUITE), judge.log_likelihoods(turned(mesh, 90.0), SUITE)
     assert torch.equal(straight.argsort(), quarter.argsort())
     assert torch.allclose(straight, quarter, atol=0.2)
 
 
 def test_a_ball_is_nothing_for_certain(judge: Judge) -> None:
-    mesh = icosphere(3)  # a cube is a crate, and a ring nearly a bowl
-    assert max(judge.noun_probabilities(mesh).values()) < 0.5
-    likely = torch.softmax(judge.log_likelihoods(mesh, [str(ParsedPrompt(noun)) for noun in NOUNS]), 0)
-    assert float(likely.max()) < 0.6
+    assert max(judge.noun_probabilities(icosphere(3)).values()) < 0.5
 
 
 def test_the_views_are_not_the_priors() -> None:
@@ -140,7 +130,7 @@ def test_foreign_weights_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="another vocabulary"):
         Judge(rewritten(tmp_path / "foreign", metadata={"vocabulary": "0" * 16}))
     with pytest.raises(ModelError, match="another network"):
-        Judge(rewritten(tmp_path / "lacking", without="noun.weight"))
+        Judge(rewritten(tmp_path / "lacking", without="noun_head.weight"))
     with pytest.raises(ModelError, match="another network"):
         Judge(rewritten(tmp_path / "wider", metadata={"config": '{"stem": 32, "channels": [48, 96, 128]}'}))
     assert Judge(rewritten(tmp_path / "same")).log_likelihoods(icosphere(2), SUITE).isfinite().all()

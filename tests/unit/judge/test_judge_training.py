@@ -1,4 +1,4 @@
-"""How the judge is trained: disjoint members, true labels, a loss that goes down, weights that come back."""
+"""How the judge is trained: true labels, a loss that goes down, weights that come back, and a fitted sharpness."""
 
 from __future__ import annotations
 
@@ -6,43 +6,38 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.scoring import JudgeNetwork, encoded
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.judge.scoring import JudgeNetwork
 from meshdeform.priors.builtin.vocabulary import NOUNS
-from training.judge.measure import prompts_of
-from training.judge.members import (
-    HELD_OUT,
-    TRAINING,
-    ViewSet,
-    counts_of,
-    draw_other,
-    seeded,
-)
-from training.judge.train import TrainConfig, Trainer, _unknown, calibrate
+from training.judge.measure import calibration_error
+from training.judge.members import HELD_OUT, NOTHING, TRAINING, ViewSet, counts_of, draw_shape, seeded
+from training.judge.train import TrainConfig, Trainer, calibrate, targets
 
 pytestmark = pytest.mark.training
-
-KIND = {noun: number for number, noun in enumerate(NOUNS)}
 
 
 @pytest.fixture(scope="module")
 def small() -> ViewSet:
-    """A member of every family, one more of every noun by the judge's own code, and four that are nothing."""
+    """A shape of eight nouns by other code, and two that are nothing."""
     torch.set_num_threads(1)
-    return ViewSet.of_all(TRAINING, counts_of(list(NOUNS), 1, 1, 4))
+    counts = counts_of(list(NOUNS)[:8], 1, 0, 2)
+    return ViewSet.joined([ViewSet.drawn(TRAINING, kind, count) for kind, count in counts.items()])
 
 
 def test_every_noun_has_shapes_of_other_code_that_are_closed_and_face_outward() -> None:
     for noun in NOUNS:
-        prompt, (verts, faces) = draw_other(noun, seeded(HELD_OUT, "other " + noun, 1))
-        assert prompt.noun == noun
-        assert all(attribute.part == "whole" for attribute in prompt.attributes)
+        verts, faces = draw_shape(f"other {noun}", seeded(HELD_OUT, f"other {noun}", 1))
         assert np.linalg.norm(verts, axis=1).max() == pytest.approx(1.0)
         a, b, c = verts[faces].transpose(1, 0, 2)
         assert (a * np.cross(b, c)).sum() > 0
         # The surface is closed: its faces' areas, as vectors, cancel out.
         areas = np.cross(b - a, c - a)
         assert np.linalg.norm(areas.sum(0)) < 0.05 * np.linalg.norm(areas, axis=1).sum()
+
+
+def test_no_family_is_drawn_for_training(small: ViewSet) -> None:
+    counts = counts_of(["chair", "vase"], 3, 5, 2)
+    assert counts == {"other chair": 3, "other vase": 3, NOTHING: 2}
+    assert small.noun.tolist() == [*range(8), -1, -1]
 
 
 def test_training_learns_a_handful_of_meshes_and_is_repeatable(small: ViewSet) -> None:
@@ -55,21 +50,23 @@ def test_training_learns_a_handful_of_meshes_and_is_repeatable(small: ViewSet) -
     assert bool((runs[0][-3:].mean(0) < 0.8 * runs[0][:2].mean(0)).all())
 
 
+def test_what_is_no_noun_should_get_what_is_known_without_seeing_it() -> None:
+    offered = torch.softmax(torch.arange(float(len(NOUNS))), 0)
+    wanted = targets(torch.tensor([2, -1]), offered)
+    assert wanted[0].nonzero().tolist() == [[2]]
+    assert torch.equal(wanted[1], offered)
+
+
 def test_calibration_softens_a_network_that_is_wrong(small: ViewSet) -> None:
     torch.manual_seed(0)
     network = JudgeNetwork().eval()
     torch.nn.init.normal_(network.noun_head.weight, std=10.0)
-    # Twenty of nouns, and the four that are nothing.
-    calibrate(network, small.rows(torch.tensor([*range(20), *range(len(small) - 4, len(small))])))
-    assert float(network.noun_sharpness) < 0.3
+    calibrate(network, small.rows(torch.arange(8)))
+    assert float(network.sharpness) < 0.3
 
 
-def test_members_of_other_code_are_compared_with_other_nouns_alone(small: ViewSet) -> None:
-    noun = KIND["rabbit"]
-    rows = torch.tensor([noun, len(NOUNS) + noun, len(NOUNS), len(small) - 1])
-    texts = ("a rabbit", "a tall rabbit", "a rabbit with big ears", "a cat with big ears")
-    prompts = [parse(text) for text in texts]
-    own = parse(str(prompts_of(small.rows(rows[1:2]))[0]))
-    expected = [prompt.noun == "rabbit" and prompt != own for prompt in map(parse, texts)]
-    hidden = _unknown(small, rows, encoded(prompts)) > 0
-    assert hidden.tolist() == [[False] * 4, expected, [False] * 4, [False] * 4]
+def test_the_calibration_error_is_the_mean_gap_between_confidence_and_share() -> None:
+    sure = torch.tensor([[0.9, 0.1], [0.9, 0.1], [0.4, 0.6], [0.0, 1.0]])
+    noun = torch.tensor([0, 1, 1, 1])
+    # Of two at 0.9 one is right, that at 0.6 is, and so is that at 1.
+    assert calibration_error(sure, noun) == pytest.approx((0.8 + 0.4) / 4)

@@ -11,6 +11,7 @@ from meshdeform.judge.scoring import JudgeNetwork, read_judge
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from training.judge import train as judge_training
+from training.judge.members import HELD_OUT, ViewSet
 from training.prior import train
 
 
@@ -39,8 +40,10 @@ def test_the_judge_is_trained_for_a_step_calibrated_and_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cache, weights = tmp_path / "views", tmp_path / "judge.safetensors"
-    options = "--steps 1 --nouns bowl heart --members 1 --others 1 --nothings 1 --calibration 1"
-    arguments = ["train", *options.split(), "--cache", str(cache), "--output", str(weights)]
+    assets = ViewSet.drawn(HELD_OUT, "other bowl", 1)
+    monkeypatch.setattr(judge_training, "views_of_assets", lambda *_: assets)
+    options = "--steps 1 --nouns bowl heart --others 1 --nothings 1"
+    arguments = ["train", *options.split(), "--cache", str(cache), "--assets", "-", "--output", str(weights)]
     monkeypatch.setattr(sys, "argv", arguments)
     judge_training.main()
     network, metadata = read_judge(weights)

@@ -14,7 +14,6 @@ from meshdeform.deformation.orientation import Orientation, OrientationSource
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.nouns.families import member
 from meshdeform.priors import load_prior
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
@@ -22,7 +21,7 @@ from meshdeform.runs.recognition import Recognition, asks_source, front_of, natu
 from meshdeform.runs.verdict import before, kept_structure, likeness, summarize
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
-from training.judge.members import HELD_OUT, seeded
+from training.judge.members import HELD_OUT, draw_shape, seeded
 from training.shapes import box
 
 WHOLE = {
@@ -52,8 +51,8 @@ def test_what_was_kept_is_measured_on_the_shapes() -> None:
 # The report says whether a result looks like its prompt.
 
 
-def test_a_shape_of_the_family_matches_its_prompt_and_no_other() -> None:
-    part = member("giraffe", (), seeded(HELD_OUT, "giraffe", 2000))
+def test_a_giraffe_that_nothing_was_trained_with_matches_its_prompt_and_no_other() -> None:
+    part = draw_shape("other giraffe", seeded(HELD_OUT, "other giraffe", 2000))
     mesh = TriangleMesh(torch.from_numpy(part.verts), torch.from_numpy(part.faces))
     same, other = likeness(mesh, "a giraffe"), likeness(mesh, "a tall vase")
     assert same is not None
