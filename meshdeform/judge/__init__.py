@@ -1,7 +1,7 @@
-"""Judge which prompt a mesh shows, independently of the guidance that made the mesh.
+"""Judge which noun a mesh shows, independently of the guidance that made the mesh.
 
-`Judge` renders a mesh with its own cameras and shading; a separately trained classifier of single views scores the
-prompts. `training` contains the code that made and measured the weights; see ``docs/judge.md``.
+`Judge` renders a mesh with its own cameras and shading; a separately trained classifier of single views tells the noun.
+`training` contains the code that made and measured the weights; see ``docs/judge.md``.
 """
 
 from __future__ import annotations

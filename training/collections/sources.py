@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PRIOR, JUDGE, HELD_OUT = "prior", "judge", "held out"
-"""Who may see a member: the prior's training, the judge's, or nobody before the measurement."""
+"""Who may see a member: the prior's training and the judge's, the judge's alone, or nobody before the measurement."""
 _HELD_SHARE = 0.1
 _JUDGES = {"Tim Steer", "Mesh2Motion", "Kay Lousberg"}
 """Authors whom the prior never sees."""
@@ -67,9 +67,9 @@ def creator_of(path: Path) -> str:
 def split_of(members: list[tuple[str, str, str]]) -> dict[str, str]:
     """Say who may learn from each member of a noun.
 
-    The judge gets the authors of `_JUDGES`, whom the prior never sees. Where none of them has the noun, it gets the
-    author with fewest members, or the smallest pack of a single author, if others remain. A tenth of the prior's is
-    held out.
+    The judge alone gets the authors of `_JUDGES`, whom the prior never sees. Where none of them has the noun, it gets
+    the author with fewest members, or the smallest pack of a single author, if others remain. A tenth of the others is
+    held out; the rest is for both.
 
     Parameters
     ----------

@@ -196,7 +196,7 @@ _TOLD_MEMBERS = 2
 """Members whose shapes are part of a recipe: enough to notice that code was changed."""
 _FACETED = 0.3
 """Share of shapes with flat facets."""
-_EACH = 15
+_EACH = 12
 """Most members that are drawn of one real shape."""
 
 

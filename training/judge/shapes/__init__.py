@@ -1,10 +1,10 @@
-"""Draw nouns by code that shares nothing with the prior's families.
+"""Draw nouns by code that shares nothing with the families.
 
-The prior's families are the prior's idea of a rabbit. A judge that knew no other rabbits would tell how much a result
-resembles the prior, not whether it is a rabbit. These shapes have other poses and
-kinds, other proportions, one blended or creased surface instead of joined parts, and the styles of kits of assets,
-low-poly and voxels. Most were written without reading the families; those of `yard`, and of the other nouns that came
-with it, are by the hand that drew their families. `drawn(noun, attributes, rng)` is the interface; the same
+Results are fitted to members of the families. A judge that knew these rabbits would tell how much a result resembles
+its goal, not whether it is a rabbit. These shapes have other poses and kinds, other proportions, one blended or creased
+surface instead of joined parts, and the styles of kits of assets, low-poly and voxels. Most were written without
+reading the families; those of `yard`, and of the other nouns that came with it, are by the hand that drew their
+families. `drawn(noun, attributes, rng)` is the interface; the same
 generator state gives the same mesh.
 
 Attributes of the whole are those of the families (`traits.deformed`), because they are operations, not ideas. Parts
@@ -31,7 +31,7 @@ _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.spli
 SHAPES: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     name: getattr(module, name) for module in _MODULES for name in module.__all__
 }
-"""The shapes of each noun that the judge has code for; of others it sees members of collections."""
+"""The shapes of each noun."""
 
 
 def drawn(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> Part:
