@@ -24,7 +24,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, vocabulary_hash
+from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, read_judge, vocabulary_hash
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from training.collections.members import RealShapes
 from training.collections.sources import JUDGE, PRIOR
@@ -67,6 +67,11 @@ class Trainer:
         self.offered = shown.clamp_min(1).log()
         self.order = torch.empty(0, dtype=torch.int64)
         self.done = 0
+
+    def start_from(self, network: JudgeNetwork) -> None:
+        """Continue another run."""
+        self.network.load_state_dict(network.state_dict())
+        self.average = {name: tensor.clone() for name, tensor in network.state_dict().items()}
 
     def _next_rows(self) -> Tensor:
         if len(self.order) < self.config.batch:
@@ -139,6 +144,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--others", type=int, default=40, help="members of each noun by the judge's own code")
     parser.add_argument("--reals", type=int, default=60, help="most members of each noun from collections")
     parser.add_argument("--nothings", type=int, default=400, help="shapes that are no noun")
+    parser.add_argument("--initial", type=Path, help="weights to go on with")
     parser.add_argument("--seed", type=int, default=0, help="seed of the training; the seeds of the members are fixed")
     parser.add_argument("--threads", type=int, help="CPU threads")
     parser.add_argument("--output", type=Path, default=WEIGHTS, help="file for the weights (default: in the package)")
@@ -171,6 +177,8 @@ def main() -> None:
     counts = counts_of(arguments.nouns, arguments.others, arguments.reals, arguments.nothings, real)
     data = ViewSet.cached(arguments.cache, counts, real)
     trainer = Trainer(data, TrainConfig(steps=arguments.steps, seed=arguments.seed))
+    if arguments.initial:
+        trainer.start_from(read_judge(arguments.initial)[0])
     begun, smooth = time.monotonic(), torch.zeros(2)
     while trainer.done < arguments.steps:
         losses = trainer.step()
