@@ -177,8 +177,11 @@ def main() -> None:
     counts = counts_of(arguments.nouns, arguments.others, arguments.reals, arguments.nothings, real)
     data = ViewSet.cached(arguments.cache, counts, real)
     trainer = Trainer(data, TrainConfig(steps=arguments.steps, seed=arguments.seed))
+    before = 0
     if arguments.initial:
-        trainer.start_from(read_judge(arguments.initial)[0])
+        network, metadata = read_judge(arguments.initial)
+        trainer.start_from(network)
+        before = int(metadata["steps"])
     begun, smooth = time.monotonic(), torch.zeros(2)
     while trainer.done < arguments.steps:
         losses = trainer.step()
@@ -189,7 +192,7 @@ def main() -> None:
             _log.info("step %d of %d, %s, %.3f s a step", trainer.done, arguments.steps, named, per_step)
     network = trainer.averaged()
     calibrate(network, tuned)
-    provenance = {"steps": trainer.done, "seed": arguments.seed, "meshes": len(data)}
+    provenance = {"steps": before + trainer.done, "seed": arguments.seed, "meshes": len(data)}
     write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
     _log.info("sharpness %.2f", float(network.sharpness))
 
