@@ -115,7 +115,7 @@ def exemplar_report(
         # Parts take the proportions of those of the exemplar: that they swell says nothing.
         shape = Shape(kept_structure(shown.source, shown.result, quality), swollen=False, held=0.0, moved=movement.rms)
         taken = _taken(facts, fits)
-        compared = _comparisons(facts, outcome, shape, min(kept), taken)
+        compared = _comparisons(facts, fits, outcome, shape, min(kept), taken)
         if compared["verdict"]["value"] != Verdict.GOOD:
             compared["verdict"] = as_foreseen(compared["verdict"], foresee())
     hardly = [_HARDLY.format(movement.rms)] if movement.rms < UNMOVED else []
@@ -156,7 +156,7 @@ def _recognised(reading: Reading | None) -> Recognition:
 
 
 def _comparisons(
-    facts: ExemplarFacts, outcome: Outcome, shape: Shape, kept: float, taken: str | None
+    facts: ExemplarFacts, fits: Sequence[Fit], outcome: Outcome, shape: Shape, kept: float, taken: str | None
 ) -> dict[str, Any]:
     """Return the members of the report that compare the result with what was asked for, and say what it is worth."""
     shown, known = outcome.shown, _recognised(facts.reading)
@@ -178,6 +178,14 @@ def _comparisons(
         compared["likeness"] = likeness_and_before(shown.source, shown.result, prompt, {})
         if compared["likeness"] is not None:
             source = source_of(shown, noun=known.noun, sure=known.certain)
-            verdicts.append(of_noun(prompt, compared["likeness"], shape, source))
-    verdicts.append(of_exemplars(kept, shape))
+            verdicts.append(of_noun(prompt, compared["likeness"], shape, source, fitted=True))
+    verdicts.append(of_exemplars(kept, shape, *_left_and_stretch(fits)))
     return {**compared, "verdict": worst(verdicts)}
+
+
+def _left_and_stretch(fits: Sequence[Fit]) -> tuple[float, float]:
+    """Return the share of the distance that is left of a single fit of parts, and its stretch; else 0 of both."""
+    result = fits[0].result
+    if len(fits) > 1 or result.member.get("way") in ("mould", "target") or not result.distance_before:
+        return 0.0, 0.0
+    return result.distance / result.distance_before, result.stretch

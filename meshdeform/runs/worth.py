@@ -16,6 +16,7 @@ where parts swelled or withered. `python -m bench.verdict` measures the rule on 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -29,8 +30,10 @@ from meshdeform.verdicts import Verdict
 if TYPE_CHECKING:
     from meshdeform.exemplar.outlook import Outlook
 
-_SHOWN = 0.8
+_SHOWN = 0.5
 """Probability of the noun from which a shape shows it."""
+_UNLIKE = 8
+"""Rank of the noun from which a fit is nothing like it."""
 _SWOLLEN = 0.7
 """Standard deviation of the logarithms of the faces' area ratios, 0 of a similarity, above which parts are seen to have
 swollen or withered: by a factor of two against the mean."""
@@ -50,8 +53,9 @@ _ALIKE = 0.001
 """Distances to and from a target, together and as a share of the diagonal, below which nothing is left."""
 _STRETCHED = 1.15
 """Factor by which an axis grew against the others from which a change in plain words says it."""
-_KEPT = 0.5
-"""Share of the displacement to an exemplar that must be left once the surface is mended."""
+_KEPT, _LEFT, _TORN = 0.9, 0.6, 0.55
+"""Of a fit to an exemplar: share of the displacement that must be left once the surface is mended, share of the
+distance at the start that may be left, and mean size of the logarithms of the stretches."""
 _MOST_ADVICE = 3
 
 _COMPARED = {
@@ -109,21 +113,25 @@ class Source:
     round: bool = False  # whether it is alike from all sides, so that both its mirror planes were kept
 
 
-def of_noun(prompt: str, likeness: Mapping[str, Any], shape: Shape, source: Source | None = None) -> dict[str, Any]:
+def of_noun(
+    prompt: str, likeness: Mapping[str, Any], shape: Shape, source: Source | None = None, *, fitted: bool = False
+) -> dict[str, Any]:
     """Return the verdict of a result that should look like the prompt of the builtin prior.
 
-    `likeness`: that of the report, with its `before`.
+    `likeness`: that of the report, with its `before`; `fitted`: to an exemplar, whose parts are not flat where those of
+    the asset were, and which it must at least resemble.
     """
     reading = parse(prompt)
     known = source or Source()
-    excused = _excused(reading, known)
+    excused = _excused(reading, known) | ({"flatness"} if fitted else set())
     faults = shape.faults(excused)
     shown, why = _shown(reading, likeness)
     if shown and not faults:
         return _said(Verdict.GOOD, [why], shape)
     advice = _advice(reading, likeness, known, shown=shown, whole=not faults)
     damage = broken(shape.structure, excused)
-    if likeness["rank"] > 1 and (shape.swollen or (damage and not _gained(reading, likeness))):
+    unlike = fitted and (likeness["rank"] >= _UNLIKE or not _gained(reading, likeness))
+    if likeness["rank"] > 1 and (unlike or shape.swollen or (damage and not _gained(reading, likeness))):
         return _said(Verdict.KEEP_SOURCE, dict.fromkeys([why, *faults, *damage]), shape, advice)
     return _said(Verdict.DOUBTFUL, [*([] if shown else [why]), *faults], shape, advice)
 
@@ -229,12 +237,20 @@ def _first(likeness: Mapping[str, Any]) -> str:
     return str(likeness["noun"] if likeness["rank"] == 1 else likeness["next"]["noun"])
 
 
-def of_exemplars(kept: float, shape: Shape) -> dict[str, Any]:
-    """Return the verdict of a fit to exemplars by what mending left of it: the share `kept` of its displacement."""
-    if kept >= _KEPT:
-        return _said(Verdict.GOOD, [], shape)
-    why = f"It could go only {kept:.0%} of the way without breaking the surface."
-    return _said(Verdict.DOUBTFUL, [why], shape, [_NEARER])
+def of_exemplars(kept: float, shape: Shape, left: float = 0.0, stretch: float = 0.0) -> dict[str, Any]:
+    """Return the verdict of fits to exemplars.
+
+    `kept`: the share of the displacement that mending left; `left`: the share of the distance at the start that is left
+    of the fit; `stretch`: mean size of the logarithms of the stretches; 0 where nothing can be said of them.
+    """
+    reasons = []
+    if kept < _KEPT:
+        reasons.append(f"It could go only {kept:.0%} of the way without breaking the surface.")
+    if left > _LEFT:
+        reasons.append(f"It came hardly nearer to that shape: {left:.0%} of the distance is left.")
+    if stretch > _TORN:
+        reasons.append(f"It was stretched much: by a factor of {math.exp(stretch):.1f} on average.")
+    return _said(Verdict.DOUBTFUL if reasons else Verdict.GOOD, reasons, shape, [_NEARER] if reasons else [])
 
 
 def as_foreseen(verdict: Mapping[str, Any], outlook: Outlook | None) -> dict[str, Any]:

@@ -54,10 +54,10 @@ def shaped(**changes: Any) -> Shape:
     "prompt, likeness, changes, value",
     [
         # It is good if it shows its noun, which the source did not, and is whole.
-        ("an umbrella", judged(0.8), {}, GOOD),
-        ("an umbrella", judged(0.79), {}, DOUBTFUL),
-        ("an umbrella", judged(0.9, before=0.79, was=1), {}, GOOD),
-        ("an umbrella", judged(0.9, before=0.8, was=1), {}, DOUBTFUL),
+        ("an umbrella", judged(0.5), {}, GOOD),
+        ("an umbrella", judged(0.49), {}, DOUBTFUL),
+        ("an umbrella", judged(0.9, before=0.49, was=1), {}, GOOD),
+        ("an umbrella", judged(0.9, before=0.5, was=1), {}, DOUBTFUL),
         ("a tall umbrella", judged(1.0, before=1.0, was=1), {}, DOUBTFUL),
         ("an umbrella", judged(0.9), {"swollen": True}, DOUBTFUL),
         ("an umbrella", judged(0.9), {"held": 0.2}, GOOD),
@@ -180,7 +180,7 @@ def test_of_several_prompts_one_that_pulls_at_the_whole_must_be_seen() -> None:
     region = [{"box": {}}]
     unseen, seen = {"likeness": judged(0.2, 4), "regions": []}, {"likeness": judged(0.8), "regions": []}
     assert of_prompts([unseen, seen], WHOLE)["value"] == GOOD
-    assert of_prompts([{**seen, "likeness": judged(0.79)}], WHOLE)["value"] == DOUBTFUL
+    assert of_prompts([{**seen, "likeness": judged(0.49)}], WHOLE)["value"] == DOUBTFUL
     said = of_prompts([unseen, {**unseen, "regions": region}], WHOLE)
     assert (said["value"], said["reasons"]) == (
         DOUBTFUL,
@@ -223,11 +223,39 @@ def test_a_target_that_the_source_is_already_is_met() -> None:
     assert said["reasons"][0].startswith("0% of the distance")
 
 
-@each_case("kept, value", [(1.0, GOOD), (0.5, GOOD), (0.49, DOUBTFUL), (0.0, DOUBTFUL)])
-def test_a_fit_that_mending_took_back_is_doubtful(kept: float, value: str) -> None:
-    said = of_exemplars(kept, WHOLE)
+@each_case(
+    "kept, left, stretch, value",
+    [
+        (1.0, 0.0, 0.0, GOOD),
+        (0.9, 0.6, 0.55, GOOD),
+        (0.89, 0.0, 0.0, DOUBTFUL),
+        (1.0, 0.61, 0.0, DOUBTFUL),
+        (1.0, 0.0, 0.56, DOUBTFUL),
+    ],
+)
+def test_a_fit_that_was_taken_back_stayed_away_or_was_stretched_is_doubtful(
+    kept: float, left: float, stretch: float, value: str
+) -> None:
+    said = of_exemplars(kept, WHOLE, left, stretch)
     assert said["value"] == value
-    assert bool(said["advice"]) is (value == DOUBTFUL)
+    assert bool(said["advice"]) is bool(said["reasons"]) is (value == DOUBTFUL)
+
+
+@each_case(
+    "prompt, likeness, value",
+    [
+        ("an umbrella", judged(0.6, 1, was=20), GOOD),
+        ("an umbrella", judged(0.3, 2, was=20), DOUBTFUL),
+        ("an umbrella", judged(0.1, 4, was=7), KEEP_SOURCE),
+        ("an umbrella", judged(0.0, 8, was=90), KEEP_SOURCE),
+        ("a tall umbrella", judged(0.1, 7, was=7), DOUBTFUL),
+        ("a tall umbrella", judged(0.0, 8, was=9), KEEP_SOURCE),
+    ],
+)
+def test_a_fit_that_resembles_its_noun_no_more_than_the_source_is_not_kept(
+    prompt: str, likeness: dict[str, Any], value: str
+) -> None:
+    assert of_noun(prompt, likeness, shaped(flatness=0.1), fitted=True)["value"] == value
 
 
 @each_case("iou, value", [((0.9, 0.75), GOOD), ((0.8, 0.8), DOUBTFUL), ((0.5, 0.5), DOUBTFUL)])
