@@ -21,7 +21,7 @@ from typing import Any
 from PIL import Image, ImageDraw, ImageFont
 
 from bench.keep.assets import SPLITS, listed
-from bench.keep.grades import GRADES, Row, by_group, parsed, read, saved, table
+from bench.keep.grades import GRADES, Row, by_group, by_verdict, parsed, read, saved, table
 from bench.keep.runs import verdict
 
 NOTHING = "nothing"
@@ -125,7 +125,7 @@ def _count(out: Path, grades: Path, *, save: bool) -> None:
 
 
 def _print(rows: Sequence[Row]) -> None:
-    print(table(rows), by_group(rows), sep="\n\n")
+    print(table(rows), by_group(rows), by_verdict(rows), sep="\n\n")
 
 
 if __name__ == "__main__":

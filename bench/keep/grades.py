@@ -10,6 +10,7 @@ source (`keep_source`) has its grades in the means and counts as not kept. A run
 from __future__ import annotations
 
 import json
+import math
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 GRADES = Path(__file__).with_name("grades.json")
 KEPT = 3
 MOST = 5
+_SURE = 1.96
 Grade = tuple[int, int, int]
 
 
@@ -92,6 +94,37 @@ def by_group(rows: Sequence[Row]) -> str:
             told = [f"{sum(row.kept for row in each)} of {len(each)}" for each in of]
             lines.append(f"| {group} | {' | '.join(told)} |")
     return "\n".join(lines)
+
+
+def by_verdict(rows: Sequence[Row]) -> str:
+    """Return a table in Markdown: of each run and split, how often its verdicts are right, with Wilson intervals."""
+    lines = [
+        "| run | split | results | worth keeping | `good` is right | of these, `good` | `keep_source` is right |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for run in dict.fromkeys(row.run for row in rows if row.verdict not in ("none", "failed")):
+        for split in SPLITS:
+            chosen = [row for row in rows if row.run == run and row.split == split and row.grade]
+            worth = [row for row in chosen if row.grade and row.grade[2] >= KEPT]
+            good = [row for row in chosen if row.verdict == "good"]
+            right = share(sum(row in worth for row in good), len(good))
+            called = share(sum(row in good for row in worth), len(worth))
+            back = [row for row in chosen if row.verdict == "keep_source"]
+            left = share(sum(row not in worth for row in back), len(back))
+            if chosen:
+                lines.append(f"| {run} | {split} | {len(chosen)} | {len(worth)} | {right} | {called} | {left} |")
+    return "\n".join(lines)
+
+
+def share(part: int, whole: int) -> str:
+    """Return a share with its Wilson interval at 95 %."""
+    if not whole:
+        return "-"
+    rate = part / whole
+    middle = rate + _SURE**2 / (2 * whole)
+    spread = _SURE * math.sqrt(rate * (1 - rate) / whole + _SURE**2 / (4 * whole**2))
+    low, high = ((middle + sign * spread) / (1 + _SURE**2 / whole) for sign in (-1, 1))
+    return f"{part} of {whole}, {rate:.0%} ({max(low, 0):.0%} to {min(high, 1):.0%})"
 
 
 def _figures(rows: Sequence[Row]) -> Iterable[str]:

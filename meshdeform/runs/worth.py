@@ -11,7 +11,8 @@ Clay has no parts that could wither, and no walls that must stay flat: a convex 
 what is alike from all sides and becomes something that is.
 
 Of what does not show its noun, the source is better where the noun gained no rank and a figure is beyond its limit, or
-where parts swelled or withered. `python -m bench.verdict` measures the rule on pairs of assets and prompts.
+where parts swelled or withered. A fit to an exemplar must have come near it without much stretch, and is worse than the
+source if it resembles its noun no more than that. `python -m bench.keep.blind` measures the rule on graded results.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import pytest
 from bench.keep.assets import DISTANCES, SPLITS, group_of, listed, pairs
 from bench.keep.blind import NOTHING, shuffled
 from bench.keep.cost import split, write_dog
-from bench.keep.grades import Row, by_group, parsed, read, saved, table
+from bench.keep.grades import Row, by_group, by_verdict, parsed, read, saved, share, table
 from bench.keep.runs import CHILD, command, verdict
 from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
@@ -128,6 +128,17 @@ class TestGrades:
             "|---|---|---|",
             "| animals | 1 of 2 | 0 of 1 |",
         ]
+
+    def test_table_by_verdict(self) -> None:
+        verdicts = [("good", 3), ("good", 2), ("doubtful", 4), ("keep_source", 1), ("none", 5)]
+        rows = [
+            Row("new", str(number), "last", "near", "a cow", verdict, (5, 4, worth))
+            for number, (verdict, worth) in enumerate(verdicts)
+        ]
+        (line,) = by_verdict([*rows, replace(rows[0], run="nothing", verdict="none")]).splitlines()[2:]
+        assert line == f"| new | last | 5 | 3 | {share(1, 2)} | {share(1, 3)} | {share(1, 1)} |"
+        assert share(9, 10) == "9 of 10, 90% (60% to 98%)"
+        assert share(0, 0) == "-"
 
     def test_they_are_read_as_they_were_saved(self) -> None:
         graded = Row("new", "one", "last", "near", "a cow", "good", (5, 4, 3))
