@@ -295,15 +295,10 @@ def _same(one: Silhouette, other: Silhouette) -> bool:
 
 def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
     """Refuse prompts that the builtin prior with these words cannot read."""
-    from meshdeform.priors.builtin.grammar import parse, parse_negative
+    from meshdeform.priors.builtin.grammar import parse_negative
 
     for place, prompt in prompts:
-        try:
-            parse(prompt, known)
-        except (PromptError, VocabularyError) as error:
-            if len(prompts) > 1:  # say which
-                error.located(place)
-            raise
+        _check_known(prompt, known, params, place if len(prompts) > 1 else None)  # of several, say which
         if params.negative_prompt.strip():
             try:
                 parse_negative(params.negative_prompt, prompt, known)
@@ -311,26 +306,33 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
                 # Add which of the two texts the error is about.
                 error.located(["params", "guidance", "negative_prompt"])
                 raise
-    if params.source_noun is not None:
-        try:
-            parse(f"a {params.source_noun}", known)
-        except (PromptError, VocabularyError) as error:
-            error.located(["params", "guidance", "source_noun"])
-            raise
+    _check_given(params, known)
 
 
 def _check_source_noun(params: ResolvedParams, model: str) -> None:
     """Refuse a noun of the source that a builtin model does not know; sent weights may teach any."""
-    from meshdeform.priors.builtin.grammar import parse
     from meshdeform.priors.builtin.taught import known_words
 
-    if params.source_noun is None or is_sent(params.model):
-        return
+    if not is_sent(params.model):
+        _check_given(params, known_words(model))
+
+
+def _check_given(params: ResolvedParams, known: Words) -> None:
+    """Refuse a noun of the source that is not among these words."""
+    if params.source_noun is not None:
+        _check_known(f"a {params.source_noun}", known, params, ["params", "guidance", "source_noun"])
+
+
+def _check_known(text: str, known: Words, params: ResolvedParams, place: Sequence[str | int] | None) -> None:
+    """Refuse a text that cannot be read with these words, at its place in the request."""
+    from meshdeform.priors.builtin.grammar import parse, unknown_shape
+
     try:
-        parse(f"a {params.source_noun}", known_words(model))
+        parse(text, known)
     except (PromptError, VocabularyError) as error:
-        error.located(["params", "guidance", "source_noun"])
-        raise
+        fitted = params.guidance is GuidanceKind.EXEMPLAR
+        refused = unknown_shape(error) if fitted and isinstance(error, VocabularyError) else error
+        raise (refused if place is None else refused.located(place)) from None
 
 
 def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:

@@ -326,6 +326,15 @@ def _listed(items: Iterable[str], conjunction: str) -> str:
     return f" {conjunction} ".join(filter(None, [", ".join(quoted[:-1]), quoted[-1]]))
 
 
+def unknown_shape(error: VocabularyError) -> VocabularyError:
+    """Return the refusal of a prompt by `parse` as it is where shapes guide, and no model: of words that it lacks."""
+    unknown = [word for word in error.extra["unknown"] if not is_known(word)]
+    if not unknown:
+        return error
+    detail = f"There is no shape for {_listed(unknown, 'and')}: {len(NOUNS)} nouns are known, with some attributes."
+    return VocabularyError(detail, advice=error.advice_text, **error.extra)
+
+
 def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
@@ -414,9 +423,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     """Check that known words fit together, and put them in canonical order."""
     if len(set(reading.nouns)) != 1:
         sentence = f"{_listed(dict.fromkeys(reading.nouns), 'and')} were found" if reading.nouns else "None was found"
-        raise reading.refusal(
-            f"The built-in model needs exactly one object in the prompt, such as 'a mushroom'. {sentence}.", []
-        )
+        raise reading.refusal(f"A prompt needs exactly one object, such as 'a mushroom'. {sentence}.", [])
     noun = reading.nouns[0]
     parts_of_noun = reading.known.nouns[noun]
     found_attributes: list[Attribute] = []
@@ -428,7 +435,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     for part, words in reading.parts:
         if part not in parts_of_noun:
             own = ", ".join(parts_of_noun) or "none"
-            raise reading.refusal(f"The {noun} of the built-in model has no {part} (its parts: {own}).", [part])
+            raise reading.refusal(f"The {noun} has no {part} (its parts: {own}).", [part])
         degrees = {degree_of(word, part) for word in words}
         if len(degrees) != 1 or None in degrees:
             low, high = PARTS[part]

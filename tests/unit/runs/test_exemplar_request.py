@@ -72,8 +72,9 @@ def test_what_can_run_passes(asked: JobRequest, files: tuple[str, ...]) -> None:
     ("asked", "files", "error", "words", "place"),
     [
         (request(""), (), PromptError, "empty", ["prompt"]),
-        (request("a cheetah"), (), VocabularyError, "cheetah", ["prompt"]),
-        (request("an angry dog"), (), VocabularyError, "angry", ["prompt"]),
+        (request("a cheetah"), (), VocabularyError, "no shape for 'cheetah': 149 nouns", ["prompt"]),
+        (request("an angry dog"), (), VocabularyError, "no shape for 'angry'", ["prompt"]),
+        (request("a vase with long ears"), (), VocabularyError, "The vase has no ears", ["prompt"]),
         (request("make the legs sing"), (), VocabularyError, "read as a change", ["prompt"]),
         (
             request(prompts=[{"prompt": "a unicorn"}]),
@@ -82,7 +83,7 @@ def test_what_can_run_passes(asked: JobRequest, files: tuple[str, ...]) -> None:
             "unicorn",
             [*GUIDANCE, "prompts", 0, "prompt"],
         ),
-        (request(source_noun="zeitgeist"), (), VocabularyError, "zeitgeist", [*GUIDANCE, "source_noun"]),
+        (request(source_noun="zeitgeist"), (), VocabularyError, "no shape for .zeitgeist", [*GUIDANCE, "source_noun"]),
         (request(), ("target",), ParameterError, "there is a prompt", ["prompt"]),
         (request("", prompts=[{"prompt": "a cat"}]), ("target",), ParameterError, "there is a prompt", ["prompt"]),
         (request(align="none"), (), ParameterError, "none was sent", [*GUIDANCE, "align"]),
