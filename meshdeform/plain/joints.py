@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +45,17 @@ _HELPERS = frozenset({"ik", "pole", "target", "control", "ctrl"})
 _INSIDE, _MOSTLY = 0.5, 0.6
 _NEAR_GROUND, _LEAST_HEIGHT = 0.15, 0.05
 """Heights, as shares of the whole, below which a leg that stands begins, and which it has at least."""
+
+
+_OF_PEOPLE = ("head", "arm(?!at)|hand(?!le)", "leg|thigh|foot")
+_OF_ANIMALS = "tail|wing|front|paw|hoof"
+"""In the names of joints: of a person, and of nobody."""
+
+
+def is_person(joints: Iterable[str]) -> bool:
+    """Return whether joints with these names are those of a person."""
+    found = " ".join(joints).lower()
+    return all(re.search(part, found) for part in _OF_PEOPLE) and not re.search(_OF_ANIMALS, found)
 
 
 class JointParts:

@@ -18,13 +18,13 @@ from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.version import VERSION
 
-__all__ = ["GROUND", "NO_PART", "UP_TURNS", "Reading"]
+__all__ = ["GROUND", "NO_PART", "SURE", "UP_TURNS", "Reading"]
 
 GROUND, NO_PART = -1, -2
 """The labels of a plate on which an asset stands, and of faces that are of no known part."""
 UP_TURNS: dict[str, Floats] = {"+Y": np.eye(3), "+Z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])}
 """The rotations that turn what points up to +Y: (x, y, z) to (x, z, -y) for +Z."""
-_SURE, _FRONT_SURE = 0.9, 0.1
+SURE, _FRONT_SURE = 0.9, 0.1
 """Probability of the noun, and margin of the front, from which they count as sure."""
 _HEAD = f"meshdeform reading {VERSION}\n".encode()
 _DIGEST = 32
@@ -67,7 +67,7 @@ class Reading:
     @property
     def sure(self) -> bool:
         """Whether the noun can be told without a question: it was given, or its probability is at least 0.9."""
-        return self.probability >= _SURE
+        return self.probability >= SURE
 
     @property
     def front_sure(self) -> bool:

@@ -86,7 +86,7 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
         pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
     with log.phase("parts"):
-        body, reading = believed_source(facts, job_input, verts)
+        body = believed_source(facts, job_input, verts)
     known = ExemplarFacts(
         **vars(facts),
         frame=frame,
@@ -96,7 +96,7 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
         prompts=prompts,
         silhouettes=silhouettes,
         targets=targets,
-        reading=reading,
+        reading=body.reader.reading,
         guidance=guidance,
     )
     return ExemplarRun(known, body, job_input, log)

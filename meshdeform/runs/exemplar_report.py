@@ -126,7 +126,7 @@ def exemplar_report(
         "guidance": dict(facts.guidance),
         "fingerprint": facts.fingerprint,
         "exemplars": [fit.to_dict() | {"target": taken} for fit in fits],
-        "source_noun": _recognised(facts.reading).to_dict(),
+        "source_noun": Recognition.of(params, facts.reading).to_dict(),
         "reading": reading_report(facts.reading, params),
         "movement": movement.to_dict(),
         "warnings": [
@@ -151,15 +151,11 @@ def _taken(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:
     return list(facts.targets)[int(str(fits[0].result.member["target"]))] if facts.targets else None
 
 
-def _recognised(reading: Reading | None) -> Recognition:
-    return Recognition("", 0.0).with_reading(reading)
-
-
 def _comparisons(
     facts: ExemplarFacts, fits: Sequence[Fit], outcome: Outcome, shape: Shape, kept: float, taken: str | None
 ) -> dict[str, Any]:
     """Return the members of the report that compare the result with what was asked for, and say what it is worth."""
-    shown, known = outcome.shown, _recognised(facts.reading)
+    shown, known = outcome.shown, Recognition.of(facts.params, facts.reading)
     compared: dict[str, Any] = {}
     verdicts = []
     if facts.targets or facts.silhouettes is not None:
@@ -175,9 +171,9 @@ def _comparisons(
         verdicts.append(of_prompts(compared["prompts"], shape))
     elif not facts.targets:
         prompt = facts.request.prompt
-        compared["likeness"] = likeness_and_before(shown.source, shown.result, prompt, {})
+        compared["likeness"] = likeness_and_before(shown.source, shown.result, prompt)
         if compared["likeness"] is not None:
-            source = source_of(shown, noun=known.noun, sure=known.certain)
+            source = source_of(shown, noun=known.noun, sure=known.sure)
             verdicts.append(of_noun(prompt, compared["likeness"], shape, source, fitted=True))
     verdicts.append(of_exemplars(kept, shape, *_left_and_stretch(fits)))
     return {**compared, "verdict": worst(verdicts)}

@@ -51,16 +51,11 @@ def start_change(
         try:
             changed, done = apply_changes(body, meant(body, sentence))
         except PartMissingError as missing:
-            taken_for = _taken_for(made(body), recognised) if facts.params.source_noun is None else ""
+            reading = made(body) if facts.params.source_noun is None else None
+            taken_for = "" if reading is None else reading.noun
             raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
         verts = facts.welded.mesh.verts + torch.from_numpy(changed.points - body.points)
     return PlainChangeRun(facts, verts, done, recognised, made(body), sentence.notes, log)
-
-
-def _taken_for(reading: Reading | None, recognised: Recognition | None) -> str:
-    if reading is not None:
-        return reading.noun
-    return recognised.noun if recognised is not None else ""
 
 
 class PlainChangeRun(JobRun):

@@ -19,9 +19,11 @@ import numpy as np
 
 import meshdeform
 from meshdeform import plain
-from meshdeform.errors import ShapeError
+from meshdeform.errors import ModelError, ShapeError
 from meshdeform.plain.evidence import read_body
+from meshdeform.plain.joints import is_person
 from meshdeform.plain.reader import Reader
+from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.reading import Reading
 from meshdeform.reading.result import UP_TURNS
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
@@ -32,7 +34,7 @@ from meshdeform.runs.selectable import SelectableSurface
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
     from meshdeform.geometry.weld import WeldedMesh
-    from meshdeform.plain.body import Body, Flags, Floats
+    from meshdeform.plain.body import Body, Flags, Floats, Index
     from meshdeform.requests.document import ResolvedParams
     from meshdeform.requests.selection import PartCorrection
 
@@ -60,6 +62,9 @@ not."""
 
 _EVIDENCE = tuple(Path(plain.__file__).with_name(name) for name in ("evidence.py", "joints.py", "names.py"))
 """What says what joints and names tell: `meshdeform.reading.VERSION` does not know it."""
+
+_CLEARLY = 0.5
+"""Probability from which a figure is another than a person."""
 
 _log = logging.getLogger(__name__)
 _last: Recent[Reading] = Recent(8)
@@ -175,20 +180,31 @@ def _read(body: Body, params: ResolvedParams, source: Source | None) -> Reading 
 
 
 def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str, float]:
-    """Return the nouns that a body with its vertices at these points may be, with their probabilities."""
+    """Return the nouns that a body with its vertices at these points may be, with their probabilities.
+
+    With the joints of a person it is one, unless it clearly is another figure: to the judge, whoever holds out both
+    arms looks like a helicopter.
+    """
     given = given_noun(params)
     if given is not None:
         return {given: 1.0}
+    nouns = _judged(points, body.faces)
+    figure = any(nouns[noun] >= _CLEARLY for noun in nouns.keys() & NOUN_GROUPS["figures"])
+    return {"person": 1.0} if nouns and not figure and is_person(joint.name for joint in body.joints) else nouns
+
+
+def _judged(points: Floats, faces: Index) -> Mapping[str, float]:
+    """Return the probabilities that the judge gives all nouns; none if it is missing."""
     import torch
 
     from meshdeform.geometry.mesh import TriangleMesh
-    from meshdeform.runs.recognition import recognise
+    from meshdeform.judge import Judge
 
-    mesh = TriangleMesh(torch.from_numpy(points), torch.from_numpy(body.faces))
-    found = recognise(mesh, None, [joint.name for joint in body.joints])
-    if found.probability == 1.0 or not found.nouns:
-        return {found.noun: 1.0} if found.noun else {}
-    return found.nouns
+    try:
+        return Judge().noun_probabilities(TriangleMesh(torch.from_numpy(points), torch.from_numpy(faces)))
+    except ModelError as error:
+        _log.warning("the source is not recognised: %s", error)
+        return {}
 
 
 @lru_cache(maxsize=1)

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import Asset, load_asset
+from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Orientation
@@ -28,14 +28,14 @@ from meshdeform.reading import Reading
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
-from meshdeform.runs.believed import believed_source
+from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.recognition import Recognition, asks_source, front_of, nature_of, recognise
+from meshdeform.runs.recognition import Recognition, asks_source, front_of, nature_of
 from meshdeform.runs.starts import start_of
 from meshdeform.runs.surfaces import (
     drawn_triangles,
@@ -71,9 +71,8 @@ def start(job_input: RunInput) -> JobRun:
         asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
         welded = welded_surface(asset, params.backdrop)
     facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, device)
-    recognised = None
     if sentence is not None:
-        change, recognised = _change(facts, sentence, job_input, log)
+        change = _change(facts, sentence, job_input, log)
         if change is not None:
             return change
     if params.guidance is GuidanceKind.EXEMPLAR:
@@ -83,7 +82,7 @@ def start(job_input: RunInput) -> JobRun:
     if sentence is not None:
         prior = load_sent(params.model, job_input)
     shape = shape_id(file.sha256 or "", asset, params, request.output)
-    recognised, reading = _source(facts, job_input, recognised, log)
+    recognised, reading = _source(facts, job_input, log)
     begun = start_of(facts, shape, job_input, log)
     frame = begun.frame
     mesh = RestMesh.of(frame.place(welded.mesh))
@@ -138,59 +137,36 @@ def start(job_input: RunInput) -> JobRun:
     return TextDeformRun(known, deformation, log)
 
 
-def _joints(asset: Asset) -> list[str]:
-    return [joint["name"] for joint in asset.parts().joints]
-
-
-def _source(
-    facts: AssetFacts, job_input: RunInput, named: Recognition | None, log: RunLog
-) -> tuple[Recognition | None, Reading | None]:
-    """Return what the source is taken for, `named` if the judge was asked, and its reading; None if nobody asks."""
+def _source(facts: AssetFacts, job_input: RunInput, log: RunLog) -> tuple[Recognition | None, Reading | None]:
+    """Return what the source is taken for, and its reading; None if nobody asks."""
     if not asks_source(facts.params):
         return None, None
     with log.phase("parts"):
         reading = source_body(facts, job_input.readings).reader.reading
-    known = named or recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
-    return (known if known.probability == 1 else known.with_reading(reading)), reading
+    return Recognition.of(facts.params, reading), reading
 
 
-def _change(
-    facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog
-) -> tuple[JobRun | None, Recognition | None]:
-    """Return the run of a change in plain words, or None and what the source was recognised as, if it was asked."""
-    if is_change(sentence):
-        return start_change(facts, source_body(facts, job_input.readings), sentence, None, log), None
-    if job_input.initial is not None or job_input.checkpoint is not None:
-        return None, None
-    if facts.params.guidance is GuidanceKind.EXEMPLAR:
-        return _described(facts, sentence, job_input, log), None
-    recognised = recognise(facts.welded.mesh, facts.params.source_noun, _joints(facts.asset))
-    body, called = source_body(facts, job_input.readings), replace(recognised, called=sentence.noun or "")
-    if recognised.probability < 1:  # neither given nor told by a skeleton
-        with log.phase("parts"):
-            called = called.with_reading(body.reader.reading)
-    # A prompt goes on with what the judge says: what was read of another prompt must not change its result.
-    if not called.sure or called.noun != sentence.noun:
-        return None, recognised
-    return start_change(facts, body, sentence, called, log), recognised
+def _change(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog) -> JobRun | None:
+    """Return the run of a change in plain words, also of a description of what the source is; None if it is none.
 
-
-def _described(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog) -> JobRun | None:
-    """Return the run of a description of what the source was read as.
-
-    None if it is another thing, lacks a part, or has controls, which a fit obeys.
+    A fit obeys controls, and finds the parts that an asset lacks on the noun's members; no other guidance does.
     """
-    if has_controls(facts.params):
+    if is_change(sentence):
+        return start_change(facts, source_body(facts, job_input.readings), sentence, None, log)
+    fitted = facts.params.guidance is GuidanceKind.EXEMPLAR
+    goes_on = job_input.initial is not None or job_input.checkpoint is not None
+    if goes_on or (fitted and has_controls(facts.params)):
         return None
     with log.phase("parts"):
-        body, reading = believed_source(facts, job_input)
-        read = Recognition("", 0.0).with_reading(reading)
-    if read.noun != sentence.noun:
-        return None
+        body = believed_source(facts, job_input)
+        if not is_described(body, sentence.noun):
+            return None
     try:
-        return start_change(facts, body, sentence, read, log)
-    except PartNotFoundError:  # the noun's members have it
-        return None
+        return start_change(facts, body, sentence, Recognition.of(facts.params, body.reader.reading), log)
+    except PartNotFoundError:
+        if fitted:
+            return None
+        raise
 
 
 class TextDeformRun(JobRun):

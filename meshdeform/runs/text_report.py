@@ -223,8 +223,8 @@ def change_report(
 ) -> bytes:
     """Return `report.json` of a change in plain words.
 
-    `notes`: how misspelt words were read; `recognised`: what the source was taken for, if it was asked; `reading`: what
-    it was read as, if that was needed; `follows`: whether the rig followed.
+    `notes`: how misspelt words were read; `recognised`: what the source is that a prompt describes, if it does;
+    `reading`: what it was read as, if that was needed; `follows`: whether the rig followed.
     """
     with log.phase("measure"):
         measured = measured_result(facts, outcome)
@@ -242,7 +242,7 @@ def change_report(
             of_parts=all(each.change.part != WHOLE for each in done),
         ),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
-        "source_noun": None if recognised is None else recognised.to_dict(),
+        "source_noun": None if recognised is None else {**recognised.to_dict(), "recognised": True},
         "reading": reading_report(reading, facts.params),
         "warnings": [
             *notes,
@@ -334,8 +334,7 @@ def _comparisons(
     compared: dict[str, Any] = {}
     verdicts = []
     if goal.prompt and _is_judged(facts, goal.prompt):
-        nouns = {} if facts.recognised is None else facts.recognised.nouns
-        comparison = likeness_and_before(shown.source, shown.result, goal.prompt, nouns)
+        comparison = likeness_and_before(shown.source, shown.result, goal.prompt)
         if comparison is not None:
             compared["likeness"] = comparison
     if goal.fit is not None or facts.silhouettes is not None:
@@ -374,7 +373,7 @@ def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> So
     return source_of(
         shown,
         noun="" if known is None else known.noun,
-        sure=known is None or known.certain,
+        sure=known is None or known.sure,
         round=deformation.carrier.get("mirror") == _ROUND,
     )
 

@@ -137,17 +137,14 @@ def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     return {**summarize(judge.noun_probabilities(mesh), parse(prompt).noun), "judge": judge.identity}
 
 
-def likeness_and_before(
-    source: TriangleMesh, result: TriangleMesh, prompt: str, nouns: Mapping[str, float]
-) -> dict[str, Any] | None:
-    """Compare a result and its source with the noun of a prompt.
+def likeness_and_before(source: TriangleMesh, result: TriangleMesh, prompt: str) -> dict[str, Any] | None:
+    """Return the likeness of a result to the noun of a prompt, with that of its source as `before`.
 
-    `nouns`: the probabilities of all nouns for the source; if it is empty, the judge is asked. Returns the likeness of
-    the result, with that of the source as `before`; None as in `likeness`.
+    None as in `likeness`.
     """
     compared = likeness(result, prompt)
     if compared is not None:
-        compared["before"] = before(summarize(nouns, compared["noun"]) if nouns else likeness(source, prompt))
+        compared["before"] = before(likeness(source, prompt))
     return compared
 
 

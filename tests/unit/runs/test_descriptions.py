@@ -11,17 +11,18 @@ import pytest
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import PartNotFoundError
-from meshdeform.geometry.shapes import join
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.plain.body import loose_body
+from meshdeform.plain.reader import Reader
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
-from meshdeform.reading import Reading
+from meshdeform.reading import NO_PART, Reading
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import reading, text_deform
 from meshdeform.runs.base import JobRun, job_input
+from meshdeform.runs.believed import is_described
 from meshdeform.runs.changes import asked_changes, check_parts, is_change
-from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
 from tests.cases import each_case
@@ -36,16 +37,8 @@ def started(prompt: str, **params: object) -> JobRun:
     return text_deform.start(job_input(DOG, "asset.glb", request))
 
 
-def taken_for(monkeypatch: pytest.MonkeyPatch, noun: str, probability: float) -> None:
-    """Let the judge take the asset for a noun, and nothing read it."""
-    found = Recognition(noun, probability, {noun: probability})
-    monkeypatch.setattr(text_deform, "recognise", lambda *_: found)
-    monkeypatch.setattr(reading, "read_source", lambda *_: None)
-
-
 def read_as(monkeypatch: pytest.MonkeyPatch, noun: str, probability: float, **others: float) -> None:
-    """Let the asset be read as a noun, which the judge takes for a horse."""
-    taken_for(monkeypatch, "horse", 0.99)
+    """Let the asset be read as a noun."""
     body = loose_body(load_asset(DOG))
     labels = np.where(body.points[body.faces].mean(1)[:, 1] > 2.2, PART_NAMES.index("head"), PART_NAMES.index("body"))
     found = Reading(noun, {noun: probability, **others}, np.eye(3), 0.5, labels, {"head": 0.8, "body": 0.9}, 0, 0.01)
@@ -73,19 +66,6 @@ def test_it_is_refused_before_the_job_where_the_request_says_so(tmp_path: Path) 
             check_parts(path, path.name, EARS, params, Limits())
 
 
-def test_a_part_that_is_missing_is_refused_where_the_asset_looks_like_what_it_is_called(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    taken_for(monkeypatch, "elephant", 0.55)
-    with pytest.raises(PartNotFoundError) as caught:
-        started(EARS)
-    assert "taken for an elephant" in caught.value.advice_text
-    assert "source_noun" in caught.value.advice_text
-    taken_for(monkeypatch, "elephant", 1.0)
-    with pytest.raises(RuntimeError, match="no function to load the prior"):  # a prompt like any other
-        started("a camel with big humps")
-
-
 def test_what_it_is_read_as_decides_and_is_in_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
     read_as(monkeypatch, "dog", 0.55, fox=0.3)
     run = started("a dog with a big head")
@@ -98,6 +78,7 @@ def test_what_it_is_read_as_decides_and_is_in_the_report(monkeypatch: pytest.Mon
     with pytest.raises(PartNotFoundError) as caught:
         started("a dog with big ears")
     assert "taken for a dog" in caught.value.advice_text
+    assert "source_noun" in caught.value.advice_text
     with pytest.raises(RuntimeError, match="no function to load the prior"):  # a prompt like any other
         started("a horse with a big head")
     taller = json.loads(started("taller").finish()["report.json"].data)
@@ -105,21 +86,38 @@ def test_what_it_is_read_as_decides_and_is_in_the_report(monkeypatch: pytest.Mon
 
 
 @each_case(
-    ("source", "called", "sure"),
+    ("lump", "noun", "probability", "described"),
     [
-        (Recognition("dog", 0.96), "", False),
-        (Recognition("dog", 0.97), "", True),
-        (Recognition("dog", 0.96), "horse", False),
-        (Recognition("dog", 0.5), "dog", True),
-        (Recognition("dog", 0.49), "dog", False),
-        (Recognition("", 0.0), "", False),
-        (Recognition("dog", 0.9, read=True), "", True),
-        (Recognition("dog", 0.89, read=True), "horse", False),
-        (Recognition("dog", 0.5, read=True), "dog", True),
+        (False, "dog", 0.2, True),
+        (False, "dog", 0.07, False),
+        (False, "horse", 1.0, False),
+        (False, None, 1.0, False),
+        (True, "dog", 1.0, False),  # clay is to be shaped, whatever it is taken for
     ],
 )
-def test_what_the_prompt_calls_an_asset_counts_too(source: Recognition, called: str, sure: bool) -> None:
-    assert replace(source, called=called).sure is sure
+def test_a_prompt_describes_what_the_asset_likely_is(
+    lump: bool, noun: str | None, probability: float, described: bool
+) -> None:
+    body = loose_body(load_asset(plain_glb(icosphere(2)) if lump else DOG))
+    labels = np.full(len(body.faces), NO_PART)
+    found = Reading("dog", {"dog": probability}, np.eye(3), 0.5, labels, {}, 0, 0.01)
+    assert is_described(replace(body, reader=Reader(lambda: found)), noun) is described
+    assert not is_described(body, noun)
+
+
+def test_a_ball_that_is_asked_for_a_tall_vase_is_moulded_into_one() -> None:
+    heights = {}
+    for prompt in ("a tall vase", "a vase"):
+        params = grouped({"guidance": "exemplar", "source_noun": "vase"})
+        request = JobRequest.model_validate({"prompt": prompt, "params": params})
+        run = text_deform.start(job_input(plain_glb(icosphere(3)), "asset.glb", request))
+        assert len(list(run)) > 0
+        files = run.finish()
+        report = json.loads(files["report.json"].data)
+        assert (report["way"], report["exemplars"][0]["member"]["way"]) == ("exemplar", "mould")
+        size = np.ptp(load_asset(files["result.glb"].data).surface.positions, axis=0)
+        heights[prompt] = size[1] / max(size[0], size[2])
+    assert heights["a tall vase"] > 1.1 * heights["a vase"]
 
 
 def test_every_prompt_with_attributes_describes_changes() -> None:

@@ -252,7 +252,7 @@ def test_what_a_prompt_describes_is_believed_where_it_may_be(
 ) -> None:
     proposed = "meshdeform.runs.reading._proposed"
     monkeypatch.setattr(proposed, lambda _points, _body, params: PROPOSED[params.source_noun])
-    monkeypatch.setattr("meshdeform.runs.exemplar._AS_PROBABLE", share)
+    monkeypatch.setattr("meshdeform.runs.believed._AS_PROBABLE", share)
     told = report("a tall giraffe", source_noun=None)["reading"]
     assert told["noun"] == noun
     assert len(told["nouns"]) == 2

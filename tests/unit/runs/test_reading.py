@@ -13,10 +13,11 @@ from meshdeform.assets.parted import with_parts
 from meshdeform.errors import ModelError, ParameterError
 from meshdeform.geometry.shapes import join
 from meshdeform.plain.body import Body, loose_body
+from meshdeform.plain.joints import is_person
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.runs import reading, recognition
+from meshdeform.runs import reading
 from meshdeform.runs.kept_readings import FolderReadings, key_of
 from meshdeform.runs.reading import Source, corrected, made, read_source, reading_document, reading_report
 from meshdeform.runs.recent import Recent
@@ -111,20 +112,38 @@ def test_what_was_kept_and_is_of_no_use_is_read_anew_and_replaced(
     assert folder.get(key) == whole
 
 
+@each_case(
+    ("joints", "person"),
+    [
+        (["Head", "UpperArm.L", "UpperLeg.L"], True),
+        (["mixamorig:Head", "mixamorig:LeftForeArm", "mixamorig:LeftFoot"], True),
+        (["Bip01 Head", "Bip01 L Hand", "Bip01 L Thigh"], True),
+        (["Armature", "Head", "FrontUpLeg.R"], False),
+        (["head", "arm.L", "leg.L", "Tail1"], False),
+        (["TankTrack22.L", "Root"], False),
+        ([], False),
+    ],
+)
+def test_joints_are_those_of_a_person(joints: list[str], person: bool) -> None:
+    assert is_person(joints) is person
+
+
 def test_the_judge_proposes_nouns_and_a_skeleton_of_a_person_is_one(
     readings_made: list[tuple[dict[str, float], float | None]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nouns = {f"noun{number}": 0.3 - number / 100 for number in range(9)}
-
-    def recognise(_mesh: object, _given: None, joints: list[str]) -> recognition.Recognition:
-        return recognition.Recognition("person", 1.0, nouns) if joints else recognition.Recognition("noun0", 0.3, nouns)
-
-    monkeypatch.setattr(recognition, "recognise", recognise)
+    monkeypatch.setattr(reading, "_judged", lambda *_: nouns)
     for front in ("auto", "keep"):
         read_source(BODY, params(source_noun=None, orientation=front))
-    read_source(loose_body(load_asset(rigged_dog())), params(source_noun="taught", orientation=-90))
+    dog = loose_body(load_asset(rigged_dog()))
+    person = replace(dog, joints=[replace(dog.joints[0], name=name) for name in ("Head", "Arm", "Leg")])
+    for body in (person, dog):
+        read_source(body, params(source_noun="taught", orientation=-90))
+    figures = nouns | {"robot": 0.6}
+    monkeypatch.setattr(reading, "_judged", lambda *_: figures)
+    read_source(person, params(source_noun=None, orientation=-90))
     assert readings_made[0] == readings_made[1] == (nouns, None)
-    assert readings_made[2] == ({"person": 1.0}, -90.0)
+    assert readings_made[2:] == [({"person": 1.0}, -90.0), (nouns, -90.0), (figures, -90.0)]
 
 
 def test_what_cannot_be_read_has_no_reading(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,7 +154,7 @@ def test_what_cannot_be_read_has_no_reading(monkeypatch: pytest.MonkeyPatch) -> 
     def missing() -> None:
         raise ModelError("The judge's weights are missing.")
 
-    monkeypatch.setattr(recognition, "Judge", missing)
+    monkeypatch.setattr("meshdeform.judge.Judge", missing)
     assert read_source(BODY, params(source_noun=None)) is None
     assert reading_document(None, params()) is reading_report(None, params()) is None
 

@@ -82,7 +82,7 @@ def test_a_skin_is_judged_drawn_and_measured_as_it_is_shown() -> None:
     np.testing.assert_allclose(result.surface.positions[: len(skin)], skin, atol=1e-6)
     before, after = welded.mesh, Shown.of(asset, result, welded, job._world_verts()).result
     assert report["quality"] == measure(before.verts.numpy(), before.faces.numpy(), after.verts.numpy()).to_dict()
-    compared = likeness_and_before(before, after, "a mushroom", {})
+    compared = likeness_and_before(before, after, "a mushroom")
     assert report["likeness"] == json.loads(json.dumps(compared))
     poses = (Pose(each.surface.positions, each.surface.normals) for each in (asset, result))
     assert job.finish()["preview.png"].data == preview_png(asset.appearance(), *poses)
