@@ -17,11 +17,10 @@ from meshdeform.plain.words import Sentence
 from meshdeform.reading import Reading
 from meshdeform.requests.choices import RigMode
 from meshdeform.runs.base import ArtifactData, JobRun, RunLog
-from meshdeform.runs.changes import check_change, part_names, part_not_found
+from meshdeform.runs.changes import check_change, is_change, part_names, part_not_found
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.reading import Source, made, reshaped, welded_body
-from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.surfaces import DeformedSurface, affine_surface, deformed_surface, vertex_jacobians
 from meshdeform.runs.text_report import AssetFacts, Outcome, change_report
 
@@ -38,10 +37,8 @@ def source_body(facts: AssetFacts, readings: Readings, verts: NDArray[np.float64
     return body if verts is None else reshaped(body, verts, facts.params, source)
 
 
-def start_change(
-    facts: AssetFacts, body: Body, sentence: Sentence, recognised: Recognition | None, log: RunLog
-) -> PlainChangeRun:
-    """Make the changes of a sentence, which may describe what the source was recognised as.
+def start_change(facts: AssetFacts, body: Body, sentence: Sentence, log: RunLog) -> PlainChangeRun:
+    """Make the changes of a sentence, which may describe what the source is.
 
     `body`: the source. `PartNotFoundError`: a part is missing. No guidance makes up for it: it knows no parts, and
     spoils the others.
@@ -55,7 +52,7 @@ def start_change(
             taken_for = "" if reading is None else reading.noun
             raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
         verts = facts.welded.mesh.verts + torch.from_numpy(changed.points - body.points)
-    return PlainChangeRun(facts, verts, done, recognised, made(body), sentence.notes, log)
+    return PlainChangeRun(facts, verts, done, made(body), sentence, log)
 
 
 class PlainChangeRun(JobRun):
@@ -66,14 +63,12 @@ class PlainChangeRun(JobRun):
         facts: AssetFacts,
         verts: Tensor,
         done: list[Done],
-        recognised: Recognition | None,
         reading: Reading | None,
-        notes: tuple[str, ...],
+        sentence: Sentence,
         log: RunLog,
     ) -> None:
         super().__init__(0, 0, log)
-        self._facts, self._done, self._recognised, self._notes = facts, done, recognised, notes
-        self._reading = reading
+        self._facts, self._done, self._reading, self._sentence = facts, done, reading, sentence
         self._affine = affine_of(done)
         # Of an affine change, the file's own vertices are moved, not those that were welded.
         self._verts = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
@@ -99,9 +94,9 @@ class PlainChangeRun(JobRun):
         return change_report(
             self._facts,
             self._done,
-            self._notes,
-            self._recognised,
+            self._sentence.notes,
             self._reading,
+            described=not is_change(self._sentence),
             follows=self._follows,
             outcome=outcome,
             log=self.log,

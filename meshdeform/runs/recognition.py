@@ -72,10 +72,11 @@ def front_of(reading: Reading | None, params: ResolvedParams) -> Orientation:
     return Orientation(reading.front_azimuth_deg, source)
 
 
-def nature_of(source: Recognition | None, prompt: str) -> Nature:
-    """Return what is known of a source and of what a prompt makes of it."""
-    if source is None:
+def nature_of(params: ResolvedParams, reading: Reading | None, prompt: str) -> Nature:
+    """Return what is known of a source with this reading, and of what a prompt makes of it."""
+    if not asks_source(params):
         return UNKNOWN
+    source = Recognition.of(params, reading)
     try:
         wish = parse(prompt)
     except (PromptError, VocabularyError):  # there is none, or it has taught words

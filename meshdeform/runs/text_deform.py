@@ -35,7 +35,7 @@ from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.recognition import Recognition, asks_source, front_of, nature_of
+from meshdeform.runs.recognition import asks_source, front_of, nature_of
 from meshdeform.runs.starts import start_of
 from meshdeform.runs.surfaces import (
     drawn_triangles,
@@ -82,7 +82,7 @@ def start(job_input: RunInput) -> JobRun:
     if sentence is not None:
         prior = load_sent(params.model, job_input)
     shape = shape_id(file.sha256 or "", asset, params, request.output)
-    recognised, reading = _source(facts, job_input, log)
+    reading = _reading(facts, job_input, log)
     begun = start_of(facts, shape, job_input, log)
     frame = begun.frame
     mesh = RestMesh.of(frame.place(welded.mesh))
@@ -118,7 +118,7 @@ def start(job_input: RunInput) -> JobRun:
             constraints=control.constraints,
             shares=goal.shares,
             front=begun.turned(front_of(reading, params)),
-            nature=nature_of(recognised, request.prompt),
+            nature=nature_of(params, reading, request.prompt),
         )
     known = RunFacts(
         **vars(facts),
@@ -130,20 +130,18 @@ def start(job_input: RunInput) -> JobRun:
         goal=goal,
         prompts=prompts,
         silhouettes=silhouettes,
-        recognised=recognised,
         reading=reading,
         precision=precision_of(prior, state),
     )
     return TextDeformRun(known, deformation, log)
 
 
-def _source(facts: AssetFacts, job_input: RunInput, log: RunLog) -> tuple[Recognition | None, Reading | None]:
-    """Return what the source is taken for, and its reading; None if nobody asks."""
+def _reading(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Reading | None:
+    """Return the reading of the source; None if nothing depends on it, or it cannot be read."""
     if not asks_source(facts.params):
-        return None, None
+        return None
     with log.phase("parts"):
-        reading = source_body(facts, job_input.readings).reader.reading
-    return Recognition.of(facts.params, reading), reading
+        return source_body(facts, job_input.readings).reader.reading
 
 
 def _change(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog) -> JobRun | None:
@@ -152,7 +150,7 @@ def _change(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: Run
     A fit obeys controls, and finds the parts that an asset lacks on the noun's members; no other guidance does.
     """
     if is_change(sentence):
-        return start_change(facts, source_body(facts, job_input.readings), sentence, None, log)
+        return start_change(facts, source_body(facts, job_input.readings), sentence, log)
     fitted = facts.params.guidance is GuidanceKind.EXEMPLAR
     goes_on = job_input.initial is not None or job_input.checkpoint is not None
     if goes_on or (fitted and has_controls(facts.params)):
@@ -162,7 +160,7 @@ def _change(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: Run
         if not is_described(body, sentence.noun):
             return None
     try:
-        return start_change(facts, body, sentence, Recognition.of(facts.params, body.reader.reading), log)
+        return start_change(facts, body, sentence, log)
     except PartNotFoundError:
         if fitted:
             return None

@@ -36,7 +36,7 @@ from meshdeform.runs.control import Control, control_report
 from meshdeform.runs.goals import Goal, SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
-from meshdeform.runs.recognition import Recognition
+from meshdeform.runs.recognition import Recognition, asks_source
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import Shown
 from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
@@ -107,14 +107,18 @@ class RunFacts(AssetFacts):
     goal: Goal
     prompts: Prompts | None  # those of a job that has several
     silhouettes: SilhouetteFit | None
-    recognised: Recognition | None  # what the source was taken for
-    reading: Reading | None  # what it was read as
+    reading: Reading | None  # what the source was read as, if anything depends on it
     precision: str | None  # as `precision_of` returns it
 
     @property
     def guidance(self) -> dict[str, str]:
         """The identity of what guides the run."""
         return dict(self.goal.guidance.identity)
+
+    @property
+    def recognised(self) -> Recognition | None:
+        """What the source was taken for; None if nothing depends on it."""
+        return Recognition.of(self.params, self.reading) if asks_source(self.params) else None
 
 
 @dataclass(frozen=True)
@@ -214,17 +218,17 @@ def change_report(
     facts: AssetFacts,
     done: Sequence[Done],
     notes: Sequence[str],
-    recognised: Recognition | None,
     reading: Reading | None,
     *,
+    described: bool,
     follows: bool,
     outcome: Outcome,
     log: RunLog,
 ) -> bytes:
     """Return `report.json` of a change in plain words.
 
-    `notes`: how misspelt words were read; `recognised`: what the source is that a prompt describes, if it does;
-    `reading`: what it was read as, if that was needed; `follows`: whether the rig followed.
+    `notes`: how misspelt words were read; `reading`: what the source was read as, if that was needed; `described`:
+    whether the prompt describes it as that; `follows`: whether the rig followed.
     """
     with log.phase("measure"):
         measured = measured_result(facts, outcome)
@@ -242,7 +246,7 @@ def change_report(
             of_parts=all(each.change.part != WHOLE for each in done),
         ),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
-        "source_noun": None if recognised is None else {**recognised.to_dict(), "recognised": True},
+        "source_noun": {**Recognition.of(facts.params, reading).to_dict(), "recognised": True} if described else None,
         "reading": reading_report(reading, facts.params),
         "warnings": [
             *notes,

@@ -86,45 +86,55 @@ def test_a_prompt_has_it_and_every_report_a_verdict(guidance: str, carrier: str)
 # What a source is taken for, and what follows from it.
 
 
-@each_case(
-    ("source", "built"),
-    [
-        (Recognition("chair", 0.6), True),
-        (Recognition("chair", 0.4), False),
-        (Recognition("dog", 1.0), False),
-        (Recognition("", 0.0), False),
-    ],
-)
-def test_what_is_likely_built_counts_as_such(source: Recognition, built: bool) -> None:
-    assert source.built is built
-    assert nature_of(source, "").built is built
+def of(**guidance: object) -> ResolvedParams:
+    return resolve(DeformParams.model_validate({"guidance": {"kind": "sds", "model": "builtin", **guidance}}))
+
+
+def read_as(noun: str, probability: float) -> Reading:
+    labels, back = np.zeros(1, np.int64), np.diag([-1.0, 1.0, -1.0])
+    return Reading(noun, {noun: probability}, back, 0.5, labels, {}, 0, 0.01)
 
 
 @each_case(
-    "source, prompt, expected",
+    ("given", "reading", "noun", "sure", "built"),
     [
-        (Recognition("dog", 0.7), "a giraffe", Nature(grown=True)),
-        (Recognition("dog", 0.8), "", Nature()),
-        (Recognition("bottle", 0.9), "a tall vase", Nature(built=True, turned=True)),
-        (Recognition("bottle", 0.9), "a leaning vase", Nature(built=True, crooked=True, turned=True)),
-        (None, "a giraffe", Nature()),
+        (None, read_as("chair", 0.6), "chair", False, True),
+        (None, read_as("chair", 0.4), "chair", False, False),
+        (None, read_as("dog", 0.95), "dog", True, False),
+        (None, None, "", False, False),
+        ("puppies", read_as("dog", 1.0), "dog", True, False),
+        ("a taught noun", read_as("chair", 0.6), "a taught noun", True, False),
     ],
 )
-def test_source_and_prompt_say_what_is_to_be_kept(source: Recognition | None, prompt: str, expected: Nature) -> None:
-    assert nature_of(source, prompt) == expected
+def test_a_source_is_what_the_request_says_or_what_it_was_read_as(
+    given: str | None, reading: Reading | None, noun: str, sure: bool, built: bool
+) -> None:
+    source = Recognition.of(of(source_noun=given), reading)
+    assert (source.noun, source.sure, source.built) == (noun, sure, built)
+    assert source.to_dict()["recognised"] is sure
+
+
+@each_case(
+    "reading, prompt, expected",
+    [
+        (read_as("dog", 0.7), "a giraffe", Nature(grown=True)),
+        (read_as("dog", 0.8), "", Nature()),
+        (read_as("bottle", 0.9), "a tall vase", Nature(built=True, turned=True)),
+        (read_as("bottle", 0.9), "a leaning vase", Nature(built=True, crooked=True, turned=True)),
+        (None, "a giraffe", Nature(grown=True)),
+    ],
+)
+def test_source_and_prompt_say_what_is_to_be_kept(reading: Reading | None, prompt: str, expected: Nature) -> None:
+    assert nature_of(of(), reading, prompt) == expected
+    assert nature_of(of(orientation="keep"), reading, prompt) == Nature()
 
 
 def test_the_front_is_that_of_the_reading_where_the_model_sees_the_azimuth() -> None:
-    def of(**guidance: object) -> ResolvedParams:
-        return resolve(DeformParams.model_validate({"guidance": {"kind": "sds", **guidance}}))
-
-    labels, back = np.zeros(1, np.int64), np.diag([-1.0, 1.0, -1.0])
-    read = Reading("dog", {"dog": 0.9}, back, 0.5, labels, {}, 0, 0.01)
-    known = of(model="builtin")
+    read, known = read_as("dog", 0.9), of()
     assert front_of(read, known) == Orientation(180.0, OrientationSource.FOUND)
     assert front_of(replace(read, front_margin=0.01), known) == Orientation(180.0, OrientationSource.UNDECIDED)
     assert front_of(None, known) == Orientation(0.0, OrientationSource.UNRECOGNISED)
     unconditioned = of(model="some/checkpoint", orientation="auto")
     assert front_of(read, unconditioned) == Orientation(0.0, OrientationSource.UNCONDITIONED)
-    asked = [asks_source(each) for each in (known, of(model="builtin", orientation="keep"), unconditioned)]
+    asked = [asks_source(each) for each in (known, of(orientation="keep"), unconditioned)]
     assert asked == [True, False, False]
