@@ -244,7 +244,8 @@ def reading_lines(reading: Mapping[str, Any] | None) -> list[str]:
     if reading["noun_given"]:
         read = f"Given: {noun}"
     else:
-        others = [f"{each['noun']} {percent(each['probability'])}" for each in reading["nouns"][1:3]]
+        likely = [each for each in reading["nouns"] if each["noun"] != noun]  # more so, where a prompt was believed
+        others = [f"{each['noun']} {percent(each['probability'])}" for each in likely[:2]]
         instead = "" if reading["sure"] or not others else f", or {', '.join(others)}"
         read = f"Read as: {noun} ({percent(reading['probability'])}{instead}; --source-noun NOUN corrects it)"
     given = ", as given" if reading["front_given"] else ""

@@ -45,9 +45,14 @@ class Recognition:
         return self.probability >= SURE
 
     @property
+    def likely(self) -> bool:
+        """Whether it is more likely that than anything else."""
+        return self.probability >= _LIKELY
+
+    @property
     def built(self) -> bool:
         """Whether it is likely to be something that people build, which stands upright."""
-        return self.probability >= _LIKELY and any(self.noun in NOUN_GROUPS[group] for group in _BUILT)
+        return self.likely and any(self.noun in NOUN_GROUPS[group] for group in _BUILT)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the member `source_noun` of the report."""

@@ -27,7 +27,7 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
@@ -73,6 +73,10 @@ _HELD = (
     "parts lag behind. Ask for less (a nearer noun, a lower strength), or for a change of one part in plain words."
 )
 _PARTS_UNUSED = "params.control.parts was not used: only changes in plain words and `exemplar` know parts."
+_BELIEVED = (
+    "The asset counts as {noun}, as the prompt describes it, so it was changed and made nothing else. By its shape "
+    "that is {probability:.0%} likely: if it is something else, say what by source_noun."
+)
 _THEN = ", "
 _ROUND = "xz"
 """The mirror planes that were kept of what is alike from all sides."""
@@ -233,6 +237,8 @@ def change_report(
     with log.phase("measure"):
         measured = measured_result(facts, outcome)
         structure = kept_structure(outcome.shown.source, outcome.shown.result, measured.quality.to_dict())
+    known = Recognition.of(facts.params, reading)
+    doubted = described and not known.likely
     mode, rig = RigMode.FOLLOW if follows else RigMode.KEEP, facts.asset.rig()
     nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "prompts"))
     report = {
@@ -246,10 +252,11 @@ def change_report(
             of_parts=all(each.change.part != WHOLE for each in done),
         ),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
-        "source_noun": {**Recognition.of(facts.params, reading).to_dict(), "recognised": True} if described else None,
+        "source_noun": {**known.to_dict(), "recognised": True} if described else None,
         "reading": reading_report(reading, facts.params),
         "warnings": [
             *notes,
+            *([_BELIEVED.format(noun=ParsedPrompt(known.noun), probability=known.probability)] if doubted else []),
             *(sentence for each in done for sentence in each.warnings),
             *measured.warnings(facts),
             *rig_warnings(facts.asset, mode),

@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 import typer
 
-from meshdeform.cli.report_lines import _shape_lines, exemplar_lines, orientation_line, prompt_lines, source_line
+from meshdeform.cli.report_lines import (
+    _shape_lines,
+    exemplar_lines,
+    orientation_line,
+    prompt_lines,
+    reading_lines,
+    source_line,
+)
 from meshdeform.cli.request import read_prompt
 from meshdeform.deformation.orientation import Orientation, OrientationSource
 from meshdeform.requests.document import DeformParams
@@ -102,3 +109,11 @@ def test_a_shape_whose_parts_hang_apart_is_not_only_praised() -> None:
         "0.glb  seat of a, lid of b; loose: arm; parts up to 4.5% apart; most like c.glb",
         "0.glb  seat of a; most like c.glb",
     ]
+
+
+def test_what_an_asset_was_read_as_is_told_with_what_else_it_may_be() -> None:
+    nouns = [{"noun": noun, "probability": share} for noun, share in (("bear", 0.3), ("rhino", 0.2), ("cow", 0.1))]
+    reading = {"noun": "rhino", "probability": 0.2, "sure": False, "nouns": nouns, "noun_given": False, "up": "+Y"}
+    reading |= {"front_azimuth_deg": 0.0, "front_sure": True, "front_given": False}
+    (line,) = reading_lines(reading)
+    assert line.startswith("Read as: rhino (20%, or bear 30%, cow 10%; --source-noun NOUN corrects it)")

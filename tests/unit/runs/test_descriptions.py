@@ -81,6 +81,11 @@ def test_what_it_is_read_as_decides_and_is_in_the_report(monkeypatch: pytest.Mon
     assert "source_noun" in caught.value.advice_text
     with pytest.raises(RuntimeError, match="no function to load the prior"):  # a prompt like any other
         started("a horse with a big head")
+    assert not any("counts as" in warning for warning in report["warnings"])
+    read_as(monkeypatch, "dog", 0.3, fox=0.2)
+    unlikely = json.loads(started("a dog with a big head").finish()["report.json"].data)
+    assert "counts as a dog, as the prompt describes it" in unlikely["warnings"][0]
+    assert "30% likely" in unlikely["warnings"][0]
     taller = json.loads(started("taller").finish()["report.json"].data)
     assert taller["reading"] is None
 
