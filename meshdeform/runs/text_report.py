@@ -239,6 +239,7 @@ def change_report(
         structure = kept_structure(outcome.shown.source, outcome.shown.result, measured.quality.to_dict())
     known = Recognition.of(facts.params, reading)
     doubted = described and not known.likely
+    taken = [_BELIEVED.format(noun=ParsedPrompt(known.noun), probability=known.probability)] if doubted else []
     mode, rig = RigMode.FOLLOW if follows else RigMode.KEEP, facts.asset.rig()
     nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "prompts"))
     report = {
@@ -248,7 +249,7 @@ def change_report(
         "changes": [each.to_dict() for each in done],
         "verdict": verdict_of_change(
             structure,
-            [doubt for each in done for doubt in each.doubts],
+            [*taken, *(doubt for each in done for doubt in each.doubts)],
             of_parts=all(each.change.part != WHOLE for each in done),
         ),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
@@ -256,7 +257,7 @@ def change_report(
         "reading": reading_report(reading, facts.params),
         "warnings": [
             *notes,
-            *([_BELIEVED.format(noun=ParsedPrompt(known.noun), probability=known.probability)] if doubted else []),
+            *taken,
             *(sentence for each in done for sentence in each.warnings),
             *measured.warnings(facts),
             *rig_warnings(facts.asset, mode),

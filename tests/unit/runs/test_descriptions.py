@@ -85,6 +85,7 @@ def test_what_it_is_read_as_decides_and_is_in_the_report(monkeypatch: pytest.Mon
     read_as(monkeypatch, "dog", 0.3, fox=0.2)
     unlikely = json.loads(started("a dog with a big head").finish()["report.json"].data)
     assert "counts as a dog, as the prompt describes it" in unlikely["warnings"][0]
+    assert unlikely["verdict"]["value"] == "doubtful"
     assert "30% likely" in unlikely["warnings"][0]
     taller = json.loads(started("taller").finish()["report.json"].data)
     assert taller["reading"] is None
