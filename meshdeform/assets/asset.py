@@ -44,7 +44,6 @@ from meshdeform.assets.writer import (
     embed_data_uris,
     write_shape,
     write_targets,
-    write_vertex_values,
 )
 from meshdeform.errors import AssetFormatError
 
@@ -331,22 +330,6 @@ class Asset:
         new = NewTargets([target.name for target in targets], rest, track)
         finish = Finish(self._usage if compact else None, provenance)
         return write_targets(self._document.fork(), self._blocks, self._loose, shapes, new, finish)
-
-    def with_vertex_values(self, name: str, values: NDArray[np.float32]) -> bytes:
-        """Write the asset with one more vertex attribute and everything else unchanged.
-
-        Parameters
-        ----------
-        name : str
-            Name of the attribute; those of applications begin with `_`.
-        values : (N,) float32
-            One for each row of `surface.positions`.
-
-        Returns
-        -------
-        A GLB. The asset itself is not changed.
-        """
-        return write_vertex_values(self._document.fork(), self._blocks, name, values)
 
     @property
     def provenance(self) -> dict[str, Any] | None:

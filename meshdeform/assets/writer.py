@@ -190,16 +190,6 @@ def write_targets(
     return _finished(document, finish, [])
 
 
-def write_vertex_values(document: Document, blocks: list[Block], name: str, values: NDArray[np.float32]) -> bytes:
-    """Add a vertex attribute to the document and return it as a GLB; `Asset.with_vertex_values` documents the rest."""
-    owners = _own_meshes(document, blocks)
-    for block in blocks:
-        accessor = document.append_accessor(values[block.rows])
-        for p in block.primitives:
-            document.root["meshes"][owners[block.node]]["primitives"][p]["attributes"][name] = accessor
-    return _finished(document, Finish(), [])
-
-
 def _local_shapes(
     blocks: list[Block], loose: list[Block], shape: Deformation, shifts: Sequence[Floats], scale: float | None
 ) -> list[LocalShape]:

@@ -45,8 +45,6 @@ _MARGIN = 1.25
 """Radius that just fits the view, relative to the farthest point of asset or mask."""
 _DISTANCE_WEIGHT = 8.0
 
-_Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class _Placed:

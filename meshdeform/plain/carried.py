@@ -22,8 +22,6 @@ _ON_GROUND = 0.02
 _SAMPLES = 6000
 _CONTACT = 0.02
 """Distance from samples of a surface, as a share of the diagonal, up to which a vertex is in contact with it."""
-_FEWEST = 1e-3
-"""Share of the samples below which a piece is not asked whether it is the largest."""
 
 
 def on_ground(body: Body, rows: Index) -> bool:

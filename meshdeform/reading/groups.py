@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
 from meshdeform.nouns.solids import PART_NAMES, carrier
 
-__all__ = ["Groups", "groups_of", "joined_solids"]
+__all__ = ["Groups", "groups_of"]
 
 _TOUCHING = 0.002
 _TIED, _TIED_WITHIN = 0.03, 0.05
@@ -65,11 +65,6 @@ def groups_of(member: LabelledMember) -> Groups:
         if other <= k and distance[other] < _MIRRORED:
             mirrored.append((k, other))
     return Groups(of_vert, centres, radii, _ties(points), mirrored)
-
-
-def joined_solids(member: LabelledMember) -> Index:
-    """Return the number (S,) of the cluster of touching solids of one part and side that each solid belongs to."""
-    return _joined(member, member.part_of_solid)
 
 
 def _numbers(member: LabelledMember) -> Index:

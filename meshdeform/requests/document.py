@@ -27,7 +27,6 @@ from pydantic_core import SchemaValidator
 from meshdeform.errors import ParameterError, UnreadableJobError
 from meshdeform.requests.choices import (
     BUILTIN_MODEL,
-    DEFAULT_SD_MODEL,
     AppearanceMode,
     Carrier,
     Easing,
@@ -55,7 +54,6 @@ from meshdeform.requests.teaching import TeachParams
 
 __all__ = [
     "BUILTIN_MODEL",
-    "DEFAULT_SD_MODEL",
     "MAX_DEADLINE_S",
     "MAX_FRAMES",
     "MAX_METADATA_ENTRIES",

@@ -23,9 +23,6 @@ _PHRASES = _table()
 _VARIANTS = frozenset(_PHRASES.pop("variants"))
 _NOUN_OF = {phrase: noun for noun, phrases in _PHRASES.items() for phrase in phrases}
 
-NOUNS = tuple(_PHRASES)
-"""Nouns that files of collections can show."""
-
 
 def words_of(name: str) -> list[str]:
     """Cut the name of a file, without its ending, into lower-case words of two letters or more; drop variants."""

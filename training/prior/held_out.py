@@ -6,8 +6,7 @@ change the choice.
 
 The shipped weights are warm-started from older editions, and the first was trained on every pair of its own words. A
 held-out pair of its words is therefore unseen only in the later stages of the training; a pair with a word that was new
-in its edition is in no training picture at all (`unseen_pairs`). An edition holds out every pair that the one before
-held out.
+in its edition is in no training picture at all. An edition holds out every pair that the one before held out.
 
 Needs neither torch nor numpy, like the grammar.
 """
@@ -19,7 +18,7 @@ import hashlib
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute
 from meshdeform.priors.builtin.vocabulary import NOUNS
 
-__all__ = ["attributes_of", "held_out_pairs", "is_held_out", "unseen_pairs"]
+__all__ = ["attributes_of", "held_out_pairs", "is_held_out"]
 
 SECOND_EDITION = frozenset({"bell", "guitar", "octopus", "pig", "pineapple", "umbrella", "pinched", "handle"})
 """Words that the first edition of the weights lacked; without them, the token order is that of the first edition."""
@@ -69,12 +68,6 @@ def held_out_pairs() -> tuple[tuple[str, Attribute], ...]:
     return tuple(
         (noun, attribute) for noun in NOUNS for attribute in attributes_of(noun) if is_held_out(noun, attribute)
     )
-
-
-def unseen_pairs() -> tuple[tuple[str, Attribute], ...]:
-    """Return the held-out pairs with a word that the first edition lacked, which no training picture ever showed."""
-    new = SECOND_EDITION | THIRD_EDITION | FOURTH_EDITION
-    return tuple(pair for pair in held_out_pairs() if _words(*pair) & new)
 
 
 def _nouns_with(part: str, noun: str) -> int:
