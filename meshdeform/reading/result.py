@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshdeform.nouns.labels import Flags, Floats, Index
-from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.version import VERSION
 
 __all__ = ["GROUND", "NO_PART", "SURE", "UP_TURNS", "Reading"]
@@ -81,10 +80,6 @@ class Reading:
     def parts(self) -> tuple[str, ...]:
         """The names of the parts that were found."""
         return tuple(self.confidence)
-
-    def faces_of(self, part: str) -> Flags:
-        """Return which faces (F,) are of a part: none of a part that was not found."""
-        return np.asarray(self.labels == PART_NAMES.index(part) if part in self.confidence else self.labels < NO_PART)
 
     def to_bytes(self) -> bytes:
         """Return the reading compressed: about a kilobyte for 10,000 faces."""

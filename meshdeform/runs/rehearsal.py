@@ -47,7 +47,7 @@ def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
 
 
 def main() -> None:
-    """Also do what only some jobs do: find the front, fit a target or an exemplar, carry parts, walk a morph's path."""
+    """Also do what only some jobs do: fit a target or an exemplar, carry parts, walk a morph's path."""
     prior = load_prior(BUILTIN_MODEL, device="cpu")
     for glb in (_glb(1), _glb(2)):
         _run(

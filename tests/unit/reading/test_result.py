@@ -71,7 +71,5 @@ def test_what_is_sure() -> None:
     assert replace(READING, up="+Z", turn=np.eye(3)[[0, 2, 1]] * [[1], [1], [-1]]).front_azimuth_deg == pytest.approx(0)
 
 
-def test_the_faces_of_a_part() -> None:
-    assert READING.faces_of("head").tolist() == [True, False, False, False, True]
-    assert not READING.faces_of("wheel").any()
+def test_the_names_of_the_parts() -> None:
     assert READING.parts == ("head", "tail")
