@@ -75,11 +75,10 @@ class Settings(BaseSettings):
         description="Folder of files that `meshdeform teach` wrote; jobs may name them. The API reads it, too.",
     )
     model_revision: str = Field("", description="Revision (branch, tag or commit) of a hub model. Default: main.")
-    dtype: Literal["auto", "float32", "float16", "bfloat16", "int8"] = Field(
+    dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
         "auto",
         description="Precision of the diffusion prior. `auto`: of a Stable Diffusion model, float32 on the CPU, "
-        "bfloat16 on a GPU that supports it, else float16; of the builtin one, int8 on a CPU with vector instructions "
-        "for it (`avx2`), else float32. `int8` is for the builtin model; others take it as `auto`.",
+        "bfloat16 on a GPU that supports it, else float16; of the builtin one, float32.",
     )
     device: str = Field("auto", description="`auto`, `cpu`, `cuda` or `cuda:N`.")
     threads: int = Field(0, ge=0, le=256, description="CPU threads of a worker. 0: one per usable core.")

@@ -1,4 +1,4 @@
-"""Keep torch's threads out of short operations, and share work among threads that each compute alone.
+"""Keep torch's threads out of short operations.
 
 torch's threads meet after every operation. Operations on a surface or on small pictures take a tenth of a millisecond
 or two, so that they would wait as long as they compute, and on a busy machine much longer (docs/performance.md).
@@ -6,15 +6,10 @@ or two, so that they would wait as long as they compute, and on a busy machine m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TypeVar
 
 import torch
-
-from meshdeform.support.threads import in_ranges
-
-T = TypeVar("T")
 
 
 @contextmanager
@@ -29,18 +24,3 @@ def one_torch_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(threads)
-
-
-def share_work(work: Callable[[int, int], T], count: int) -> list[T]:
-    """Call ``work(begin, end)`` as `in_ranges` does, on threads that do not share torch's operations with others.
-
-    `work`: called with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
-    Gradients are recorded or not as each thread decides: `torch.no_grad` outside does not reach it.
-    """
-
-    def alone(begin: int, end: int) -> T:
-        torch.set_num_threads(1)  # of this thread, and of those that begin later
-        return work(begin, end)
-
-    with one_torch_thread():
-        return in_ranges(alone, count)

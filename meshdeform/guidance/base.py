@@ -106,9 +106,6 @@ class ShapeGuidance(Protocol):
 
 
 def torch_threads_for(guidance: Guidance) -> AbstractContextManager[None]:
-    """Let torch compute on one thread inside the block, unless the guidance is heavy.
-
-    Operations of a step on a surface are short; what takes long is shared by `share_work`.
-    """
+    """Let torch compute on one thread inside the block, unless the guidance is heavy; other operations are short."""
     heavy = isinstance(guidance, HeavyGuidance) and guidance.is_heavy
     return nullcontext() if heavy else one_torch_thread()

@@ -161,10 +161,8 @@ class ScoreDistillation:
         """Identity of the prior."""
         return self._prior.identity
 
-    @property
-    def is_heavy(self) -> bool:
-        """Whether torch's threads should share the prior's operations: all but those on bytes, which share texts."""
-        return self._prior.dtype is not torch.int8
+    is_heavy = True
+    """Torch's threads share the prior's operations."""
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:
         """Draw a timestep and noise, predict the noise, and return the loss with the gradient on z0.

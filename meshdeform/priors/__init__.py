@@ -65,8 +65,8 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
     device : str
         `cpu`, `cuda` or `cuda:N`.
     dtype : str
-        Precision: `auto`, `float32`, `float16` or `bfloat16`. The builtin prior has no float16, and uses float32
-        instead; its `auto` is bfloat16 on a CPU with matrix instructions for it.
+        Precision: `auto`, `float32`, `float16` or `bfloat16`. The builtin prior has float32, also for `auto` and
+        `float16`, and bfloat16.
 
     Raises
     ------

@@ -41,8 +41,8 @@ class StableDiffusionPrior:
     """A Stable Diffusion checkpoint.
 
     `model`: folder in diffusers' layout, or hub id of a checkpoint in the local Hugging Face cache. Nothing is
-    downloaded. `revision`: branch, tag or commit of a hub model; `dtype`, "auto", "float32", "float16", "bfloat16" or
-    "int8": precision of the networks. `auto` is float32 on the CPU, bfloat16 on a GPU that supports it, else float16.
+    downloaded. `revision`: branch, tag or commit of a hub model; `dtype`, "auto", "float32", "float16" or "bfloat16":
+    precision of the networks. `auto` is float32 on the CPU, bfloat16 on a GPU that supports it, else float16.
     Raises ModelError: the checkpoint is missing, incomplete or of another kind. Raises DependencyError: the extra `sd`
     is not installed.
     """
@@ -212,8 +212,7 @@ class StableDiffusionPrior:
 
 def _dtype(name: str, device: torch.device) -> torch.dtype:
     """Return the torch dtype of a setting; `auto` is float32 on the CPU, else bfloat16 if supported, else float16."""
-    # `int8`, a precision of the builtin model, is the same as `auto`.
-    if name not in ("auto", "int8"):
+    if name != "auto":
         dtype: torch.dtype = getattr(torch, name)
         return dtype
     if device.type == "cpu":

@@ -192,8 +192,6 @@ class PriorNetwork(nn.Module):
         self.text = TextEncoder(self.config.text_width, self.config.text_layers, e, words)
         self.azimuth = nn.Linear(4, e)
         self.time = nn.Sequential(nn.Linear(64, e), nn.SiLU(), nn.Linear(e, e))
-        # Input of the blocks: the condition itself, or all that they would make of it (`quantized`).
-        self.modulate: nn.Module = nn.Identity()
         self.stem = nn.Conv2d(3, c0, 8, stride=4, padding=2)
         self.down0 = ResidualBlock(c0, c0, e)
         self.pool0 = nn.Conv2d(c0, c1, 3, stride=2, padding=1)
@@ -230,19 +228,10 @@ class PriorNetwork(nn.Module):
         float32: azimuth of the first or only view, degrees. `single`, (B,) bool: whether each picture is a single view;
         by default none is. Returns (B, 3, 128, 128) float32, whatever the layers compute in (`computing_in`).
         """
-        return self.paint(x, self.condition(timestep, text, azimuth_deg, single), azimuth_deg, single)
-
-    def condition(self, timestep: Tensor, text: Tensor, azimuth_deg: Tensor, single: Tensor | None = None) -> Tensor:
-        """Return the condition of the residual blocks, one row per picture, of the arguments of `forward`."""
-        conditions = self._condition(timestep, text, azimuth_deg)
+        condition, dtype = self._condition(timestep, text, azimuth_deg), self.place.dtype
         if single is not None:
-            conditions = conditions + single[:, None] * self.single
-        result: Tensor = self.modulate(functional.silu(conditions).to(self.place.dtype))
-        return result
-
-    def paint(self, x: Tensor, condition: Tensor, azimuth_deg: Tensor, single: Tensor | None = None) -> Tensor:
-        """Predict x0 from noisy pictures and their conditions, the result of `condition`; see `forward`."""
-        dtype = self.place.dtype
+            condition = condition + single[:, None] * self.single
+        condition = functional.silu(condition).to(dtype)
         cameras = camera_map(azimuth_deg, single, IMAGE_SIZE // 4).to(dtype)
         h0 = self.down0(self.stem(x.to(dtype)) + self.camera_fine(cameras), condition)
         h1 = self.pool0(h0)

@@ -33,11 +33,9 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.torch_threads import share_work
 from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
 from meshdeform.priors.builtin.network import WEIGHTS, file_sha256, null_tokens, read_network
 from meshdeform.priors.builtin.taught import words_of
-from meshdeform.priors.precision import is_fast_in_int8
 from meshdeform.rendering.cameras import NUM_VIEWS, CameraRange, Cameras
 from meshdeform.rendering.shading import RenderStyle
 
@@ -49,17 +47,6 @@ STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(
 SINGLE_STYLE = replace(STYLE, view_size=128)
 """Style of a single view that fills the picture."""
 CAMERAS = CameraRange(elevation_min_deg=0.0, elevation_max_deg=30.0, fov_min_deg=30.0, fov_max_deg=45.0)
-
-
-def _dtype(name: str, device: torch.device) -> torch.dtype:
-    """Return the torch dtype of a setting. On a GPU `auto` is float32: nobody has measured what others do there."""
-    if name in ("auto", "int8") and is_fast_in_int8(device):
-        # Only here: it loads compiled kernels, which nothing else needs.
-        from meshdeform.priors.builtin.quantized import is_usable
-
-        if is_usable():
-            return torch.int8
-    return torch.bfloat16 if name == "bfloat16" else torch.float32
 
 
 def cosine_alphas_cumprod() -> Tensor:
@@ -98,10 +85,9 @@ def loss_weight(timestep: Tensor, alphas_cumprod: Tensor) -> Tensor:
 class BuiltinPrior:
     """The builtin demonstration prior.
 
-    `dtype`, "auto", "float32", "float16", "bfloat16" or "int8": what the network computes in. `auto` is int8 on a CPU
-    with instructions for it (`is_fast_in_int8`), else float32. float16, a precision of other models, is float32, and so
-    is int8 without such instructions. `weights`: a file written by `train.py` or by `meshdeform teach`; by default the
-    one in the package. Raises ModelError: the weights are missing, unreadable or of another vocabulary.
+    `dtype`, "auto", "float32", "float16" or "bfloat16": what the network computes in; all but bfloat16 are float32.
+    `weights`: a file written by `train.py` or by `meshdeform teach`; by default the one in the package. Raises
+    ModelError: the weights are missing, unreadable or of another vocabulary.
     """
 
     style = STYLE
@@ -111,13 +97,8 @@ class BuiltinPrior:
     def __init__(self, *, device: str | torch.device = "cpu", weights: Path = WEIGHTS, dtype: str = "float32") -> None:
         network, metadata = read_network(weights)
         self.device = torch.device(device)
-        self.dtype = _dtype(dtype, self.device)
-        if self.dtype is torch.int8:
-            from meshdeform.priors.builtin.quantized import quantized
-
-            self._network = quantized(network)
-        else:
-            self._network = network.computing_in(self.dtype).to(self.device)
+        self.dtype = torch.bfloat16 if dtype == "bfloat16" else torch.float32
+        self._network = network.computing_in(self.dtype).to(self.device)
         self.words = words_of(metadata, weights)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
         self.identity = {
@@ -167,15 +148,5 @@ class BuiltinPrior:
         azimuth = torch.tensor((azimuths[:1] if grid else azimuths) * texts, device=self.device)
         single = None if grid else torch.ones(texts * count, dtype=torch.bool, device=self.device)
         embeddings = embedding.repeat_interleave(count, 0)
-
-        condition = self._network.condition(steps, embeddings, azimuth, single)
-
-        def predict(first: int, end: int) -> Tensor:
-            rows = slice(first * count, end * count)
-            with torch.no_grad():  # of this thread
-                only = None if single is None else single[rows]
-                return self._network.paint(inputs[rows], condition[rows], azimuth[rows], only)
-
-        # Each of our threads predicts for its own texts; torch's share the longer operations on floating numbers.
-        clean = torch.cat(share_work(predict, texts)) if self.dtype is torch.int8 else predict(0, texts)
+        clean = self._network(inputs, steps, embeddings, azimuth, single)
         return noise_from_clean(clean, inputs, steps, self.alphas_cumprod).chunk(texts)
