@@ -12,8 +12,6 @@ import json
 import mmap
 import os
 import signal
-import threading
-from collections import OrderedDict
 from dataclasses import asdict, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -31,6 +29,7 @@ from meshdeform.errors import (
     ModelError,
 )
 from meshdeform.geometry import COLLAPSED_SHAPE
+from meshdeform.support.recent import Recent
 
 if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
@@ -106,8 +105,7 @@ class CheckedAssets:
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
-        self._passed: OrderedDict[tuple[str, str, str], AssetSummary | PictureSummary] = OrderedDict()
-        self._lock = threading.Lock()
+        self._passed = Recent[AssetSummary | PictureSummary](_REMEMBERED)
 
     def check(
         self, path: Path, filename: str, sha256: str, owner_id: str, content: FileContent = "mesh"
@@ -123,15 +121,10 @@ class CheckedAssets:
             sha256,
             {"mesh": suffix, "surface": f"surface{suffix}", "lesson": f"lesson{suffix}"}.get(content, content),
         )
-        with self._lock:
-            if known in self._passed:
-                self._passed.move_to_end(known)
-                return self._passed[known]
-        summary = check_asset_subprocess(path, filename, self.limits, content=content)
-        with self._lock:
-            self._passed[known] = summary
-            if len(self._passed) > _REMEMBERED:
-                self._passed.popitem(last=False)
+        summary = self._passed.get(known)
+        if summary is None:
+            summary = check_asset_subprocess(path, filename, self.limits, content=content)
+            self._passed.put(known, summary)
         return summary
 
 

@@ -28,8 +28,8 @@ from meshdeform.reading import Reading
 from meshdeform.reading.result import UP_TURNS
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
 from meshdeform.runs.parted import given_parts
-from meshdeform.runs.recent import Recent
 from meshdeform.runs.selectable import SelectableSurface
+from meshdeform.support.recent import Recent
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset

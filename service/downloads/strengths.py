@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
-from threading import Lock
 
 from anyio import CapacityLimiter, to_thread
 
@@ -17,6 +15,7 @@ from meshdeform.requests.document import DeformParams
 from meshdeform.runs import kind_of
 from meshdeform.runs.derive import STRENGTH, DerivedInput, derive
 from meshdeform.storage import ObjectStore, StoredObject
+from meshdeform.support.recent import Recent
 from service.http.limits import FairSlots
 from service.workspace import Workspace
 
@@ -33,8 +32,7 @@ class Strengths:
         self._record, self._store, self._workspace, self._limits = record, store, workspace, limits
         self._slots = FairSlots(_AT_ONCE, _PER_OWNER, wait_s=_WAIT_S, purpose="strengths or maps are being applied")
         self._threads: CapacityLimiter | None = None
-        self._known: OrderedDict[str, StoredObject] = OrderedDict()
-        self._lock = Lock()
+        self._known = Recent[StoredObject](_REMEMBERED)
 
     async def get(self, job: Job, artifact: Artifact, strength: float) -> tuple[str, StoredObject]:
         """Return the key, size and SHA-256 of an artifact at another strength, after making it if necessary."""
@@ -58,15 +56,14 @@ class Strengths:
 
     def _find(self, key: str) -> StoredObject | None:
         """Return the size and SHA-256 of a stored object; None if there is none."""
-        with self._lock:
-            known = self._known.get(key)
+        known = self._known.get(key)
         if known is not None and self._store.exists(key):
             return known
         try:
             stored = self._store.measure(key)
         except NotFoundError:
             return None
-        self._remember(key, stored)
+        self._known.put(key, stored)
         return stored
 
     def _make(self, job: Job, artifact: Artifact, strength: float, key: str) -> StoredObject:
@@ -82,7 +79,7 @@ class Strengths:
             derived = DerivedInput(source, result, deformed.filename, job.request.output, exclude, strength)
             derive(STRENGTH, derived, output, self._limits)
             stored = self._keep(job, artifact, output, key)
-        self._remember(key, stored)
+        self._known.put(key, stored)
         return stored
 
     def _keep(self, job: Job, artifact: Artifact, file: Path, key: str) -> StoredObject:
@@ -96,13 +93,6 @@ class Strengths:
             self._store.delete(key)
             raise
         return stored
-
-    def _remember(self, key: str, stored: StoredObject) -> None:
-        with self._lock:
-            self._known[key] = stored
-            self._known.move_to_end(key)
-            if len(self._known) > _REMEMBERED:
-                self._known.popitem(last=False)
 
 
 def _prefix(job: Job) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections import OrderedDict
-from threading import Lock
 
 from meshdeform.errors import NotFoundError
 from meshdeform.priors.catalogue import ModelInfo, describe_taught
@@ -14,6 +12,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.requests.choices import JobKind, model_of_job
 from meshdeform.runs.base import WEIGHTS_ARTIFACT
 from meshdeform.storage import ObjectStore
+from meshdeform.support.recent import Recent
 from service.workspace import Workspace
 
 _LISTED = 100
@@ -29,8 +28,7 @@ class TaughtModels:
 
     def __init__(self, record: JobRecord, store: ObjectStore, workspace: Workspace) -> None:
         self._record, self._store, self._workspace = record, store, workspace
-        self._known: OrderedDict[tuple[str, str], ModelInfo] = OrderedDict()
-        self._lock = Lock()
+        self._known = Recent[ModelInfo](_REMEMBERED)
 
     def of(self, owner_id: str) -> list[ModelInfo]:
         """Return the newest models that this owner's jobs have made, newest first, at most 100."""
@@ -49,10 +47,8 @@ class TaughtModels:
 
     def _described(self, owner_id: str, weights: Artifact) -> ModelInfo:
         known = (owner_id, weights.sha256)
-        with self._lock:
-            if known in self._known:
-                self._known.move_to_end(known)
-                return self._known[known]
+        if (found := self._known.get(known)) is not None:
+            return found
         with self._workspace.temporary_folder() as folder:
             path = folder / WEIGHTS_ARTIFACT
             path.write_bytes(self._header(weights))
@@ -60,10 +56,7 @@ class TaughtModels:
             described = describe_taught(str(path), WEIGHTS_ARTIFACT)
         nouns = [lesson.noun for lesson in described.lessons]
         described = dataclasses.replace(described, title=nouns[-1] if nouns else described.title)
-        with self._lock:
-            self._known[known] = described
-            if len(self._known) > _REMEMBERED:
-                self._known.popitem(last=False)
+        self._known.put(known, described)
         return described
 
     def _header(self, weights: Artifact) -> bytes:

@@ -20,7 +20,7 @@ from meshdeform.requests.groups import grouped
 from meshdeform.runs import questions, text_deform
 from meshdeform.runs import reading as runs_reading
 from meshdeform.runs.base import job_input
-from meshdeform.runs.recent import Recent
+from meshdeform.support.recent import Recent
 from tests.cases import each_case
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem

@@ -20,7 +20,7 @@ from meshdeform.requests.groups import grouped
 from meshdeform.runs import reading
 from meshdeform.runs.kept_readings import FolderReadings, key_of
 from meshdeform.runs.reading import Source, corrected, made, read_source, reading_document, reading_report
-from meshdeform.runs.recent import Recent
+from meshdeform.support.recent import Recent
 from tests.cases import each_case
 from tests.unit.plain.shapes import dog, plain_glb, rigged_dog
 
