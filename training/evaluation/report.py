@@ -12,9 +12,10 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.weld import weld
+from meshdeform.priors.builtin.teaching.teacher import interval
 from meshdeform.support.files import write_files
 from training.evaluation.clip_judge import ClipJudge
-from training.evaluation.retrieval import ShapeJudge, judgement, wilson
+from training.evaluation.retrieval import ShapeJudge, judgement
 
 _COLUMNS = (
     *("results", "retrieval", "noun", "CLIP", "good", "keep source"),
@@ -123,7 +124,7 @@ def _share(rows: Rows, who: str, hit: str) -> dict[str, float] | None:
     judged = [bool(row[who][hit]) for row in rows if row[who]]
     if not judged:
         return None
-    low, high = wilson(sum(judged), len(judged))
+    low, high = interval(sum(judged), len(judged))
     return {"hits": sum(judged), "count": len(judged), "share": sum(judged) / len(judged), "low": low, "high": high}
 
 

@@ -4,8 +4,7 @@ A result is a hit if no other prompt of the suite fits it better (rank 1); with 
 of hits is the retrieval precision at 1, or R-precision with one relevant prompt per result.
 
 Sources: Park et al. 2021, Benchmark for Compositional Text-to-Image Synthesis (R-precision by CLIP); Jain et al. 2022,
-Dream Fields, section 4 (for shapes made from text); Wilson 1927, Probable inference, the law of succession, and
-statistical inference (the interval of a share).
+Dream Fields, section 4 (for shapes made from text).
 """
 
 from __future__ import annotations
@@ -22,8 +21,6 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.grammar import parse
 
 BUILTIN_JUDGE, NO_JUDGE = "builtin", "none"
-_Z = 1.959963984540054
-"""The 97.5th percentile of the normal distribution."""
 
 
 class ShapeJudge(Protocol):
@@ -101,13 +98,3 @@ def judgement(judge: ShapeJudge, mesh: TriangleMesh, prompts: Sequence[str], pro
         "noun_probability": nouns[noun],
         "log_likelihoods": scores,
     }
-
-
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share, given `hits` of `count`; (0, 1) if `count` is 0."""
-    if not count:
-        return 0.0, 1.0
-    share, z2 = hits / count, _Z * _Z
-    middle = (share + z2 / (2 * count)) / (1 + z2 / count)
-    half = _Z / (1 + z2 / count) * math.sqrt(share * (1 - share) / count + z2 / (4 * count * count))
-    return max(0.0, middle - half), min(1.0, middle + half)

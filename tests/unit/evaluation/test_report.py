@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from meshdeform.errors import ParameterError
+from meshdeform.priors.builtin.teaching.teacher import interval
 from tests.cases import each_case
 from training.evaluation.report import summarise, table
-from training.evaluation.retrieval import load_judge, ranked, wilson
+from training.evaluation.retrieval import load_judge, ranked
 
 QUALITY = {
     "flipped_faces": 0,
@@ -61,7 +62,7 @@ NEWCOMBE = [
 
 @each_case(("hits", "count", "low", "high"), NEWCOMBE)
 def test_wilsons_interval_is_the_published_one(hits: int, count: int, low: float, high: float) -> None:
-    assert wilson(hits, count) == pytest.approx((low, high), abs=5e-5)
+    assert interval(hits, count) == pytest.approx((low, high), abs=5e-5)
 
 
 def test_the_best_is_rank_one_with_the_softmax_as_probability_and_a_tie_is_no_hit() -> None:
