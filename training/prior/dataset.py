@@ -38,12 +38,12 @@ _REAL_EVERY = 3
 """Every third member of a noun with a family is of a collection, where one has the noun; of other nouns all are."""
 
 
-def draw_prompt(noun: str, rng: np.random.Generator, *, held_out: bool = False, whole: bool = False) -> ParsedPrompt:
+def draw_prompt(noun: str, rng: np.random.Generator, *, whole: bool = False) -> ParsedPrompt:
     """Draw a prompt about a noun: mostly plain, sometimes with one attribute, rarely with two compatible ones.
 
-    Attributes that are held out for this noun are drawn only if `held_out` is true; those of parts only unless `whole`.
+    Attributes that are held out for this noun are never drawn, and those of parts not if `whole`.
     """
-    known = [attribute for attribute in attributes_of(noun) if held_out or not is_held_out(noun, attribute)]
+    known = [attribute for attribute in attributes_of(noun) if not is_held_out(noun, attribute)]
     known = [attribute for attribute in known if not whole or attribute.part == "whole"]
     return drawn_from(noun, known, _ATTRIBUTE_COUNT_ODDS, rng)
 

@@ -1,9 +1,8 @@
 """Train the builtin prior: `python -m training.prior.train`.
 
 Data: members of the families, drawn by `dataset.py` from `--seed`; the loss and the optimiser are those of
-`meshdeform.priors.builtin.teaching.trainer`. `--steps` sets the length of the run; `--minutes` sets it after timing the
-first steps. A stopped run continues from `--state`; a run with `--initial` starts from the weights of another edition,
-whose vocabulary may be smaller (`warm_start.py`).
+`meshdeform.priors.builtin.teaching.teacher`. A stopped run continues from `--state`; a run with `--initial` starts from
+the weights of another edition, whose vocabulary may be smaller (`warm_start.py`).
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ from training.prior.dataset import PictureFolder
 from training.prior.warm_start import warm_start
 
 _log = logging.getLogger(__name__)
-_TIMED_STEPS = 30
 
 
 class PriorTrainer(Trainer):
@@ -67,18 +65,15 @@ class PriorTrainer(Trainer):
         self.load_state(torch.load(state, map_location=self.device, weights_only=True))
 
 
-def _fit(trainer: PriorTrainer, minutes: float, state: Path, weights: Path, save_every: int) -> None:
-    """Run the trainer to its end; if the number of steps is not set, time a few steps and set it."""
+def _fit(trainer: PriorTrainer, state: Path, weights: Path, save_every: int) -> None:
+    """Run the trainer to its end."""
     keep_freed_memory()
     begun, smooth = time.monotonic(), 0.0
     first = trainer.step_number
-    while trainer.total_steps == 0 or trainer.step_number < trainer.total_steps:
+    while trainer.step_number < trainer.total_steps:
         loss = trainer.step()
         done = trainer.step_number - first
         smooth = loss if done == 1 else 0.98 * smooth + 0.02 * loss
-        if trainer.total_steps == 0 and done == _TIMED_STEPS:
-            per_step = (time.monotonic() - begun) / done
-            trainer.total_steps = max(done + 1, int(minutes * 60 / per_step))
         if trainer.step_number % 100 == 0:
             per_step = (time.monotonic() - begun) / done
             left = (trainer.total_steps - trainer.step_number) * per_step / 60
@@ -92,9 +87,7 @@ def _fit(trainer: PriorTrainer, minutes: float, state: Path, weights: Path, save
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m training.prior.train", description=(__doc__ or "").split("\n")[0])
-    length = parser.add_mutually_exclusive_group()
-    length.add_argument("--steps", type=int, help="optimiser steps (default: 10000)")
-    length.add_argument("--minutes", type=float, help="choose the steps so that the run takes about this long")
+    parser.add_argument("--steps", type=int, default=10_000, help="optimiser steps")
     parser.add_argument("--nouns", nargs="+", choices=list(NOUNS), metavar="NOUN", help="default: all of them")
     parser.add_argument(
         "--odds",
@@ -162,11 +155,11 @@ def main() -> None:
     if state.is_file():
         trainer.restore(state)
         _log.info("continuing from step %d", trainer.step_number)
-    elif arguments.minutes is None:
-        trainer.total_steps = arguments.steps or 10_000
+    else:
+        trainer.total_steps = arguments.steps
     parameters = sum(parameter.numel() for parameter in trainer.network.parameters())
     _log.info("%d pictures, %d parameters, batch %d, %s", len(data), parameters, batch, arguments.device)
-    _fit(trainer, arguments.minutes or 0.0, state, arguments.output, arguments.save_every)
+    _fit(trainer, state, arguments.output, arguments.save_every)
 
 
 if __name__ == "__main__":

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-import numpy as np
-import torch
 from safetensors.torch import save
 from torch import Tensor, nn
 
 from meshdeform.assets.drawing import SIDE
 from meshdeform.kinds.sketch.families import FAMILIES
-from meshdeform.kinds.sketch.looking import WEIGHTS, WIDTHS, parameters_hash, read_weights
+from meshdeform.kinds.sketch.looking import WIDTHS, parameters_hash
 from meshdeform.support.files import write_files
 
 _FEATURES = 192
@@ -76,17 +73,3 @@ def write_network(path: Path, network: SketchNetwork, about: Mapping[str, str]) 
     path.parent.mkdir(parents=True, exist_ok=True)
     data = save({name: t.contiguous() for name, t in state.items()}, {**about, "families": parameters_hash()})
     write_files({path: data})
-
-
-@cache
-def load_network(path: Path = WEIGHTS) -> SketchNetwork:
-    """Return the network with the weights of a file, ready to look; a file is read once.
-
-    Raises
-    ------
-    ModelError
-        The file is missing or damaged, or it is of other families.
-    """
-    network = SketchNetwork()
-    network.load_state_dict({name: torch.from_numpy(np.array(each)) for name, each in read_weights(path).items()})
-    return network.eval().requires_grad_(False)

@@ -119,8 +119,6 @@ class Trainer:
 
     def learning_rate(self) -> float:
         """Return the learning rate: a linear rise over the warm-up, then half a cosine to zero."""
-        if self.total_steps == 0:  # still being timed
-            return self.config.learning_rate * 0.02
         done = self.step_number / self.total_steps
         if done < self.config.warmup:
             return self.config.learning_rate * max(done / self.config.warmup, 0.02)
