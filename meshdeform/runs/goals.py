@@ -49,8 +49,6 @@ _STYLE = RenderStyle(view_size=160, supersample=1)
 _COVERED = 0.25
 """Least blue of a covered pixel: normals as colours have at least a half, and the background none."""
 
-"""Neither, the target alone, the asset alone, both."""
-
 _Floats = NDArray[np.float64]
 
 

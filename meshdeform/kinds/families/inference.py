@@ -193,12 +193,8 @@ class Inference:
         """Return the factors (T, 1, 3) from each shape's own frame to the common box."""
         return (self.collection.boxes.mean(0) / self.collection.boxes)[:, None]
 
-    def correspondences(self, shape: int) -> tuple[Tensor, Tensor]:
-        """Return Q(U) (P, K) of one shape, and the log-likelihood (P,) of its samples."""
-        return self._matched(self._scores(shape), shape)
-
     def _matched(self, score: Tensor, shape: int) -> tuple[Tensor, Tensor]:
-        """Finish `correspondences`; `score` is overwritten."""
+        """Return Q(U) (P, K) of one shape, and the log-likelihood (P,) of its samples; `score` is overwritten."""
         score.add_(self.crowding[shape])
         most = score.amax(1, keepdim=True)
         q = score.sub_(most).exp_()

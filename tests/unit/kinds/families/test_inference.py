@@ -27,7 +27,7 @@ def dense_matches(inference: Inference, source: int, target: int) -> torch.Tenso
 
     A sample moves as the template points do that it corresponds to; the nearest sample of the same part is its match.
     """
-    q = inference.correspondences(source)[0]
+    q = inference._matched(inference._scores(source), source)[0]
     moved = inference.boxed[source] + q @ (inference.deformed[target] - inference.deformed[source])
     part = [inference.parts[t].argmax(1) for t in (source, target)]
     distance = torch.cdist(moved, inference.boxed[target])
