@@ -10,6 +10,8 @@ from typing import Any
 from meshdeform.assets import Limits
 from meshdeform.priors import load_prior
 from meshdeform.priors.base import Prior
+from meshdeform.requests.choices import BUILTIN_MODEL
+from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import start_run
@@ -28,9 +30,10 @@ def prior(_: str = "builtin") -> Prior:
 
 
 def start(document: Mapping[str, Any], files: Mapping[str, tuple[bytes, str]], limits: Limits | None = None) -> Any:
-    """Start the run of a request; each file is its content and its name."""
+    """Start the run of a request, which names its kind or has the default's; each file is its content and its name."""
     given = {part: InputFile(data, name) for part, (data, name) in files.items()}
-    return start_run(RunInput(JobRequest.model_validate(document), given, load_prior=prior, limits=limits))
+    request = with_kind(JobRequest.model_validate(document), BUILTIN_MODEL, given)
+    return start_run(RunInput(request, given, load_prior=prior, limits=limits))
 
 
 def artifacts(run: Any) -> dict[str, bytes]:

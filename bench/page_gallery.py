@@ -23,7 +23,6 @@ from bench.hero import painted_animal
 from bench.jobs import ROOT, artifacts, start
 from meshdeform.assets import load_asset
 from meshdeform.rendering.studio import Pose, Studio
-from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
 
 FOLDER = ROOT / "service" / "web" / "examples"
@@ -47,14 +46,8 @@ class Example:
     params: dict[str, Any] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """Return the request; ten shapes on the way are kept, as for every job that the page starts."""
-        params = grouped({"preset": "balanced", "seed": self.seed, **self.params})
-        steps = resolve(DeformParams.model_validate(params)).steps
-        return {
-            "prompt": self.prompt,
-            "params": grouped({**params, "checkpoint_every_steps": max(1, round(steps / 10))}),
-            "output": OUTPUT,
-        }
+        """Return the request, which leaves the kind of guidance to the service."""
+        return {"prompt": self.prompt, "params": grouped({"seed": self.seed, **self.params}), "output": OUTPUT}
 
 
 EXAMPLES = (
@@ -70,7 +63,7 @@ EXAMPLES = (
         "Painted vase, its foot kept",
         "a mushroom",
         0,
-        {"regions": [{"box": {"min": [-1, -1, -1], "max": [1, -0.2, 1]}, "action": "keep"}]},
+        {"regions": [{"box": {"min": [-1, -1, -1], "max": [1, -0.6, 1]}, "action": "keep"}]},
     ),
 )
 
