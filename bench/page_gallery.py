@@ -46,8 +46,9 @@ class Example:
     params: dict[str, Any] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """Return the request, which leaves the kind of guidance to the service."""
-        return {"prompt": self.prompt, "params": grouped({"seed": self.seed, **self.params}), "output": OUTPUT}
+        """Return the request, which names its kind: it is the same job on every server."""
+        params = grouped({"guidance": "exemplar", "seed": self.seed, **self.params})
+        return {"prompt": self.prompt, "params": params, "output": OUTPUT}
 
 
 EXAMPLES = (

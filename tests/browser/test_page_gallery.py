@@ -47,7 +47,7 @@ def test_an_example_is_seen_at_once_and_runs_with_one_click(page: Page, watch: W
     assert len(watch.posted()) == 1
     posted, asked = service.job(job), CHAIR["document"]
     assert posted["prompt"] == asked["prompt"]
-    assert posted["params"] == {"guidance": {"kind": "sds"}, **asked["params"]}
+    assert posted["params"] == asked["params"]
     assert {name: posted["output"][name] for name in asked["output"]} == asked["output"]
     assert service.http.get(f"/v1/jobs/{job}/asset").content == (FOLDER / CHAIR["asset"]).read_bytes()
     expect(badge(page)).to_have_text("Canceled")

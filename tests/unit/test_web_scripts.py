@@ -97,10 +97,10 @@ def test_a_result_is_its_source_in_another_shape_by_the_request_beside_it(exampl
         assert len(kept) > 100
         assert not moved[kept].any()
     request = JobRequest.model_validate(example["document"])
-    params = resolve(request.params)
     said = unpack(made)[0]["asset"]["extras"]["meshdeform"]
-    assert (said["prompt"], said["seed"]) == (request.prompt, params.seed)
-    assert (said["preset"], said["step"]) == (params.preset.value, params.steps)
+    assert (said["prompt"], said["seed"]) == (request.prompt, resolve(request.params).seed)
+    assert request.params.kind == "exemplar"
+    assert "preset" not in request.params.model_fields_set
     assert said["source_sha256"] == sha256_hex(data)
     assert example["report"]["quality"]["flipped_faces"] == 0
     assert example["report"]["likeness"]["matches"] is True

@@ -12,7 +12,7 @@ import { askedPanel } from "../job/asked.js";
 import { qualityPanel } from "../job/results.js";
 import { slider } from "../job/stage-controls.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
-import { PRESETS } from "../params.js";
+import { qualityWords } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { exampleCards, gallery } from "./gallery.js";
@@ -60,7 +60,6 @@ export class ExampleView {
   async _build(example) {
     const { document: asked, label } = example;
     const title = goalWords(asked);
-    const quality = PRESETS.find(([name]) => name === asked.params.preset)?.[1] ?? "";
     this.start = button("Run it", () => this._run(example), { icon: "play", class: "button-primary", title: "Start this job now, with the same variation" });
     this.stage = new PairStage(this.scope, {
       label: "Before and after",
@@ -83,7 +82,7 @@ export class ExampleView {
         { class: "job-head" },
         h("a", { class: "back", href: routeHash({ name: "examples" }) }, icon("back"), "Examples"),
         h("h1", { class: "prompt-title" }, `“${title}”`),
-        h("p", { class: "row meta" }, [label, quality, `variation ${asked.params.seed}`].filter(Boolean).join(" · ")),
+        h("p", { class: "row meta" }, `${label} · ${qualityWords(asked)} · variation ${asked.params.seed}`),
         DEMO ? null : h("div", { class: "row", role: "group", "aria-label": "Actions" }, this.start, button("Change it first", () => this._edit(example), { icon: "edit" })),
       ),
       h(
