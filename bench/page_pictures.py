@@ -7,6 +7,7 @@ python -m bench.page_pictures                 writes docs/pictures/web_job.png, 
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,7 +43,7 @@ def with_jobs(folder: Path) -> Iterator[tuple[str, str]]:
     with serving(folder, PYTHONPATH=str(ROOT)) as service:  # without the tests' smaller pictures
         jobs = []
         for seed, prompt in enumerate(PROMPTS):
-            params = {"steps": 200, "seed": seed, "checkpoint_every_steps": 40}
+            params = {"seed": seed}
             jobs.append(service.submit(ROOT / "examples" / "sphere.glb", {"prompt": prompt, "params": params}))
         for job in jobs:
             assert service.finished(job)["state"] == "succeeded", service.log
@@ -94,7 +95,7 @@ def take_control(browser: Browser, url: str, path: Path) -> None:
                 page.mouse.down()
                 page.mouse.move(*places[1], steps=8)
                 page.mouse.up()
-        page.locator("#estimate", has_text="steps").wait_for()
+        page.locator("#estimate", has_text=re.compile("fit|steps")).wait_for()
         page.locator(".control-panel").scroll_into_view_if_needed()
 
 
@@ -108,7 +109,7 @@ def take_prompts(browser: Browser, url: str, path: Path) -> None:
         page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a mushroom")
         page.get_by_label("Weight of prompt 2").fill("3")
         page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
-        page.locator("#estimate", has_text="steps").wait_for()
+        page.locator("#estimate", has_text=re.compile("fit|steps")).wait_for()
         page.locator(".further .control-row", has_text="triangles").first.wait_for()
 
 
@@ -117,7 +118,7 @@ def take_comparison(browser: Browser, url: str, path: Path) -> None:
     asset = ROOT / "service/web/examples/vase.glb"
     with Client(url) as client:
         prompts = enumerate(("a lamp", "a tall thin vase"))
-        jobs = [client.submit(asset, prompt, params={"preset": "preview", "seed": seed}) for seed, prompt in prompts]
+        jobs = [client.submit(asset, prompt, params={"seed": seed}) for seed, prompt in prompts]
         a, b = (client.wait(job).id for job in jobs)
     take(browser, url, path, f"/#/compare/{a}/{b}", ".compare-table", "Displacement", **JOB)
 
