@@ -25,7 +25,7 @@ __all__ = ["build", "record"]
 
 _WEB = Path(__file__).resolve().parents[2] / "service/web"
 _ASSET = _WEB / "examples/animal.glb"
-_REQUEST = {"prompt": "a giraffe", "params": {"preset": "preview", "checkpoint_every_steps": 8}}
+_REQUEST = {"prompt": "a giraffe"}
 _PLAY_MS = 12_000
 _NAV = re.compile(r'(<nav aria-label="Main">).*?(</nav>)', re.DOTALL)
 _EMBED = """<!doctype html>

@@ -32,8 +32,7 @@ class _Quiet(SimpleHTTPRequestHandler):
 def host(service: Service, small_sphere: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A web host that knows nothing but files, and the address of the demo on it."""
     folder = tmp_path_factory.mktemp("site")
-    params = {"preset": "preview", "steps": 12, "checkpoint_every_steps": 4}
-    job = service.submit(small_sphere, {"prompt": "a mushroom", "params": params})
+    job = service.submit(small_sphere, {"prompt": "a mushroom"})
     assert service.finished(job)["state"] == "succeeded"
     build(folder / "demo", service.http, job)
     for name, data in zip(("rigged.glb", "taller.glb"), rigged(), strict=True):
@@ -69,7 +68,7 @@ def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
         visitor.get_by_role("link", name="A job", exact=True).click()
         expect(badge(visitor)).to_have_text(re.compile("Queued|Running"))
         until_judged(visitor)
-        expect(visitor.get_by_label("Step", exact=True)).to_have_attribute("max", "3")
+        expect(visitor.get_by_label("Step", exact=True)).to_have_attribute("max", "1")  # the source and the result
         expect(visitor.get_by_text(re.compile("^Looks "))).to_be_visible()
         visitor.get_by_role("link", name="Examples", exact=True).click()
         expect(visitor.get_by_role("heading", level=1, name="Examples")).to_be_visible()

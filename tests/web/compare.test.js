@@ -31,6 +31,8 @@ test("figures stand side by side, and those that nobody has are left out", () =>
   assert.deepEqual(rows.map(({ label, values: found }) => [label, ...found]), [
     ["Looks like", "lamp 90%", ""], ["Still your asset", "", "90%"], ["Flipped faces", "0", "12"], ["Distortion, 99th percentile", "2.5", ""], ["Time", "10 s", ""],
   ]);
+  const [fitted, pushed] = ["exemplar", "prompt"].map((way) => ({ way, params: { steps: 5000 } }));
+  assert.deepEqual(values(figureRows([fitted, pushed]), "Steps"), ["", "5,000"]);
   assert.deepEqual(figureRows([null, null]), []);
 });
 

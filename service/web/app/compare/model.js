@@ -88,7 +88,7 @@ export function figureRows(reports) {
     take("Volume", (report) => shownQuality(report).volume_ratio, (value) => `${figure(value)}×`),
     take("Moved, root mean square", ({ movement }) => movement?.rms, (value) => `${figure(100 * value)}%`),
     take("Triangles", ({ mesh }) => mesh?.source_triangles, count),
-    take("Steps", ({ params }) => params?.steps, count),
+    take("Steps", ({ params, way }) => (["exemplar", "change"].includes(way) ? null : params?.steps), count),
     take("Time", seconds, duration),
   ].filter(({ values }) => values.some(Boolean));
 }
