@@ -57,9 +57,9 @@ def sheets(folder: Path, nouns: Sequence[str]) -> None:
 def titled(path: Path, nouns: Sequence[str]) -> None:
     """Draw one sheet, small, a title above each."""
     tiles = []
-    for noun, picture in zip(nouns, moulded(nouns, 4), strict=True):
+    for noun, views in zip(nouns, moulded(nouns, 4), strict=True):
         tile = Image.new("RGB", (_TILE, _TILE + _LINE), "white")
-        one = picture.crop((0, 0, picture.height, picture.height))
+        one = views.crop((0, 0, views.height, views.height))
         tile.paste(one.resize((_TILE, _TILE), Image.Resampling.LANCZOS), (0, _LINE))
         ImageDraw.Draw(tile).text((3, 2), noun, "black")
         tiles.append(tile)
