@@ -130,7 +130,7 @@ def main() -> None:
             executable_path=chromium_path(), args=CHROMIUM_ARGUMENTS, env={**os.environ, "OMP_NUM_THREADS": "1"}
         )
         with with_jobs(Path(folder)) as (url, job):
-            desktop = {"viewport": {"width": 1200, "height": 760}}
+            desktop: dict[str, Any] = {"viewport": {"width": 1200, "height": 760}}
             take(launched, url, PICTURES / "web_job.png", f"/#/jobs/{job}", ".files", "Stretch", **JOB)
             take(launched, url, PICTURES / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
             take(launched, url, PICTURES / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)
