@@ -59,6 +59,7 @@ def titled(path: Path, nouns: Sequence[str]) -> None:
     tiles = []
     for noun, views in zip(nouns, moulded(nouns, 4), strict=True):
         tile = Image.new("RGB", (_TILE, _TILE + _LINE), "white")
+        ImageDraw.Draw(views).rectangle((0, views.height - 12, 40, views.height), "white")  # the name of its one part
         one = views.crop((0, 0, views.height, views.height))
         tile.paste(one.resize((_TILE, _TILE), Image.Resampling.LANCZOS), (0, _LINE))
         ImageDraw.Draw(tile).text((3, 2), noun, "black")
