@@ -113,7 +113,13 @@ def exemplar_report(
         movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, Held())
         kept = [fit.result.kept for fit in fits] if mended is None else [mended.kept]
         # Parts take the proportions of those of the exemplar: that they swell says nothing.
-        shape = Shape(kept_structure(shown.source, shown.result, quality), swollen=False, held=0.0, moved=movement.rms)
+        shape = Shape(
+            kept_structure(shown.source, shown.result, quality),
+            swollen=False,
+            held=0.0,
+            moved=movement.rms,
+            distortion=quality["symmetric_dirichlet_mean"] or 1.0,
+        )
         taken = _taken(facts, fits)
         compared = _comparisons(facts, fits, outcome, shape, min(kept), taken)
         if compared["verdict"]["value"] != Verdict.GOOD:
@@ -175,13 +181,13 @@ def _comparisons(
         if compared["likeness"] is not None:
             source = source_of(shown, noun=known.noun, sure=known.sure)
             verdicts.append(of_noun(prompt, compared["likeness"], shape, source, fitted=True))
-    verdicts.append(of_exemplars(kept, shape, *_left_and_stretch(fits)))
+    verdicts.append(of_exemplars(kept, shape, _left(fits)))
     return {**compared, "verdict": worst(verdicts)}
 
 
-def _left_and_stretch(fits: Sequence[Fit]) -> tuple[float, float]:
-    """Return the share of the distance that is left of a single fit of parts, and its stretch; else 0 of both."""
+def _left(fits: Sequence[Fit]) -> float | None:
+    """Return the share of the distance that is left of a single fit of parts; None of others."""
     result = fits[0].result
     if len(fits) > 1 or result.member.get("way") in ("mould", "target") or not result.distance_before:
-        return 0.0, 0.0
-    return result.distance / result.distance_before, result.stretch
+        return None
+    return result.distance / result.distance_before

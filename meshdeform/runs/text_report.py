@@ -31,6 +31,7 @@ from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
+from meshdeform.requests.parameters import OF_OPTIMISER
 from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
 from meshdeform.runs.control import Control, control_report
 from meshdeform.runs.goals import Goal, SilhouetteFit
@@ -165,8 +166,8 @@ def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:
         "prompt": facts.request.prompt,
         **({"prompts": weighted} if weighted else {}),
         "seed": params.seed,
-        "preset": params.preset.value,
-        "step": step,
+        "guidance": params.guidance.value,
+        **({} if params.guidance is GuidanceKind.EXEMPLAR else {"preset": params.preset.value, "step": step}),
         "parameters_sha256": fingerprint(**params.model_dump(mode="json")),
         "source_sha256": facts.file.sha256,
     }
@@ -298,14 +299,20 @@ def measured_result(facts: AssetFacts, outcome: Outcome) -> Measured:
     return Measured(quality, measure_texture_stretch(texel_corners(look), *corners), look.left_out)
 
 
+def _told_params(params: ResolvedParams) -> dict[str, Any]:
+    """Return the parameters that a run has: a fit has none of the optimiser's."""
+    unused = OF_OPTIMISER | {"preset"} if params.guidance is GuidanceKind.EXEMPLAR else frozenset()
+    # Clients read the report: a model in a folder is named as the service names it.
+    return params.model_dump(mode="json", exclude=set(unused)) | {"model": public_name(params.model)}
+
+
 def common_members(facts: AssetFacts, outcome: Outcome, measured: Measured) -> dict[str, Any]:
     """Return the members that a report has whatever moved the asset."""
     request, asset = facts.request, facts.asset
     report: dict[str, Any] = {
         "kind": request.kind.value,
         "prompt": request.prompt,
-        # Clients read the report: a model in a folder is named as the service names it.
-        "params": facts.params.model_dump(mode="json") | {"model": public_name(facts.params.model)},
+        "params": _told_params(facts.params),
         "seed": facts.params.seed,
         "metadata": request.metadata,
         "input": {

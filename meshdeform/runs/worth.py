@@ -12,12 +12,11 @@ what is alike from all sides and becomes something that is.
 
 Of what does not show its noun, the source is better where the noun gained no rank and a figure is beyond its limit, or
 where parts swelled or withered. A fit to an exemplar must have come near it without much stretch, and is worse than the
-source if it resembles its noun no more than that. `python -m bench.keep.blind` measures the rule on graded results.
+source if it is nothing like its noun. `python -m bench.keep.blind` measures the rule on graded results.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -54,9 +53,9 @@ _ALIKE = 0.001
 """Distances to and from a target, together and as a share of the diagonal, below which nothing is left."""
 _STRETCHED = 1.15
 """Factor by which an axis grew against the others from which a change in plain words says it."""
-_KEPT, _LEFT, _TORN = 0.9, 0.6, 0.55
+_KEPT, _LEFT, _TORN = 0.9, 0.6, 1.9
 """Of a fit to an exemplar: share of the displacement that must be left once the surface is mended, share of the
-distance at the start that may be left, and mean size of the logarithms of the stretches."""
+distance at the start that may be left, and mean symmetric Dirichlet energy up to which it is no other thing."""
 _MOST_ADVICE = 3
 
 _COMPARED = {
@@ -81,6 +80,7 @@ class Shape:
     swollen: bool  # whether parts swelled or withered against each other
     held: float  # `movement.held_at_end`
     moved: float  # `movement.rms`
+    distortion: float = 1.0  # mean symmetric Dirichlet energy
 
     @classmethod
     def of(
@@ -131,7 +131,7 @@ def of_noun(
         return _said(Verdict.GOOD, [why], shape)
     advice = _advice(reading, likeness, known, shown=shown, whole=not faults)
     damage = broken(shape.structure, excused)
-    unlike = fitted and (likeness["rank"] >= _UNLIKE or not _gained(reading, likeness))
+    unlike = fitted and likeness["rank"] >= _UNLIKE
     if likeness["rank"] > 1 and (unlike or shape.swollen or (damage and not _gained(reading, likeness))):
         return _said(Verdict.KEEP_SOURCE, dict.fromkeys([why, *faults, *damage]), shape, advice)
     return _said(Verdict.DOUBTFUL, [*([] if shown else [why]), *faults], shape, advice)
@@ -238,19 +238,19 @@ def _first(likeness: Mapping[str, Any]) -> str:
     return str(likeness["noun"] if likeness["rank"] == 1 else likeness["next"]["noun"])
 
 
-def of_exemplars(kept: float, shape: Shape, left: float = 0.0, stretch: float = 0.0) -> dict[str, Any]:
+def of_exemplars(kept: float, shape: Shape, left: float | None = None) -> dict[str, Any]:
     """Return the verdict of fits to exemplars.
 
     `kept`: the share of the displacement that mending left; `left`: the share of the distance at the start that is left
-    of the fit; `stretch`: mean size of the logarithms of the stretches; 0 where nothing can be said of them.
+    of a fit of parts; None of what has other proportions, a target or clay.
     """
     reasons = []
     if kept < _KEPT:
         reasons.append(f"It could go only {kept:.0%} of the way without breaking the surface.")
-    if left > _LEFT:
+    if left is not None and left > _LEFT:
         reasons.append(f"It came hardly nearer to that shape: {left:.0%} of the distance is left.")
-    if stretch > _TORN:
-        reasons.append(f"It was stretched much: by a factor of {math.exp(stretch):.1f} on average.")
+    if left is not None and shape.distortion > _TORN:
+        reasons.append(f"It was stretched and squeezed much: {shape.distortion:.1f} on average, where 1 is not at all.")
     return _said(Verdict.DOUBTFUL if reasons else Verdict.GOOD, reasons, shape, [_NEARER] if reasons else [])
 
 

@@ -95,7 +95,7 @@ def test_results_are_compact_and_have_their_provenance_if_requested() -> None:
         assert plain == unpack(asset)[0]["asset"]
         found = extended["extras"]["meshdeform"]
         assert len(found.pop("parameters_sha256")) == 64
-        origin = {"prompt": "an egg", "seed": 5, "preset": "preview", "step": 1}
+        origin = {"prompt": "an egg", "seed": 5, "guidance": "sds", "preset": "preview", "step": 1}
         source = {"source_sha256": hashlib.sha256(asset).hexdigest()}
         assert found == {"version": meshdeform.__version__, **origin, **source}
 
