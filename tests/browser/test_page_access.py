@@ -216,18 +216,16 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
         focused = page.evaluate("() => document.activeElement.id || document.activeElement.textContent.trim()")
         if focused in ("More options", "Advanced"):
             page.keyboard.press("Enter")
-        if focused == "param-steps":
-            page.keyboard.type("8")
         if focused == "Deform":
             break
     assert focused == "Deform"
-    expect(page.locator("#estimate")).to_contain_text("8 steps")
+    expect(page.locator("#estimate")).to_contain_text("A fit")
     page.keyboard.press("Enter")
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job_id = shown_job(page)
     assert service.finished(job_id)["state"] == "succeeded"
     until_judged(page)
-    assert service.job(job_id)["params"]["steps"] == 8
+    assert service.job(job_id)["params"]["guidance"]["kind"] == "exemplar"
     # The focus is at the new content, and the morph is moved by the arrows.
     expect(page.locator("#main")).to_be_focused()
     expect(page.locator("#morph-slider")).to_be_visible()
