@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshdeform.exemplar import surface_fit
+from meshdeform.exemplar import relaxing, surface_fit
 from meshdeform.exemplar.relaxing import relaxed
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
@@ -72,3 +72,11 @@ def test_a_slit_stays_closed() -> None:
     step = moved - start
     assert np.linalg.norm(step[seam], axis=1).max() > 1e-3
     assert np.linalg.norm(step[seam] - step[seam + len(_VERTS)], axis=1).max() < 5e-3
+
+
+def test_a_surface_of_very_many_faces_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    start = _slid(_VERTS, 0.5)
+    monkeypatch.setattr(relaxing, "_MOST_FACES", len(_FACES) - 1)
+    assert relaxed(_VERTS, start, _FACES, _VERTS, _FACES) is start
+    monkeypatch.setattr(relaxing, "_MOST_FACES", len(_FACES))
+    assert relaxed(_VERTS, start, _FACES, _VERTS, _FACES) is not start
