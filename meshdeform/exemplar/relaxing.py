@@ -26,6 +26,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from meshdeform.exemplar.conjugate_gradients import conjugate_gradients
 from meshdeform.exemplar.surface_fit import laplacian_of, nodes_of
 from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.places import SurfaceTree, blend_matrix
@@ -233,22 +234,8 @@ def _solved(matrix: sparse.csr_matrix, right: Floats) -> Floats:
     """Return about the solution (N,) of a positive definite system, by conjugate gradients."""
     diagonal = matrix.diagonal()
     diagonal = np.maximum(diagonal, 1e-9 * diagonal.max())
-    found, left = np.zeros_like(right), right.copy()
-    scaled = left / diagonal
-    direction = scaled.copy()
-    size = first = float(left @ scaled)
-    for _ in range(_STEPS if first > 0 else 0):
-        image = matrix @ direction
-        length = size / float(direction @ image)
-        found += length * direction
-        left -= length * image
-        scaled = left / diagonal
-        now = float(left @ scaled)
-        if now < _ENOUGH * first:
-            break
-        direction = scaled + now / size * direction
-        size = now
-    return found
+    found = conjugate_gradients(matrix.__matmul__, diagonal, right, steps=_STEPS, enough=_ENOUGH)
+    return np.asarray(found, np.float64)
 
 
 def _normals(verts: Floats, faces: Index) -> Floats:

@@ -40,6 +40,7 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
+from meshdeform.exemplar.conjugate_gradients import conjugate_gradients
 from meshdeform.exemplar.splines import SplineGrid, Terms
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
@@ -245,22 +246,14 @@ class _System:
         diagonal = np.bincount(rows.indices, rows.data.astype(np.float64) ** 2, rows.shape[1]) + bend.diagonal()
         diagonal = np.maximum(diagonal, 1e-6 * diagonal.max()).astype(np.float32)
         floor = np.float32(1e-8 * diagonal.max())
-        left = self.right.astype(np.float32)
-        numbers = np.zeros_like(left)
-        scaled = left / diagonal
-        direction = scaled.copy()
-        size = first = float(left @ scaled)
-        for _ in range(_STEPS if first > 0 else 0):
-            image = across @ (rows @ direction) + bend @ direction + floor * direction
-            length = np.float32(size / float(direction @ image))
-            numbers += length * direction
-            left -= length * image
-            scaled = left / diagonal
-            now = float(left @ scaled)
-            if now < _ENOUGH * first:
-                break
-            direction = scaled + np.float32(now / size) * direction
-            size = now
+        right = self.right.astype(np.float32)
+        numbers = conjugate_gradients(
+            lambda direction: across @ (rows @ direction) + bend @ direction + floor * direction,
+            diagonal,
+            right,
+            steps=_STEPS,
+            enough=_ENOUGH,
+        )
         return numbers.astype(np.float64)
 
 
