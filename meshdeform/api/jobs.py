@@ -117,7 +117,8 @@ class JobView(Document):
     unreadable: str | None = Field(
         None,
         description="Why this server cannot read the request, so that it neither retries nor branches the job, and "
-        "its workers leave the job to others; for example, a later version accepted it. Null: it can.",
+        "its workers leave the job to others; for example, a later version accepted it, or its kind is retired. Null: "
+        "it can.",
         examples=[None],
     )
 

@@ -182,7 +182,7 @@ def _measured(file: IO[bytes], filename: str) -> LocalFile:
 
 
 def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
-    """Return the file to send as the meshes of a lesson, with a name if it has none of its own.
+    """Return the file to send as several meshes, with a name if it has none of its own.
 
     One file is sent as it is. A folder and several files are packed into a ZIP, in which subfolders keep their names.
     """
