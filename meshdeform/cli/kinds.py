@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import typer
 
@@ -29,6 +29,7 @@ from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import ANCHOR, make_request, merge_params
 from meshdeform.errors import AssetError, ParameterError
 from meshdeform.requests.choices import JobKind
+from meshdeform.support.files import zipped
 
 _FIT = "Base, network and fit"
 _MAX_FACES = 4_000_000
@@ -187,7 +188,7 @@ def family_synthesize(
 def run_kind(
     kind: JobKind,
     params: Mapping[str, Any],
-    files: Mapping[str, Path | Sequence[Path]],
+    files: Mapping[str, Path],
     output: Path,
     here: Here,
     place: JobPlace,
@@ -198,12 +199,12 @@ def run_kind(
 ) -> None:
     """Run a job of a kind that is no deformation, here or on a service, and print its result.
 
-    The files are by part; folders, and several files, are packed. `more` are further members of the request.
+    The files are by part; folders are packed. `more` are further members of the request.
     """
     request = make_request("", params, more={**more, "kind": kind})
     refuse_other_place(place, here=here.written(), there=place.written())
     with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
-        packed = {part: _packed(paths, Path(folder)) for part, paths in files.items()}
+        packed = {part: _packed(path, Path(folder)) for part, path in files.items()}
         if place.url:
             run_on_service(request, packed, place, output, printed, idempotency_key=idempotency_key)
             return
@@ -213,19 +214,18 @@ def run_kind(
     print_result(kind, run, paths, printed)
 
 
-def _packed(paths: Path | Sequence[Path], folder: Path) -> Path:
-    """Return the only file, or a ZIP in a temporary folder of what is in folders and of several files."""
-    from meshdeform.client.orders import packed_meshes
+def _packed(path: Path, folder: Path) -> Path:
+    """Return a file, or a ZIP in a temporary folder of the meshes in a folder."""
+    from meshdeform.client.orders import files_in
 
-    paths = [paths] if isinstance(paths, Path) else paths
-    if len(paths) == 1 and paths[0].is_file():
-        return paths[0]
+    if path.is_file():
+        return path
     try:
-        data, _ = packed_meshes(paths)
+        files = files_in([path])
     except ValueError as error:
         raise ParameterError(str(error)) from error
-    packed = folder / f"{paths[0].resolve().stem}.zip"
-    packed.write_bytes(cast("bytes", data))
+    packed = folder / f"{path.resolve().stem}.zip"
+    packed.write_bytes(zipped({name: file.read_bytes() for name, file in files.items()}))
     return packed
 
 
