@@ -13,9 +13,9 @@ from meshdeform.priors import check_model, hidden_folders, public_names
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt, Words
 from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
 from meshdeform.priors.builtin.taught import check as check_taught
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
 from meshdeform.requests.choices import is_taught
 from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 
 EXAMPLES: tuple[str, ...] = (
     "a mushroom with a big cap",

@@ -17,7 +17,8 @@ from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import PriorNetwork, read_tensors
 from meshdeform.priors.builtin.teaching.teacher import new_rows
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
+from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import PARTS
 
 _WORDS = "text.word.weight"
 

@@ -23,9 +23,9 @@ from typing import Any
 
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import ATTRIBUTES, BUILTIN_WORDS, Words
-from meshdeform.priors.builtin.vocabulary import PARTS
 from meshdeform.priors.model_files import CONVERT
 from meshdeform.requests.choices import is_taught
+from meshdeform.vocabulary.nouns import PARTS
 
 MAX_FILE_BYTES = 256 * 2**20
 """The shipped weights take 8 MiB, and a noun's pictures for replay 1.5 MiB."""

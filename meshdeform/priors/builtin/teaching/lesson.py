@@ -18,7 +18,8 @@ from meshdeform.priors.builtin.grammar import (
     singular_forms,
 )
 from meshdeform.priors.builtin.taught import MAX_NOUNS
-from meshdeform.priors.builtin.vocabulary import ADJECTIVES, FILLERS, PARTS
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES, FILLERS
+from meshdeform.vocabulary.nouns import PARTS
 
 STATE_MAGIC = b"meshdeform-lesson-1\n"
 """First bytes of the saved state of a lesson."""
