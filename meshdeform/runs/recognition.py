@@ -9,12 +9,12 @@ from meshdeform.deformation.controls import UNKNOWN, Nature
 from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 from meshdeform.reading import Reading
 from meshdeform.reading.result import SURE
 from meshdeform.requests.choices import GuidanceKind, OrientationMode, is_builtin
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.kept_readings import given_noun
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND
 
 _LIKELY = 0.5
 """Probability from which a source's noun says how it is treated."""
@@ -88,4 +88,4 @@ def nature_of(params: ResolvedParams, reading: Reading | None, prompt: str) -> N
         return Nature(source.built)
     grown = not any(wish.noun in NOUN_GROUPS[group] for group in _BUILT)
     crooked = any(attribute.degree in CROOKED for attribute in wish.attributes)
-    return Nature(source.built, grown, crooked, wish.noun in TURNED)
+    return Nature(source.built, grown, crooked, wish.noun in ROUND)

@@ -56,6 +56,7 @@ from meshdeform.runs.outlook import outlook_of
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
+    from meshdeform.priors.builtin.grammar import Words
     from meshdeform.runs.kept_readings import Readings
     from meshdeform.settings import Settings
 
@@ -124,6 +125,8 @@ def check(
 
 def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
+    from meshdeform.priors.builtin.grammar import WORDS
+
     check_exemplar(request, params, targets)
     if targets:
         _check_given(params)
@@ -133,7 +136,7 @@ def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collec
         _check_given(params)
         return
     try:
-        _check_vocabulary(_filled(_prompts(request)), params)
+        _check_vocabulary(_filled(_prompts(request)), params, WORDS)
     except VocabularyError as error:
         refuse_unread_change(request.prompt, error)
         raise
@@ -210,7 +213,9 @@ def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> 
     """Refuse prompts that are empty, or that the builtin model cannot read."""
     _filled(prompts)
     if is_builtin(params.model) and prompts:
-        _check_vocabulary(prompts, params)
+        from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
+
+        _check_vocabulary(prompts, params, BUILTIN_WORDS)
 
 
 def _filled(prompts: Sequence[_PlacedPrompt]) -> Sequence[_PlacedPrompt]:
@@ -277,15 +282,15 @@ def _same(one: Silhouette, other: Silhouette) -> bool:
     return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
 
 
-def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> None:
-    """Refuse prompts that the builtin prior cannot read."""
+def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
+    """Refuse prompts that cannot be read with these words."""
     from meshdeform.priors.builtin.grammar import parse_negative
 
     for place, prompt in prompts:
-        _check_known(prompt, params, place if len(prompts) > 1 else None)  # of several, say which
+        _check_known(prompt, known, params, place if len(prompts) > 1 else None)  # of several, say which
         if params.negative_prompt.strip():
             try:
-                parse_negative(params.negative_prompt, prompt)
+                parse_negative(params.negative_prompt, prompt, known)
             except (PromptError, VocabularyError) as error:
                 # Add which of the two texts the error is about.
                 error.located(["params", "guidance", "negative_prompt"])
@@ -294,17 +299,19 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) 
 
 
 def _check_given(params: ResolvedParams) -> None:
-    """Refuse a noun of the source that is not known."""
+    """Refuse a noun of the source that has no shapes."""
+    from meshdeform.priors.builtin.grammar import WORDS
+
     if params.source_noun is not None:
-        _check_known(f"a {params.source_noun}", params, ["params", "guidance", "source_noun"])
+        _check_known(f"a {params.source_noun}", WORDS, params, ["params", "guidance", "source_noun"])
 
 
-def _check_known(text: str, params: ResolvedParams, place: Sequence[str | int] | None) -> None:
-    """Refuse a text that cannot be read, at its place in the request."""
+def _check_known(text: str, known: Words, params: ResolvedParams, place: Sequence[str | int] | None) -> None:
+    """Refuse a text that cannot be read with these words, at its place in the request."""
     from meshdeform.priors.builtin.grammar import parse, unknown_shape
 
     try:
-        parse(text)
+        parse(text, known)
     except (PromptError, VocabularyError) as error:
         fitted = params.guidance is GuidanceKind.EXEMPLAR
         refused = unknown_shape(error) if fitted and isinstance(error, VocabularyError) else error

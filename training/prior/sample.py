@@ -20,7 +20,7 @@ import torch
 from PIL import Image, ImageDraw
 from torch import Tensor
 
-from meshdeform.priors.builtin.grammar import parse, tokenise
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, parse, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE, WEIGHTS, PriorNetwork, null_tokens, read_network
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.vocabulary import NOUNS
@@ -43,7 +43,7 @@ def sample(
     network; `single`: sample single views instead of grids. Returns (B, 3, 128, 128) float32 in [0, 1].
     """
     count = len(prompts)
-    numbers = [tokenise(parse(prompt)) for prompt in prompts]
+    numbers = [tokenise(parse(prompt, BUILTIN_WORDS)) for prompt in prompts]
     tokens = torch.cat([torch.tensor(numbers), null_tokens(count)])
     text = network.text(tokens)
     levels = cosine_alphas_cumprod()

@@ -16,7 +16,8 @@ from torch import Tensor
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import PriorNetwork, read_tensors
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
+from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import PARTS
 
 _WORDS = "text.word.weight"
 _NOISE = 0.3

@@ -41,16 +41,13 @@ from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVES,
     DEGREE_SYNONYMS,
     FILLERS,
-    LENGTH,
     LENGTHWISE,
-    NOUN_SYNONYMS,
-    NOUNS,
     OPPOSITES,
     PART_SYNONYMS,
-    PARTS,
-    SIZE,
     SIZEWISE,
 )
+from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
+from meshdeform.vocabulary.nouns import LENGTH, NOUNS, PARTS, SIZE, SYNONYMS
 
 MAX_SUGGESTIONS = 3
 _SIMILARITY = 0.79
@@ -94,11 +91,20 @@ class Words:
     tokens: tuple[str, ...]  # tokens in the order of their numbers; 0 is padding
 
 
+def _numbered(nouns: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
+    """Return the tokens of a prior that knows some nouns, in the order of their numbers."""
+    parts = sorted({part for own in nouns.values() for part in own})
+    return tuple(dict.fromkeys(["<pad>", *nouns, *ADJECTIVES, *LENGTH, *SIZE, "whole", *parts]))
+
+
+WORDS = Words(NOUNS, SYNONYMS, ())
+"""The words of all nouns that have shapes."""
 BUILTIN_WORDS = Words(
-    NOUNS,
-    NOUN_SYNONYMS,
-    tuple(dict.fromkeys(["<pad>", *NOUNS, *ADJECTIVES, *LENGTH, *SIZE, "whole", *PARTS])),
+    PRIOR_NOUNS,
+    {word: noun for word, noun in SYNONYMS.items() if noun in PRIOR_NOUNS},
+    _numbered(PRIOR_NOUNS),
 )
+"""The words of the weights in the package."""
 
 VOCABULARY = BUILTIN_WORDS.tokens
 """Tokens of the weights in the package, in the order of their numbers."""
@@ -138,7 +144,7 @@ def singular_forms(word: str) -> list[str]:
     return forms
 
 
-def noun_of(word: str, words: Words = BUILTIN_WORDS) -> str | None:
+def noun_of(word: str, words: Words = WORDS) -> str | None:
     """Return the canonical noun of a word, its plural or a synonym, or None."""
     irregular = {"snowmen": "snowman", "cacti": "cactus", "octopi": "octopus"}
     for form in singular_forms(irregular.get(word, word)):
@@ -169,7 +175,7 @@ def is_adjective(word: str) -> bool:
     return word in ADJECTIVES or word in ADJECTIVE_SYNONYMS or word in DEGREE_SYNONYMS
 
 
-def is_known(word: str, words: Words = BUILTIN_WORDS) -> bool:
+def is_known(word: str, words: Words = WORDS) -> bool:
     """Return whether a word has a role in the grammar."""
     return word in FILLERS or is_adjective(word) or part_of(word) is not None or noun_of(word, words) is not None
 
@@ -185,7 +191,7 @@ class Suggestions:
     near: bool  # whether the prompts come from the refused one, and are not merely examples
 
 
-def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = BUILTIN_WORDS) -> dict[str, str]:
+def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = WORDS) -> dict[str, str]:
     """Return the known word in place of each misspelt one.
 
     `with_nouns`: whether nouns count: a prompt that has one needs no second; `words`: the words that the model knows.
@@ -207,7 +213,7 @@ def _is_word(word: str) -> bool:
     return any(map(is_noun, singular_forms(word)))
 
 
-def nearest_nouns(word: str, words: Words = BUILTIN_WORDS) -> list[str]:
+def nearest_nouns(word: str, words: Words = WORDS) -> list[str]:
     """Return up to three known nouns that look like what a word names, or mean something similar."""
     return next(filter(None, (nearest(form, words.nouns) for form in singular_forms(word))), [])
 
@@ -217,7 +223,7 @@ def suggest(
     whole: Sequence[str],
     parts: Sequence[tuple[str, Sequence[str]]],
     unknown: Sequence[str],
-    words: Words = BUILTIN_WORDS,
+    words: Words = WORDS,
 ) -> Suggestions:
     """Return prompts in place of a refused one.
 
@@ -319,7 +325,7 @@ def unknown_shape(error: VocabularyError) -> VocabularyError:
     return VocabularyError(detail, advice=error.advice_text, **error.extra)
 
 
-def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
+def parse(prompt: str, known: Words = WORDS) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
     `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words that
@@ -332,7 +338,7 @@ def parse(prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
     return _assemble(_read(prompt, known))
 
 
-def parse_negative(negative: str, prompt: str, known: Words = BUILTIN_WORDS) -> ParsedPrompt:
+def parse_negative(negative: str, prompt: str, known: Words = WORDS) -> ParsedPrompt:
     """Parse a negative prompt of the builtin prior.
 
     `negative`: a prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun;

@@ -33,7 +33,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
-from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, parse, parse_negative, tokenise
 from meshdeform.priors.builtin.network import WEIGHTS, file_sha256, null_tokens, read_network
 from meshdeform.rendering.cameras import NUM_VIEWS, CameraRange, Cameras
 from meshdeform.rendering.shading import RenderStyle
@@ -113,9 +113,9 @@ class BuiltinPrior:
         the empty text in the guidance. Raises PromptError, VocabularyError: a text is outside this prior's grammar, or
         a negative prompt means the same as the prompt.
         """
-        rows = [torch.tensor([tokenise(parse(prompt))])]
+        rows = [torch.tensor([tokenise(parse(prompt, BUILTIN_WORDS))])]
         for other in others:
-            unwanted = parse_negative(other, prompt) if other.strip() else None
+            unwanted = parse_negative(other, prompt, BUILTIN_WORDS) if other.strip() else None
             rows.append(torch.tensor([tokenise(unwanted)]) if unwanted else null_tokens(1))
         text: Tensor = self._network.text(torch.cat(rows).to(self.device))
         return text

@@ -18,7 +18,7 @@ from meshdeform.priors.builtin.grammar import (
     parse_negative,
     tokenise,
 )
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS, SYNONYMS
 from tests.cases import each_case
 from training.prior.held_out import (
     FOURTH_EDITION,
@@ -119,7 +119,7 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
     assert (caught.value.extra["unknown"], caught.value.extra["suggestions"]) == (["blurry"], [])
 
 
-_WORDS = [*NOUNS, *vocabulary.PARTS, *vocabulary.ADJECTIVES, *vocabulary.DEGREE_SYNONYMS]
+_WORDS = [*NOUNS, *PARTS, *vocabulary.ADJECTIVES, *vocabulary.DEGREE_SYNONYMS]
 
 
 @given(st.lists(st.sampled_from(_WORDS)))
@@ -150,7 +150,7 @@ def test_what_cannot_be_made_is_refused(prompt: str, says: str) -> None:
 
 @st.composite
 def _parsed(draw: st.DrawFn) -> ParsedPrompt:
-    noun = draw(st.sampled_from(sorted(NOUNS)))
+    noun = draw(st.sampled_from(sorted(vocabulary.NOUNS)))
     able = [attribute for attribute in ATTRIBUTES if attribute.part == "whole" or attribute.part in NOUNS[noun]]
     chosen = draw(st.lists(st.sampled_from(able), max_size=MAX_ATTRIBUTES, unique_by=lambda a: (a.part, a.degree)))
     whole = {attribute.degree for attribute in chosen if attribute.part == "whole"}
@@ -170,14 +170,16 @@ def test_plain_english_of_a_meaning_parses_back_to_it(parsed: ParsedPrompt) -> N
 
 
 def test_the_vocabulary_is_as_large_as_promised_and_has_no_doubles() -> None:
-    assert len(NOUNS) == 149
+    assert len(vocabulary.NOUNS) == 149
+    assert vocabulary.NOUNS.keys() <= NOUNS.keys()
     assert list(NOUNS) == sorted(NOUNS)
+    assert not SYNONYMS.keys() & NOUNS.keys()
     assert len([attribute for attribute in ATTRIBUTES if attribute.part == "whole"]) == 12
     assert len(VOCABULARY) == len(set(VOCABULARY))
     assert str(Attribute("neck", "long")) == "long neck"
     assert set(VOCABULARY) >= SECOND_EDITION | THIRD_EDITION | FOURTH_EDITION
-    assert len(set(NOUNS) - THIRD_EDITION - FOURTH_EDITION) == 40
-    assert sorted(noun for group in vocabulary.NOUN_GROUPS.values() for noun in group) == list(NOUNS)
+    assert len(set(vocabulary.NOUNS) - THIRD_EDITION - FOURTH_EDITION) == 40
+    assert sorted(noun for group in NOUN_GROUPS.values() for noun in group) == list(NOUNS)
 
 
 def test_the_grammar_needs_neither_torch_nor_numpy() -> None:

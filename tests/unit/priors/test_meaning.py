@@ -1,5 +1,5 @@
 from meshdeform.priors.builtin import grammar
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUNS
 from tests.cases import each_case
 
 

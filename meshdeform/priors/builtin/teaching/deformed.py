@@ -21,16 +21,20 @@ Rng = np.random.Generator
 
 
 class Part(NamedTuple):
-    """Vertices (V, 3) float64 and faces (F, 3) int64 of a surface."""
+    """Vertices (V, 3) float64 and faces (F, 3) int64 of a surface.
+
+    `labels` (F,) int64: the part of each face, a place in `solids.PART_NAMES`, where they are named as they are drawn.
+    """
 
     verts: Array
     faces: Index
+    labels: Index | None = None
 
 
 def normalised(part: Part) -> Part:
     """Centre the bounding box at the origin and scale the farthest vertex to distance 1."""
     centred = part.verts - (part.verts.min(0) + part.verts.max(0)) / 2
-    return Part(centred / np.linalg.norm(centred, axis=1).max(), part.faces)
+    return part._replace(verts=centred / np.linalg.norm(centred, axis=1).max())
 
 
 def _scaled(x: float, y: float, z: float) -> Array:
@@ -144,5 +148,5 @@ def deformed(part: Part, attributes: Iterable[Attribute], rng: Rng) -> Part:
     shape = normalised(part)
     for word, apply in WHOLE.items():
         if word in degrees:
-            shape = normalised(Part(apply(shape.verts, rng), shape.faces))
+            shape = normalised(shape._replace(verts=apply(shape.verts, rng)))
     return shape
