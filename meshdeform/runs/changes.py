@@ -74,7 +74,7 @@ def _described(prompt: str) -> Sentence | None:
     except (PromptError, VocabularyError):
         return None
     attributes = [(each.part, each.degree) for each in reading.attributes]
-    return described(reading.noun, attributes) if attributes else None
+    return described(reading.noun, attributes) if attributes and not reading.borrowed else None
 
 
 def is_change(sentence: Sentence) -> bool:
