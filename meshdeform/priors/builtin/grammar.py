@@ -50,6 +50,7 @@ from meshdeform.priors.builtin.vocabulary import (
     SIZEWISE,
 )
 from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
+from meshdeform.vocabulary.looks import LOOKS, SHAPES
 from meshdeform.vocabulary.nouns import LENGTH, NOUNS, PARTS, SIZE, SYNONYMS
 
 MAX_SUGGESTIONS = 3
@@ -75,10 +76,12 @@ class Attribute:
         return self.degree if self.part == "whole" else f"{self.degree} {self.part}"
 
 
-ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in ADJECTIVES) + tuple(
+ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in (*ADJECTIVES, *SHAPES)) + tuple(
     Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees
 )
 """Every attribute, those of the whole shape first."""
+PRIOR_ATTRIBUTES = tuple(attribute for attribute in ATTRIBUTES if attribute.degree not in SHAPES)
+"""Those that the prior knows."""
 
 MAX_ATTRIBUTES = 3
 
@@ -204,7 +207,7 @@ def degree_of(word: str, part: str) -> str | None:
 
 def is_adjective(word: str) -> bool:
     """Return whether a word is an adjective of the whole or of a part."""
-    return word in ADJECTIVES or word in ADJECTIVE_SYNONYMS or word in DEGREE_SYNONYMS
+    return any(word in table for table in (ADJECTIVES, ADJECTIVE_SYNONYMS, DEGREE_SYNONYMS, LOOKS))
 
 
 def is_known(word: str, words: Words = WORDS) -> bool:
@@ -499,8 +502,13 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     noun = reading.nouns[0]
     parts_of_noun = reading.known.nouns[noun]
     found_attributes: list[Attribute] = []
+    looks = [word for word in reading.whole if word in LOOKS and not reading.known.tokens]
     for word in reading.whole:
         degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
+        if word in looks:
+            continue
+        if degree is None and word in LOOKS:
+            raise reading.refusal(f"The built-in model does not know {word!r}: guidance `exemplar` does.", [word])
         if degree is None:
             raise reading.refusal(f"{word!r} has no effect: the asset is scaled to fit its frame.", [word])
         found_attributes.append(Attribute("whole", degree))
@@ -513,6 +521,8 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             low, high = PARTS[part]
             raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
+    for look in looks:
+        found_attributes += _of_look(look, noun, found_attributes, reading)
     unique = tuple(sorted(set(found_attributes), key=ATTRIBUTES.index))
     per_part = [attribute.part for attribute in unique if attribute.part != "whole"]
     if len(per_part) != len(set(per_part)):
@@ -522,13 +532,29 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     if clash:
         raise reading.refusal(f"Nothing can be {' and '.join(sorted(clash))} at once.", [])
     _check_borrowed(reading)
-    if len(unique) > MAX_ATTRIBUTES:
+    if reading.known.tokens and len(unique) > MAX_ATTRIBUTES:
         raise PromptError(
             f"The built-in model takes at most {MAX_ATTRIBUTES} attributes, and the prompt has {len(unique)}.",
             advice="Remove some of them.",
         )
     meant = tuple(word for word in dict.fromkeys(reading.words) if _is_other_name(word, noun, reading.known))
     return ParsedPrompt(noun, unique, tuple(reading.borrowed), meant)
+
+
+def _of_look(look: str, noun: str, given: Sequence[Attribute], reading: _Reading) -> list[Attribute]:
+    """Return what a look gives a noun, without what contradicts the attributes that are given."""
+    sized = {attribute.part for attribute in given} - {"whole"}
+    whole = {attribute.degree for attribute in given if attribute.part == "whole"}
+    attributes = []
+    for text in LOOKS[look].split(", "):
+        degree, _, part = text.partition(" ")
+        if not part and not any({degree, other} in OPPOSITES for other in whole):
+            attributes.append(Attribute("whole", degree))
+        elif part in reading.known.nouns[noun] and part not in sized:
+            attributes.append(Attribute(part, degree))
+    if not attributes:
+        raise reading.refusal(f"{look!r} changes nothing of a {noun}.", [look])
+    return attributes
 
 
 def _is_other_name(word: str, noun: str, known: Words) -> bool:
