@@ -21,10 +21,10 @@ from meshdeform.nouns.families import FAMILIES
 from meshdeform.nouns.forms import drawn
 from meshdeform.nouns.labels import LabelledMember, labelled_member
 from meshdeform.nouns.poses import POSES, posed
-from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.banks import candidate_member
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import rasterize
+from meshdeform.vocabulary.solids import PART_NAMES
 
 SIDE = 190
 _TWELVE = 12

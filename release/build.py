@@ -29,8 +29,8 @@ _ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
     "meshdeform/py.typed",
     "meshdeform/priors/builtin/weights/*.safetensors",
-    "meshdeform/priors/builtin/nouns.txt.gz",
-    "meshdeform/priors/builtin/translations.txt",
+    "meshdeform/vocabulary/near_nouns.txt.gz",
+    "meshdeform/vocabulary/translations.txt",
     "meshdeform/judge/weights/*",
     "meshdeform/record/migrations/versions/*.py",
     "service/web/index.html",

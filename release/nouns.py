@@ -9,7 +9,7 @@ letters without spaces. A noun of the prior is near to a word by the sum of
 - a bonus for the three whose lowest common kind with the word has fewest things (a mug and a goblet are drinking
   vessels, a mug and a house only artefacts); ties go to the shorter way in the hierarchy.
 
-Words that many people ask for are in `_LOOKS_LIKE`. A line of `meshdeform/priors/builtin/nouns.txt.gz` has up to three
+Words that many people ask for are in `_LOOKS_LIKE`. A line of `meshdeform/vocabulary/near_nouns.txt.gz` has up to three
 nouns, nearest first, and the words that they are nearest to.
 
 Sources: Miller 1995, WordNet; Resnik 1995 (the common kind that says most); Reimers and Gurevych 2019, Sentence-BERT.
@@ -34,7 +34,7 @@ from meshdeform.vocabulary.nouns import NOUNS
 
 __all__ = ["Things", "kin", "main"]
 
-TABLE = Path(__file__).parents[1] / "meshdeform" / "priors" / "builtin" / "nouns.txt.gz"
+TABLE = Path(__file__).parents[1] / "meshdeform" / "vocabulary" / "near_nouns.txt.gz"
 _ENCODER = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
 """SHA-256 of model.safetensors."""
 _FILES = {"03", "05", "06", "08", "13", "17", "18", "20"}

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from bench.parts import assets
 from bench.parts.assets import Listed
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.vocabulary.grammar import parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS
 
 SPLITS = ("tuned", "last", "fresh")

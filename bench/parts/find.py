@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from bench.parts.assets import Listed
 from meshdeform.assets import load_asset
-from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.plain.body import Body, loose_body
 from meshdeform.plain.naming import find_parts
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.changes import asked_changes
 from meshdeform.runs.reading import Source, corrected
+from meshdeform.vocabulary.solids import PART_NAMES
 
 
 @dataclass(frozen=True)

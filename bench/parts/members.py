@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.families import FAMILIES
 from meshdeform.nouns.labels import LabelledMember, labelled_member
-from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading import read_asset
 from meshdeform.reading.banks import candidate_member
 

@@ -20,8 +20,8 @@ from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.affine_maps import AffineMaps
 from meshdeform.exemplar.pieces import face_areas
+from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Flags, Floats, Index, solids_of
-from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading.samples import spread
 
 __all__ = ["blend_weights", "blended"]

@@ -16,7 +16,7 @@ from meshdeform.exemplar.pieces import face_areas
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.nouns.families import Part
 from meshdeform.nouns.labels import Floats, Index, solids_of
-from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES
+from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES
 
 __all__ = ["with_part_of"]
 

@@ -36,12 +36,12 @@ from meshdeform.exemplar.posture import Posture, held_like, postures, unlikeness
 from meshdeform.exemplar.shapes import Shape, Wish
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
 from meshdeform.nouns.limbs import LIMB_OF_PART, LIMBS, NO_LIMB, limb_codes, limb_of
-from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_member, form_of, pose_of
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
 from meshdeform.vocabulary.nouns import AFLOAT, ROUND
+from meshdeform.vocabulary.solids import PART_NAMES
 
 __all__ = ["Exemplar", "exemplars", "nearest_of"]
 

@@ -36,9 +36,9 @@ from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
 from meshdeform.exemplar.symmetry import is_even
 from meshdeform.exemplar.targets import fitted_to_target
 from meshdeform.nouns.labels import Floats, Index
-from meshdeform.nouns.solids import part_label
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
+from meshdeform.vocabulary.solids import part_label
 
 __all__ = ["ExemplarFit", "Stage"]
 

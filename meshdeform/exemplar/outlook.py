@@ -29,10 +29,10 @@ from meshdeform.exemplar.kinds import is_living, is_turned
 from meshdeform.exemplar.pieces import face_areas
 from meshdeform.exemplar.shapes import Shape, Wish
 from meshdeform.nouns.labels import Floats
-from meshdeform.nouns.solids import PART_NAMES, part_label
-from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, nearest
 from meshdeform.reading.result import GROUND
+from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, nearest
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS
+from meshdeform.vocabulary.solids import PART_NAMES, part_label
 
 __all__ = ["Outlook", "outlook"]
 

@@ -22,9 +22,9 @@ from meshdeform.exemplar.alike import MANY, TWO_SIDED, grows_from, large_parts, 
 from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.nouns.labels import Flags, Floats, Index
-from meshdeform.nouns.solids import PART_NAMES, usual_parts_of
 from meshdeform.reading.result import NO_PART
 from meshdeform.reading.samples import spread
+from meshdeform.vocabulary.solids import PART_NAMES, usual_parts_of
 
 __all__ = ["Matching", "Pieces", "face_areas", "matched", "pieces_of"]
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
-from meshdeform.priors.builtin.grammar import Attribute, Borrowed
 from meshdeform.reading.result import Reading
+from meshdeform.vocabulary.grammar import Attribute, Borrowed
 
 __all__ = ["ExemplarResult", "Frame", "Shape", "Wish"]
 

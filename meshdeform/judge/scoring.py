@@ -26,11 +26,11 @@ from torch import Tensor, nn
 
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.network import file_sha256
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.vocabulary.grammar import parse
 
 _NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
 VIEW_SIZE = 64

@@ -11,10 +11,10 @@ from functools import cache
 
 import numpy as np
 
+from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families import KINDS, Part, Traits
 from meshdeform.nouns.families.traits import Rng
 from meshdeform.nouns.labels import LabelledMember, labelled, labelled_member, labelled_solids, solids_of
-from meshdeform.nouns.solids import Piece
 from meshdeform.nouns.upright import on_hind_legs, two_legged
 from meshdeform.nouns.variants import (
     desk_chair,
@@ -26,9 +26,9 @@ from meshdeform.nouns.variants import (
     standing_cat,
     standing_rabbit,
 )
-from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.teaching.deformed import deformed
+from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
+from meshdeform.vocabulary.solids import Piece
 
 __all__ = ["FORMS", "GENERAL", "drawn", "is_able", "own_forms"]
 

@@ -18,11 +18,11 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
+from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families import FAMILIES, Part, Traits
 from meshdeform.nouns.families.parts import rings_of
-from meshdeform.nouns.solids import PART_NAMES, carrier, layout
-from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.teaching.deformed import deformed
+from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.solids import PART_NAMES, carrier, layout
 
 __all__ = ["LabelledMember", "code", "labelled", "labelled_member", "labelled_solids", "solids_of"]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from meshdeform.nouns.labels import Index, LabelledMember
 from meshdeform.nouns.poses import limbs
-from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES
+from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES
 
 __all__ = ["LIMBS", "LIMB_OF_PART", "NO_LIMB", "SEVERAL", "kind_of", "limb_codes", "limb_of"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from meshdeform.nouns.deformed import Part
 from meshdeform.plain.body import Body
 from meshdeform.plain.joints import JointParts
-from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading import Evidence, Reading, read_asset
 from meshdeform.reading.evidence import JOINT_PARTS
 

@@ -15,12 +15,12 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES, parts_of
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
 from meshdeform.plain.carried import NEAR, carried_by, contacts, on_ground, touching
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece
 from meshdeform.plain.vocabulary import PART_OF, singular
 from meshdeform.plain.words import part_and_sides
+from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES, parts_of
 
 __all__ = ["GIVEN", "READ", "TOLD_APART", "ReadParts"]
 

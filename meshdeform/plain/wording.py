@@ -31,7 +31,7 @@ from meshdeform.plain.vocabulary import (
     adjective,
     singular,
 )
-from meshdeform.priors.builtin.grammar import LANGUAGES, english_of, is_noun
+from meshdeform.vocabulary.grammar import LANGUAGES, english_of, is_noun
 
 _OWN = Path(__file__).with_name("translations.txt")
 _JOINING = frozenset(

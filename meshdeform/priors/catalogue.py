@@ -10,9 +10,9 @@ from pathlib import Path
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model, hidden_folders, public_names
-from meshdeform.priors.builtin.grammar import ATTRIBUTES
 from meshdeform.requests.choices import is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL
+from meshdeform.vocabulary.grammar import ATTRIBUTES
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 
 EXAMPLES: tuple[str, ...] = (

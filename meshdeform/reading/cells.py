@@ -12,8 +12,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Flags, Floats, Index, solids_of
-from meshdeform.priors.builtin.teaching.deformed import Part
 
 __all__ = ["MOST_CELLS", "Cells", "cells_of", "ground_plate"]
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Floats, Index, solids_of
-from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading.evidence import Evidence
 from meshdeform.reading.result import NO_PART
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from meshdeform.nouns.labels import Flags, Floats, Index, code
-from meshdeform.nouns.solids import PART_NAMES, carrier, parts_of
-from meshdeform.priors.builtin.grammar import nearest, noun_of
 from meshdeform.reading.cells import Cells
+from meshdeform.vocabulary.grammar import nearest, noun_of
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
+from meshdeform.vocabulary.solids import PART_NAMES, carrier, parts_of
 
 __all__ = ["Evidence", "nouns_named", "weighed"]
 

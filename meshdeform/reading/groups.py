@@ -10,7 +10,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
-from meshdeform.nouns.solids import PART_NAMES, carrier
+from meshdeform.vocabulary.solids import PART_NAMES, carrier
 
 __all__ = ["Groups", "groups_of"]
 

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Flags, Index
-from meshdeform.nouns.solids import PART_NAMES
-from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading.articulated import AssetSamples, Fit, fit_candidate
 from meshdeform.reading.cells import cells_of, ground_plate
 from meshdeform.reading.choice import Frame, Surface, candidates
@@ -25,6 +24,7 @@ from meshdeform.reading.result import GROUND, NO_PART, UP_TURNS, Reading
 from meshdeform.reading.smoothing import settled, smoothed
 from meshdeform.reading.trust import LEAST, confidences, part_measures
 from meshdeform.reading.votes import TRUST, counted, part_votes
+from meshdeform.vocabulary.solids import PART_NAMES
 
 __all__ = ["read_asset"]
 

@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from meshdeform.nouns.labels import Flags, Floats, Index
-from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.cells import Cells
+from meshdeform.vocabulary.solids import PART_NAMES
 
 __all__ = ["LEAST", "confidences", "part_measures"]
 

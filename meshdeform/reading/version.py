@@ -13,13 +13,7 @@ from importlib.resources.abc import Traversable
 
 __all__ = ["MEMBERS_VERSION", "SOURCES", "VERSION"]
 
-_OF_MEMBERS = (
-    "nouns",
-    "vocabulary",
-    "priors/builtin/grammar.py",
-    "priors/builtin/teaching/deformed.py",
-    "priors/builtin/vocabulary.py",
-)
+_OF_MEMBERS = ("nouns", "vocabulary")
 SOURCES = ("reading", *_OF_MEMBERS)
 """Folders and modules of the package on which readings depend."""
 

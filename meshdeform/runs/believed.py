@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from meshdeform.exemplar.clay import is_clay
 from meshdeform.exemplar.shapes import Shape
-from meshdeform.nouns.solids import part_label
 from meshdeform.plain.body import Body
-from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.parameters import TARGET_PARTS
 from meshdeform.runs.base import RunInput
 from meshdeform.runs.plain_change import source_body
 from meshdeform.runs.reading import SourceReader
 from meshdeform.runs.text_report import AssetFacts
+from meshdeform.vocabulary.grammar import ParsedPrompt, parse
+from meshdeform.vocabulary.solids import part_label
 
 __all__ = ["believed_source", "is_described"]
 

@@ -26,12 +26,12 @@ from meshdeform.errors import (
 from meshdeform.plain.table import OF_PARTS, WHOLE
 from meshdeform.plain.wording import says_change
 from meshdeform.plain.words import Sentence, described, read_changes
-from meshdeform.priors.builtin.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.requests.choices import GuidanceKind, PartsAs, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.questions import Question, answer_task
 from meshdeform.runs.read_questions import ask_about, loaded
+from meshdeform.vocabulary.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.vocabulary.looks import SHAPES
 
 if TYPE_CHECKING:

@@ -40,7 +40,6 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
-from meshdeform.priors.builtin.grammar import parse
 from meshdeform.reading import NO_PART
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier
@@ -57,6 +56,7 @@ from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import shape_id
 from meshdeform.runs.text_report import AssetFacts
+from meshdeform.vocabulary.grammar import parse
 
 __all__ = ["ExemplarRun", "start_exemplar"]
 

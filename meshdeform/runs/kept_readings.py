@@ -16,8 +16,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.requests.document import ResolvedParams
+from meshdeform.vocabulary.grammar import noun_of
 
 __all__ = [
     "MOST_BYTES",

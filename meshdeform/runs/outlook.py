@@ -48,7 +48,7 @@ def _answer(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.exemplar.outlook import outlook
     from meshdeform.exemplar.shapes import Shape, Wish, frame_of
     from meshdeform.plain.read_parts import ReadParts
-    from meshdeform.priors.builtin.grammar import parse
+    from meshdeform.vocabulary.grammar import parse
 
     _, body, _ = loaded(task)
     reading = body.reader.reading

@@ -8,12 +8,12 @@ from typing import Any, Self
 from meshdeform.deformation.controls import UNKNOWN, Nature
 from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.errors import PromptError, VocabularyError
-from meshdeform.priors.builtin.grammar import parse
 from meshdeform.reading import Reading
 from meshdeform.reading.result import SURE
 from meshdeform.requests.choices import GuidanceKind, OrientationMode, is_builtin
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.kept_readings import given_noun
+from meshdeform.vocabulary.grammar import parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND
 
 _LIKELY = 0.5

@@ -56,9 +56,9 @@ from meshdeform.runs.outlook import outlook_of
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
-    from meshdeform.priors.builtin.grammar import Words
     from meshdeform.runs.kept_readings import Readings
     from meshdeform.settings import Settings
+    from meshdeform.vocabulary.grammar import Words
 
 _PlacedPrompt = tuple[list[str | int], str]
 """A prompt after its place in the document."""
@@ -125,7 +125,7 @@ def check(
 
 def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
-    from meshdeform.priors.builtin.grammar import WORDS
+    from meshdeform.vocabulary.grammar import WORDS
 
     check_exemplar(request, params, targets)
     if targets:
@@ -146,7 +146,7 @@ def _check_start(request: JobRequest, params: ResolvedParams) -> None:
     """Refuse a start at the exemplars of prompts whose noun has none, and pictures beside it."""
     if params.start is not StartMode.EXEMPLAR:
         return
-    from meshdeform.priors.builtin.grammar import parse
+    from meshdeform.vocabulary.grammar import parse
 
     place = ["params", "guidance", "start"]
     if params.silhouettes:
@@ -213,7 +213,7 @@ def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> 
     """Refuse prompts that are empty, or that the builtin model cannot read."""
     _filled(prompts)
     if is_builtin(params.model) and prompts:
-        from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
+        from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS
 
         _check_vocabulary(prompts, params, BUILTIN_WORDS)
 
@@ -284,7 +284,7 @@ def _same(one: Silhouette, other: Silhouette) -> bool:
 
 def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
     """Refuse prompts that cannot be read with these words."""
-    from meshdeform.priors.builtin.grammar import parse_negative
+    from meshdeform.vocabulary.grammar import parse_negative
 
     for place, prompt in prompts:
         _check_known(prompt, known, params, place if len(prompts) > 1 else None)  # of several, say which
@@ -300,7 +300,7 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
 
 def _check_given(params: ResolvedParams) -> None:
     """Refuse a noun of the source that has no shapes."""
-    from meshdeform.priors.builtin.grammar import WORDS
+    from meshdeform.vocabulary.grammar import WORDS
 
     if params.source_noun is not None:
         _check_known(f"a {params.source_noun}", WORDS, params, ["params", "guidance", "source_noun"])
@@ -308,7 +308,7 @@ def _check_given(params: ResolvedParams) -> None:
 
 def _check_known(text: str, known: Words, params: ResolvedParams, place: Sequence[str | int] | None) -> None:
     """Refuse a text that cannot be read with these words, at its place in the request."""
-    from meshdeform.priors.builtin.grammar import parse, unknown_shape
+    from meshdeform.vocabulary.grammar import parse, unknown_shape
 
     try:
         parse(text, known)

@@ -27,7 +27,6 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
-from meshdeform.priors.builtin.grammar import ParsedPrompt, parse
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
@@ -54,6 +53,7 @@ from meshdeform.runs.worth import (
     verdict_of_change,
     worst,
 )
+from meshdeform.vocabulary.grammar import ParsedPrompt, parse
 
 if TYPE_CHECKING:
     from meshdeform.plain.change import Done

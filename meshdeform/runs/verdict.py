@@ -19,8 +19,8 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure_structure
 from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.judge import Judge
-from meshdeform.priors.builtin.grammar import parse
 from meshdeform.runs.prompts import Prompts
+from meshdeform.vocabulary.grammar import parse
 
 _log = logging.getLogger(__name__)
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]

@@ -21,10 +21,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
 from meshdeform.runs.recognition import CROOKED
 from meshdeform.runs.verdict import broken
 from meshdeform.verdicts import Verdict
+from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ TORCH_FREE = [
     "meshdeform.assets",
     "meshdeform.runs.*",
     "meshdeform.priors.*",
-    "meshdeform.priors.builtin.grammar",
+    "meshdeform.vocabulary.grammar",
     "meshdeform.kinds.sketch.looking",
     "worker.health",
     "worker.process",

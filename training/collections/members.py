@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.teaching.deformed import Part, deformed, normalised
+from meshdeform.nouns.deformed import Part, deformed, normalised
+from meshdeform.vocabulary.grammar import Attribute
 
 _SCALE, _SHEAR, _WAVE = 0.15, 0.04, 0.03
 """Jitter: range of the scale of each axis, deviation of the shears, greatest height of smooth waves."""

@@ -26,9 +26,9 @@ from meshdeform.errors import AssetEmptyError, MeshdeformError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import simplified
 from meshdeform.geometry.weld import weld
+from meshdeform.nouns.deformed import Part, normalised
 from meshdeform.nouns.families import FAMILIES, member
 from meshdeform.priors.builtin.prior import CAMERAS, STYLE
-from meshdeform.priors.builtin.teaching.deformed import Part, normalised
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer
 from meshdeform.support.files import write_files

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.vocabulary.grammar import parse
 
 BUILTIN_JUDGE, NO_JUDGE = "builtin", "none"
 

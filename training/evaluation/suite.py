@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshdeform.errors import ParameterError
-from meshdeform.priors.builtin.grammar import ParsedPrompt
 from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.grammar import ParsedPrompt
 
 __all__ = ["ASSET_PAIRS", "PAPER_PROMPTS", "SUITES", "Item", "Suite", "files_in"]
 

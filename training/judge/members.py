@@ -25,12 +25,13 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge.scoring import VIEW_SIZE, draw_views, judging_cameras, training_cameras
+from meshdeform.nouns.deformed import normalised
 from meshdeform.nouns.families import Part, member
 from meshdeform.nouns.families.parts import box, ellipsoid, join, limb
-from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.teaching.deformed import normalised
-from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS
+from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import Cameras
+from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.words import ADJECTIVES
 from training.collections.members import RealShapes
 from training.judge import shapes
 from training.prior.pictures import drawn_from

@@ -18,10 +18,11 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
+from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.families import FAMILIES, member
-from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
 from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
-from meshdeform.priors.builtin.teaching.deformed import Part
+from meshdeform.priors.builtin.vocabulary import tokenise
+from meshdeform.vocabulary.grammar import ParsedPrompt
 from training.collections.members import RealShapes
 from training.prior.held_out import attributes_of, is_held_out
 from training.prior.pictures import PictureSet, drawn_from, pictures, single_views

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import hashlib
 
-from meshdeform.priors.builtin.grammar import PRIOR_ATTRIBUTES, Attribute
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.priors.builtin.vocabulary import NOUNS, PRIOR_ATTRIBUTES
+from meshdeform.vocabulary.grammar import Attribute
 
 __all__ = ["attributes_of", "held_out_pairs", "is_held_out"]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import torch
 
-from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, read_tensors, write_weights
+from meshdeform.priors.builtin.vocabulary import VOCABULARY
 from training.prior.warm_start import warm_start
 
 _WORDS = "text.word.weight"

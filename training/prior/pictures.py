@@ -12,12 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt
+from meshdeform.nouns.deformed import Part
 from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
-from meshdeform.priors.builtin.teaching.deformed import Part
-from meshdeform.priors.builtin.vocabulary import OPPOSITES
 from meshdeform.rendering.cameras import fixed_cameras, sample_orthogonal_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
+from meshdeform.vocabulary.grammar import ATTRIBUTES, Attribute, ParsedPrompt
+from meshdeform.vocabulary.words import OPPOSITES
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,10 @@ import torch
 from PIL import Image, ImageDraw
 from torch import Tensor
 
-from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, parse, tokenise
 from meshdeform.priors.builtin.network import IMAGE_SIZE, WEIGHTS, PriorNetwork, null_tokens, read_network
 from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, cosine_alphas_cumprod, noise_from_clean
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS, NOUNS, tokenise
+from meshdeform.vocabulary.grammar import parse
 
 
 @torch.no_grad()

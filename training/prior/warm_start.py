@@ -14,9 +14,8 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ModelError
-from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import PriorNetwork, read_tensors
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.priors.builtin.vocabulary import NOUNS, VOCABULARY
 from meshdeform.vocabulary.nouns import PARTS
 
 _WORDS = "text.word.weight"

@@ -12,10 +12,10 @@ from types import ModuleType
 
 import numpy as np
 
+from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families.parts import Part
 from meshdeform.nouns.families.traits import Traits
-from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.teaching.deformed import deformed
+from meshdeform.vocabulary.grammar import Attribute
 
 __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meshdeform.nouns.solids import PART_NAMES, pieces_of
-from meshdeform.priors.builtin.teaching.deformed import Part as Part
-from meshdeform.priors.builtin.teaching.deformed import normalised as normalised
+from meshdeform.nouns.deformed import Part as Part
+from meshdeform.nouns.deformed import normalised as normalised
+from meshdeform.vocabulary.solids import PART_NAMES, pieces_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import PARTS
 
 Range = tuple[float, float]

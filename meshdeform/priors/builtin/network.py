@@ -27,7 +27,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from meshdeform.errors import ModelError
-from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH, VOCABULARY
+from meshdeform.priors.builtin.vocabulary import SEQUENCE_LENGTH, VOCABULARY
 from meshdeform.priors.builtin.weights_file import MAX_FILE_BYTES, check
 from meshdeform.support.files import write_files
 

@@ -1,11 +1,15 @@
-"""List the nouns that the builtin prior knows, and the words of all prompts: adjectives and synonyms.
+"""List the nouns that the builtin prior knows, and number its tokens.
 
-`grammar.py` parses prompts with these tables, and with those of `meshdeform.vocabulary.nouns`. The order of `NOUNS`, of
-the adjectives and of the parts of `NOUNS` numbers the tokens, so a change of these requires new weights (a file of
-weights names its vocabulary).
+The order of `NOUNS`, of the adjectives and of the parts of `NOUNS` numbers the tokens, so a change of these requires
+new weights (a file of weights names its vocabulary).
 """
 
 from __future__ import annotations
+
+from meshdeform.vocabulary.grammar import ATTRIBUTES, MAX_ATTRIBUTES, ParsedPrompt, Words
+from meshdeform.vocabulary.looks import SHAPES
+from meshdeform.vocabulary.nouns import LENGTH, SIZE, SYNONYMS
+from meshdeform.vocabulary.words import ADJECTIVES
 
 NOUNS: dict[str, tuple[str, ...]] = {
     "airplane": ("wings",),
@@ -160,55 +164,18 @@ NOUNS: dict[str, tuple[str, ...]] = {
 }
 """Every noun of the prior with the parts whose size a prompt can set."""
 
-ADJECTIVES: dict[str, str] = {
-    "tall": "stretched upward",
-    "short": "pressed downward",
-    "thin": "slim all round",
-    "fat": "thick all round, most at half height",
-    "wide": "stretched from side to side",
-    "long": "stretched from front to back",
-    "flat": "pressed to a slab",
-    "twisted": "turned about its upright axis",
-    "leaning": "sheared to one side",
-    "bent": "curved to one side",
-    "tapered": "growing thinner toward the top",
-    "pinched": "narrow at half height",
-}
-"""Attributes of the whole shape, valid for every noun, with their effects."""
+PRIOR_ATTRIBUTES = tuple(attribute for attribute in ATTRIBUTES if attribute.degree not in SHAPES)
+"""The attributes that the prior knows."""
+_PARTS = sorted({part for parts in NOUNS.values() for part in parts})
+VOCABULARY = tuple(dict.fromkeys(["<pad>", *NOUNS, *ADJECTIVES, *LENGTH, *SIZE, "whole", *_PARTS]))
+"""Tokens of the weights in the package, in the order of their numbers."""
+BUILTIN_WORDS = Words(NOUNS, {word: noun for word, noun in SYNONYMS.items() if noun in NOUNS}, VOCABULARY)
+"""The words of the weights in the package."""
+SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
+"""Tokens of a prompt: the noun, and two for each attribute."""
 
-ADJECTIVE_SYNONYMS = {
-    "high": "tall", "low": "short", "squat": "short", "stubby": "short",
-    "slim": "thin", "slender": "thin", "skinny": "thin", "narrow": "thin", "lean": "thin",
-    "chubby": "fat", "plump": "fat", "thick": "fat", "stout": "fat", "round": "fat",
-    "broad": "wide", "elongated": "long", "stretched": "long",
-    "flattened": "flat", "squashed": "flat", "spiral": "twisted", "twisting": "twisted",
-    "tilted": "leaning", "slanted": "leaning", "sloping": "leaning",
-    "curved": "bent", "crooked": "bent", "bowed": "bent", "pointed": "tapered", "tapering": "tapered",
-    "waisted": "pinched", "cinched": "pinched", "hourglass": "pinched",
-}  # fmt: skip
-DEGREE_SYNONYMS = {
-    "long": "long", "tall": "long", "high": "long",
-    "short": "short", "low": "short", "stubby": "short",
-    "big": "big", "large": "big", "huge": "big", "giant": "big", "wide": "big", "broad": "big",
-    "small": "small", "little": "small", "tiny": "small", "narrow": "small",
-}  # fmt: skip
-PART_SYNONYMS = {
-    "arm": "arms", "tentacle": "arms", "tentacles": "arms", "branch": "arms", "branches": "arms",
-    "backrest": "back", "top": "cap", "foliage": "crown", "canopy": "crown",
-    "ear": "ears", "fin": "fins", "leaf": "leaves", "leg": "legs", "lampshade": "shade",
-    "wing": "wings", "flippers": "wings", "stalk": "stem", "face": "head",
-    "handles": "handle", "grip": "handle", "shaft": "handle", "snout": "nose",
-    "horn": "horns", "antlers": "horns", "antler": "horns", "bill": "beak", "hump": "humps", "claw": "claws",
-    "pincers": "claws", "wheel": "wheels", "tyres": "wheels", "tires": "wheels", "sleeve": "sleeves",
-    "towers": "tower", "spire": "tower", "steeple": "tower", "turret": "tower", "turrets": "tower", "cannon": "gun",
-    "spines": "spikes", "quills": "spikes", "spike": "spikes", "eye": "eyes", "heels": "heel", "sails": "sail",
-}  # fmt: skip
-LENGTHWISE = {"big": "long", "small": "short"}
-SIZEWISE = {"long": "big", "short": "small"}
-FILLERS = frozenset({"a", "an", "the", "and", "with", "has", "having", "that", "its", "very", "of", "some", "one"})
 
-OPPOSITES = tuple(
-    frozenset(words)
-    for words in (("tall", "short"), ("tall", "flat"), ("thin", "fat"), ("thin", "wide"), ("fat", "pinched"))
-)
-"""Adjectives that contradict each other."""
+def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:
+    """Return the `SEQUENCE_LENGTH` token numbers of a parsed prompt, padded with 0."""
+    numbers = [known.tokens.index(word) for word in parsed.tokens]
+    return numbers + [0] * (SEQUENCE_LENGTH - len(numbers))

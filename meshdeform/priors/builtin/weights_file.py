@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.errors import KindRetiredError, ModelError
-from meshdeform.priors.builtin.grammar import VOCABULARY
+from meshdeform.priors.builtin.vocabulary import VOCABULARY
 from meshdeform.priors.model_files import CONVERT
 
 MAX_FILE_BYTES = 256 * 2**20

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import torch
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.priors.builtin.grammar import parse
 from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.grammar import parse
 
 
 class HeightJudge:

@@ -18,7 +18,7 @@ from bench.keep.blind import NOTHING, shuffled
 from bench.keep.cost import split, write_dog
 from bench.keep.grades import Row, by_group, by_verdict, parsed, read, saved, share, table
 from bench.keep.runs import CHILD, command, verdict
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.vocabulary.grammar import parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 
 

@@ -11,8 +11,9 @@ from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.shapes import Shape, Wish
 from meshdeform.nouns.families import Part
 from meshdeform.nouns.labels import Floats, code, labelled_member
-from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, Borrowed, parse
+from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS
 from meshdeform.reading import read_asset
+from meshdeform.vocabulary.grammar import Borrowed, parse
 
 
 def _member(noun: str, seed: int = 3) -> Shape:

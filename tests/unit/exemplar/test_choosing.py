@@ -12,10 +12,10 @@ from meshdeform.exemplar.shapes import Frame, Shape, Wish
 from meshdeform.nouns.forms import drawn
 from meshdeform.nouns.labels import LabelledMember
 from meshdeform.nouns.poses import posed
-from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.reading.banks import candidate_member
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND, NO_PART
+from meshdeform.vocabulary.grammar import Attribute
 from tests.cases import each_case
 
 pytestmark = pytest.mark.usefixtures("few_members")

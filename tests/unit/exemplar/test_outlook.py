@@ -11,7 +11,7 @@ from meshdeform.exemplar.choosing import exemplars
 from meshdeform.exemplar.outlook import Outlook, outlook
 from meshdeform.exemplar.shapes import Wish
 from meshdeform.nouns.forms import drawn
-from meshdeform.priors.builtin.grammar import parse
+from meshdeform.vocabulary.grammar import parse
 from tests.cases import each_case
 from tests.unit.exemplar.test_choosing import asset, unread
 

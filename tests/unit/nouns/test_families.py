@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshdeform.nouns.families import FAMILIES, Part, member
-from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.cases import each_case
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from meshdeform.nouns.families import FAMILIES, Traits, member
 from meshdeform.nouns.labels import LabelledMember, code, labelled, labelled_member
-from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES, carrier, layout, part_label, parts_of
-from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
+from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES, carrier, layout, part_label, parts_of
 from tests.cases import each_case
 
 NEARLY_ALIKE = {("boat", "sail"): "mast", ("tree", "crown"): "trunk"}

@@ -18,7 +18,6 @@ from meshdeform.plain.naming import find_parts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.table import OF_PARTS
 from meshdeform.plain.words import Sentence, read_changes
-from meshdeform.priors.builtin.grammar import noun_of
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
@@ -26,6 +25,7 @@ from meshdeform.runs.base import job_input
 from meshdeform.runs.changes import check_parts, part_names
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
+from meshdeform.vocabulary.grammar import noun_of
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player

@@ -12,7 +12,6 @@ from meshdeform.assets import load_asset
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import join
 from meshdeform.nouns.labels import labelled_member
-from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.plain.body import Body, Flags
 from meshdeform.plain.carried import carried_by
 from meshdeform.plain.change import Done, apply_changes
@@ -21,6 +20,7 @@ from meshdeform.plain.parts import Parts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.reader import Reader
 from meshdeform.plain.words import read_changes
+from meshdeform.vocabulary.solids import PART_NAMES
 from tests.cases import each_case
 from tests.unit.plain.reading import body_of
 from tests.unit.plain.shapes import _box, dog, plain_glb, rigged_dog

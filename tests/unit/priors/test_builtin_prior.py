@@ -8,7 +8,6 @@ import torch
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.nouns.families import member
 from meshdeform.priors.builtin import weights_file
-from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import (
     ModelConfig,
     PriorNetwork,
@@ -27,8 +26,10 @@ from meshdeform.priors.builtin.prior import (
     loss_weight,
     noise_from_clean,
 )
+from meshdeform.priors.builtin.vocabulary import VOCABULARY, tokenise
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
+from meshdeform.vocabulary.grammar import parse
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.unit.priors.combined import guided, text_rows

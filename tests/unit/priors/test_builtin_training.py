@@ -7,9 +7,9 @@ from safetensors.torch import save_file
 
 from meshdeform.nouns.families import member
 from meshdeform.priors.builtin import network as weights_network
-from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.priors.builtin.vocabulary import NOUNS, VOCABULARY, tokenise
+from meshdeform.vocabulary.grammar import parse
 from tests.close import assert_close
 from training.prior import train, warm_start
 from training.prior.dataset import draw_prompt

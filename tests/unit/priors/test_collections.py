@@ -13,8 +13,8 @@ import torch
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.nouns.deformed import Part, normalised
 from meshdeform.nouns.families import member
-from meshdeform.priors.builtin.teaching.deformed import Part, normalised
 from tests.cases import each_case
 from training.collections.nouns import noun_of
 from training.collections.scan import Drawn, counts, same, scan, shape_of

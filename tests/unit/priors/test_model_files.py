@@ -14,10 +14,10 @@ import pytest
 
 from meshdeform.errors import DependencyError, ModelError
 from meshdeform.priors import check_model
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, parse
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.priors.catalogue import EXAMPLES, list_models
 from meshdeform.priors.model_files import find
+from meshdeform.vocabulary.grammar import ATTRIBUTES, parse
 from tests.cases import each_case
 
 HUB_ID = "somebody/tiny-stable-diffusion"

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from meshdeform.nouns.forms import own_forms
-from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.reading import banks
 from meshdeform.reading.banks import Bank, bank_of, candidate_member, form_of, pose_of
 from meshdeform.reading.version import MEMBERS_VERSION
+from meshdeform.vocabulary.grammar import Attribute
 
 _NOUN = "mug"
 

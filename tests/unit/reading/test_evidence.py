@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from meshdeform.nouns.labels import code
-from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading.cells import cells_of
 from meshdeform.reading.evidence import JOINT_PARTS, Evidence, nouns_named, part_meant, parts_told, weighed
+from meshdeform.vocabulary.solids import PART_NAMES
 from training.shapes import box
 
 

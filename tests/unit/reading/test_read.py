@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import LabelledMember, labelled_member
 from meshdeform.nouns.poses import posed
-from meshdeform.nouns.solids import PART_NAMES
-from meshdeform.priors.builtin.teaching.deformed import Part
 from meshdeform.reading import GROUND, Evidence, Reading, read_asset
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import UP_TURNS
+from meshdeform.vocabulary.solids import PART_NAMES
 from tests.cases import each_case
 
 pytestmark = pytest.mark.slow

@@ -14,9 +14,9 @@ from PIL import Image, ImageDraw
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.reading import NO_PART
 from meshdeform.runs.exemplar_kind import STEPS
+from meshdeform.vocabulary.solids import PART_NAMES
 from tests.fake_exemplars import FACTORS, FakeFit, install
 from tests.unit.runs.jobs import started
 

@@ -19,9 +19,9 @@ from importlib import import_module
 import fast_simplification
 import numpy as np
 
+from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families.parts import Part
-from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.teaching.deformed import deformed
+from meshdeform.vocabulary.grammar import Attribute
 from training.judge.shapes.solids import Solid, surfaced
 
 __all__ = ["SHAPES", "drawn"]

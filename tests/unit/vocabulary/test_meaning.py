@@ -1,4 +1,4 @@
-from meshdeform.priors.builtin import grammar
+from meshdeform.vocabulary import grammar
 from meshdeform.vocabulary.nouns import NOUNS
 from tests.cases import each_case
 

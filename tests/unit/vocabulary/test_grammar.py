@@ -7,20 +7,11 @@ from hypothesis import strategies as st
 
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.priors.builtin import vocabulary
-from meshdeform.priors.builtin.grammar import (
-    ATTRIBUTES,
-    BUILTIN_WORDS,
-    MAX_ATTRIBUTES,
-    SEQUENCE_LENGTH,
-    VOCABULARY,
-    Attribute,
-    ParsedPrompt,
-    parse,
-    parse_negative,
-    tokenise,
-)
+from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS, SEQUENCE_LENGTH, VOCABULARY, tokenise
+from meshdeform.vocabulary.grammar import ATTRIBUTES, MAX_ATTRIBUTES, Attribute, ParsedPrompt, parse, parse_negative
 from meshdeform.vocabulary.looks import LOOKS
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS, SYNONYMS
+from meshdeform.vocabulary.words import ADJECTIVES, DEGREE_SYNONYMS, OPPOSITES
 from tests.cases import each_case
 from training.prior.held_out import (
     FOURTH_EDITION,
@@ -121,7 +112,7 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
     assert (caught.value.extra["unknown"], caught.value.extra["suggestions"]) == (["blurry"], [])
 
 
-_WORDS = [*NOUNS, *PARTS, *vocabulary.ADJECTIVES, *vocabulary.DEGREE_SYNONYMS]
+_WORDS = [*NOUNS, *PARTS, *ADJECTIVES, *DEGREE_SYNONYMS]
 
 
 @given(st.lists(st.sampled_from(_WORDS)))
@@ -156,7 +147,7 @@ def _parsed(draw: st.DrawFn) -> ParsedPrompt:
     chosen = draw(st.lists(st.sampled_from(able), max_size=MAX_ATTRIBUTES, unique_by=lambda a: (a.part, a.degree)))
     whole = {attribute.degree for attribute in chosen if attribute.part == "whole"}
     parts = [attribute.part for attribute in chosen if attribute.part != "whole"]
-    if any(pair <= whole for pair in vocabulary.OPPOSITES) or len(parts) != len(set(parts)):
+    if any(pair <= whole for pair in OPPOSITES) or len(parts) != len(set(parts)):
         chosen = []
     return ParsedPrompt(noun, tuple(sorted(chosen, key=ATTRIBUTES.index)))
 
@@ -186,10 +177,7 @@ def test_the_vocabulary_is_as_large_as_promised_and_has_no_doubles() -> None:
 
 
 def test_the_grammar_needs_neither_torch_nor_numpy() -> None:
-    code = (
-        "import sys, meshdeform.priors.builtin.grammar;"
-        "sys.exit(any(name in sys.modules for name in ('torch', 'numpy')))"
-    )
+    code = "import sys, meshdeform.vocabulary.grammar;sys.exit(any(name in sys.modules for name in ('torch', 'numpy')))"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from meshdeform.errors import VocabularyError
-from meshdeform.priors.builtin import grammar
-from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.vocabulary import ADJECTIVES
+from meshdeform.vocabulary import grammar
+from meshdeform.vocabulary.grammar import parse
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
+from meshdeform.vocabulary.words import ADJECTIVES
 from tests.cases import each_case
 
 

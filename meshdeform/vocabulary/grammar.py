@@ -1,28 +1,24 @@
-"""Parse prompts of the builtin prior.
+"""Parse prompts.
 
 ::
 
     prompt     = [article] {adjective} noun {("with" | "and" | ",") [article] (degree part | borrowed)}
     borrowed   = noun"'s" [degree] part | noun part | part "of" noun          for shapes alone
     adjective  = tall | short | thin | fat | wide | long | flat | twisted | leaning | bent | tapered |
-                 pinched
+                 pinched | boxy | rounded | a look (`looks`)
     degree     = long | short | big | small          part = neck | legs | head | ...
 
-Every noun takes every adjective; `NOUNS` lists the parts of each noun. Synonyms, plurals, capitals and articles are
+Every noun takes every adjective; `Words` lists the parts of each noun. Synonyms, plurals, capitals and articles are
 accepted. Anything else is an error that suggests prompts: ignoring half of a prompt silently would be worse.
 
 It needs neither torch nor numpy: the service checks a prompt before it accepts the job.
 
-`Words` looks up the words of the builtin prior, and `suggest` has prompts in place of one that is refused: for an
-unknown word come first the known words that are spelled alike, if the word is not a noun itself; then nouns that look
-alike; then nouns of similar meaning.
+`suggest` has prompts in place of one that is refused: for an unknown word come first the known words that are spelled
+alike, if the word is not a noun itself; then nouns that look alike; then nouns of similar meaning. The nearest nouns of
+every English word for a thing are in `near_nouns.txt.gz`, made by `release/nouns.py` (WordNet and a sentence encoder;
+WordNet's licence is at its head).
 
-The nearest nouns of every English word for a thing are in `nouns.txt.gz`, made by `release/nouns.py` (WordNet and a
-sentence encoder; WordNet's licence is at its head).
-
-Translate prompts of the builtin prior from German and Spanish, word by word. Torch-free.
-
-`translations.txt` has the words without their endings.
+German and Spanish prompts are translated word by word; `translations.txt` has the words without their endings.
 """
 
 from __future__ import annotations
@@ -38,8 +34,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from meshdeform.errors import PromptError, VocabularyError
-from meshdeform.nouns.solids import part_label, parts_of
-from meshdeform.priors.builtin.vocabulary import (
+from meshdeform.vocabulary.looks import LOOKS, SHAPES
+from meshdeform.vocabulary.nouns import LENGTH, NOUNS, PARTS, SYNONYMS
+from meshdeform.vocabulary.solids import part_label, parts_of
+from meshdeform.vocabulary.words import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
     DEGREE_SYNONYMS,
@@ -49,9 +47,6 @@ from meshdeform.priors.builtin.vocabulary import (
     PART_SYNONYMS,
     SIZEWISE,
 )
-from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
-from meshdeform.vocabulary.looks import LOOKS, SHAPES
-from meshdeform.vocabulary.nouns import LENGTH, NOUNS, PARTS, SIZE, SYNONYMS
 
 MAX_SUGGESTIONS = 3
 _SIMILARITY = 0.79
@@ -80,13 +75,7 @@ ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in (
     Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees
 )
 """Every attribute, those of the whole shape first."""
-PRIOR_ATTRIBUTES = tuple(attribute for attribute in ATTRIBUTES if attribute.degree not in SHAPES)
-"""Those that the prior knows."""
-
 MAX_ATTRIBUTES = 3
-
-SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
-"""Tokens of a prompt: the noun, and two for each attribute."""
 
 
 @dataclass(frozen=True)
@@ -99,23 +88,8 @@ class Words:
     tokens: tuple[str, ...]  # tokens in the order of their numbers; 0 is padding
 
 
-def _numbered(nouns: Mapping[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the tokens of a prior that knows some nouns, in the order of their numbers."""
-    parts = sorted({part for own in nouns.values() for part in own})
-    return tuple(dict.fromkeys(["<pad>", *nouns, *ADJECTIVES, *LENGTH, *SIZE, "whole", *parts]))
-
-
 WORDS = Words(NOUNS, SYNONYMS, ())
 """The words of all nouns that have shapes."""
-BUILTIN_WORDS = Words(
-    PRIOR_NOUNS,
-    {word: noun for word, noun in SYNONYMS.items() if noun in PRIOR_NOUNS},
-    _numbered(PRIOR_NOUNS),
-)
-"""The words of the weights in the package."""
-
-VOCABULARY = BUILTIN_WORDS.tokens
-"""Tokens of the weights in the package, in the order of their numbers."""
 
 
 class Borrowed(NamedTuple):
@@ -561,16 +535,10 @@ def _check_borrowed(reading: _Reading) -> None:
             raise reading.refusal(f"The {each.part} of a {each.noun} cannot be {each.degree}.", [each.degree])
 
 
-def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:
-    """Return the `SEQUENCE_LENGTH` token numbers of a parsed prompt, padded with 0."""
-    numbers = [known.tokens.index(word) for word in parsed.tokens]
-    return numbers + [0] * (SEQUENCE_LENGTH - len(numbers))
-
-
 @lru_cache(maxsize=1)
 def _near() -> dict[str, list[str]]:
     """Return every English word for a thing with the builtin nouns nearest to it, which may be none."""
-    text = gzip.decompress((Path(__file__).parent / "nouns.txt.gz").read_bytes()).decode()
+    text = gzip.decompress((Path(__file__).parent / "near_nouns.txt.gz").read_bytes()).decode()
     rows = (line.partition(":") for line in text.splitlines() if not line.startswith("#"))
     return {word: nouns.split() for nouns, _, words in rows for word in words.split()}
 

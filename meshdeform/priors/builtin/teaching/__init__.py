@@ -1,1 +1,0 @@
-"""Whole shapes, deformed as attributes say."""

@@ -1,0 +1,56 @@
+"""List the words of prompts besides nouns and looks: adjectives, degrees of parts, fillers and their synonyms."""
+
+from __future__ import annotations
+
+ADJECTIVES: dict[str, str] = {
+    "tall": "stretched upward",
+    "short": "pressed downward",
+    "thin": "slim all round",
+    "fat": "thick all round, most at half height",
+    "wide": "stretched from side to side",
+    "long": "stretched from front to back",
+    "flat": "pressed to a slab",
+    "twisted": "turned about its upright axis",
+    "leaning": "sheared to one side",
+    "bent": "curved to one side",
+    "tapered": "growing thinner toward the top",
+    "pinched": "narrow at half height",
+}
+"""Attributes of the whole shape, valid for every noun, with their effects."""
+
+ADJECTIVE_SYNONYMS = {
+    "high": "tall", "low": "short", "squat": "short", "stubby": "short",
+    "slim": "thin", "slender": "thin", "skinny": "thin", "narrow": "thin", "lean": "thin",
+    "chubby": "fat", "plump": "fat", "thick": "fat", "stout": "fat", "round": "fat",
+    "broad": "wide", "elongated": "long", "stretched": "long",
+    "flattened": "flat", "squashed": "flat", "spiral": "twisted", "twisting": "twisted",
+    "tilted": "leaning", "slanted": "leaning", "sloping": "leaning",
+    "curved": "bent", "crooked": "bent", "bowed": "bent", "pointed": "tapered", "tapering": "tapered",
+    "waisted": "pinched", "cinched": "pinched", "hourglass": "pinched",
+}  # fmt: skip
+DEGREE_SYNONYMS = {
+    "long": "long", "tall": "long", "high": "long",
+    "short": "short", "low": "short", "stubby": "short",
+    "big": "big", "large": "big", "huge": "big", "giant": "big", "wide": "big", "broad": "big",
+    "small": "small", "little": "small", "tiny": "small", "narrow": "small",
+}  # fmt: skip
+PART_SYNONYMS = {
+    "arm": "arms", "tentacle": "arms", "tentacles": "arms", "branch": "arms", "branches": "arms",
+    "backrest": "back", "top": "cap", "foliage": "crown", "canopy": "crown",
+    "ear": "ears", "fin": "fins", "leaf": "leaves", "leg": "legs", "lampshade": "shade",
+    "wing": "wings", "flippers": "wings", "stalk": "stem", "face": "head",
+    "handles": "handle", "grip": "handle", "shaft": "handle", "snout": "nose",
+    "horn": "horns", "antlers": "horns", "antler": "horns", "bill": "beak", "hump": "humps", "claw": "claws",
+    "pincers": "claws", "wheel": "wheels", "tyres": "wheels", "tires": "wheels", "sleeve": "sleeves",
+    "towers": "tower", "spire": "tower", "steeple": "tower", "turret": "tower", "turrets": "tower", "cannon": "gun",
+    "spines": "spikes", "quills": "spikes", "spike": "spikes", "eye": "eyes", "heels": "heel", "sails": "sail",
+}  # fmt: skip
+LENGTHWISE = {"big": "long", "small": "short"}
+SIZEWISE = {"long": "big", "short": "small"}
+FILLERS = frozenset({"a", "an", "the", "and", "with", "has", "having", "that", "its", "very", "of", "some", "one"})
+
+OPPOSITES = tuple(
+    frozenset(words)
+    for words in (("tall", "short"), ("tall", "flat"), ("thin", "fat"), ("thin", "wide"), ("fat", "pinched"))
+)
+"""Adjectives that contradict each other."""
