@@ -49,11 +49,11 @@ def pack_of(path: str) -> str:
     parts = path.split("/")
     if parts[0] == MARKET:
         return parts[0]
-    inner = [part for part in parts[1:-1] if part.lower() not in _INNER]
+    inner = [part for part in parts[1:-1] if part.lower() not in INNER]
     return "/".join([parts[0], *inner[:3]])
 
 
-_INNER = frozenset({"public", "glb", "fbx", "models", "fbx format", "files", "addons", "assets", "gltf", "obj"})
+INNER = frozenset({"public", "glb", "fbx", "models", "fbx format", "files", "addons", "assets", "gltf", "obj"})
 MARKET = "pmndrs+market-assets"
 """A collection of several creators' models, each in a folder of its own with an `info.json` that names its creator."""
 
