@@ -37,13 +37,13 @@ from meshdeform.exemplar.shapes import Shape, Wish
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
 from meshdeform.nouns.limbs import LIMB_OF_PART, LIMBS, NO_LIMB, limb_codes, limb_of
 from meshdeform.nouns.solids import PART_NAMES
-from meshdeform.priors.builtin.vocabulary import TURNED
 from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_member, form_of, pose_of
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.vocabulary.nouns import AFLOAT, ROUND
 
-__all__ = ["AFLOAT", "Exemplar", "exemplars", "nearest_of"]
+__all__ = ["Exemplar", "exemplars", "nearest_of"]
 
 _EASE = 1.15
 _FEW, _DENSE = 220, 2500
@@ -56,8 +56,6 @@ _QUARTERS, _TURNED_IF = (0.0, 90.0, 180.0, -90.0), 1.13
 _STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.25, 10, 40
 """Ratio to the best merit up to which members are near; how many are at least, and at most."""
 _CENTRES = 8
-AFLOAT = frozenset(("airplane", "balloon", "butterfly", "dolphin", "fish", "helicopter", "shark", "submarine", "whale"))
-"""What does not stand on the ground: its middle is the asset's."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +173,7 @@ class _Chooser:
     def graded(self) -> list[_Graded]:
         """All members by the tables, the best first."""
         asset, bank = self._asset, self._bank
-        turns = (0.0,) if asset.has_parts or self._wish.noun in TURNED else _QUARTERS
+        turns = (0.0,) if asset.has_parts or self._wish.noun in ROUND else _QUARTERS
         other = self._others()
         result = []
         for turn_deg in turns:

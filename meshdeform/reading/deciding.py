@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.nouns.labels import Floats
-from meshdeform.priors.builtin.vocabulary import TURNED
 from meshdeform.reading.choice import Frame, Surface, facing, nearness
+from meshdeform.vocabulary.nouns import HELD, ROUND
 
 __all__ = ["FRONTS", "PROPOSED", "Decision", "decide"]
 
@@ -34,9 +34,6 @@ _STANDING = 5.0
 _LEAST, _LEAST_NAMED, _NAMED, _NEAR = 1e-4, 0.01, 300.0, 8.0
 _CONVENTION = 0.03
 """By which share other fronts must be better than +Z, which is where assets face by glTF's convention."""
-_HELD_NAMES = "axe banana bone bottle candle carrot corn dumbbell guitar hammer pan rocket shield sword torch umbrella"
-_HELD = frozenset(_HELD_NAMES.split())
-"""Nouns of things that may lie, or stand on their heads."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +107,8 @@ class _Frames:
 
     def of(self, noun: str) -> list[Frame]:
         """Return those in which a noun may stand, as it would by convention first."""
-        upright = self._upright[:1] if noun in TURNED else self._upright
-        return upright + self._lying if noun in _HELD else upright
+        upright = self._upright[:1] if noun in ROUND else self._upright
+        return upright + self._lying if noun in HELD else upright
 
     def graded(self, noun: str, folder: Path | None) -> list[tuple[float, float, Frame]]:
         """Return both grades (`nearness`) in the best two frames, the best first."""
