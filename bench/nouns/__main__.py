@@ -3,12 +3,12 @@
 `members.json` names public files by repository, commit, path and SHA-256 with their licences, each with its noun: that
 of its name, put right by eye. `split`: `authors` made nothing that anything here learnt from or was tuned on, `packs`
 are other packs of an author who did (`training/collections/sources.py` leaves them out). `front` is where an asset
-faces, in degrees from +Z toward +X, `up` its upward axis. FOLDER has the files wherever in it, beside what they refer to;
-nothing is fetched, and what is missing is counted.
+faces, in degrees from +Z toward +X, `up` its upward axis. FOLDER has the files, wherever in it, beside what they refer
+to; nothing is fetched, and what is missing is counted.
 
-Names are withheld: the judge and the shapes of the nouns decide. There are the shares of assets whose noun is first, and
-among the first three, with 95 % intervals, of each split and of each group of nouns. Nouns without a family are left out
-and named.
+Names are withheld: the judge and the shapes of the nouns decide. There are the shares of assets whose noun is first,
+and among the first three, with 95 % intervals, of each split and of each group of nouns. Nouns without a family are
+left out and named.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from meshdeform.priors.builtin.teaching.teacher import interval
+
 from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.errors import MeshdeformError
 from meshdeform.nouns.families import FAMILIES
 from meshdeform.plain.body import loose_body
-from meshdeform.priors.builtin.teaching.teacher import interval
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import Source, read_source
+from meshdeform.vocabulary.nouns import NOUN_GROUPS
 
 LISTED = Path(__file__).with_name("members.json")
 _SUFFIXES = (".glb", ".gltf", ".obj")

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
 import meshdeform
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUNS
 from training.collections.nouns import noun_of, words_of
 from training.collections.sources import INNER
 
