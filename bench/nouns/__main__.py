@@ -22,8 +22,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from meshdeform.priors.builtin.teaching.teacher import interval
-
 from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.bundle import read_with_files
 from meshdeform.errors import MeshdeformError
@@ -33,6 +31,7 @@ from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import Source, read_source
 from meshdeform.vocabulary.nouns import NOUN_GROUPS
+from training.evaluation.report import interval
 
 LISTED = Path(__file__).with_name("members.json")
 _SUFFIXES = (".glb", ".gltf", ".obj")
