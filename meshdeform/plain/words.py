@@ -81,7 +81,7 @@ class Sentence:
     noun: str | None  # what the sentence says the asset is
     compared: bool
     """Whether it compares, counts or commands ("longer", "twice as", "widen"), as no description of a thing does."""
-    notes: tuple[str, ...] = ()  # how words were read that are misspelt
+    notes: tuple[str, ...] = ()  # how words were read that are misspelt, or mean the noun
 
     @property
     def known(self) -> bool:

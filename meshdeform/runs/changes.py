@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import re
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,7 +77,9 @@ def _described(prompt: str) -> Sentence | None:
         return None
     attributes = [(each.part, each.degree) for each in reading.attributes]
     fitted = bool(reading.borrowed) or any(degree in SHAPES for _, degree in attributes)
-    return described(reading.noun, attributes) if attributes and not fitted else None
+    if fitted or not attributes:
+        return None
+    return replace(described(reading.noun, attributes), notes=reading.notes)
 
 
 def is_change(sentence: Sentence) -> bool:

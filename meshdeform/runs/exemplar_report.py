@@ -43,6 +43,7 @@ from meshdeform.runs.worth import (
     worst,
 )
 from meshdeform.verdicts import Verdict
+from meshdeform.vocabulary.grammar import parse
 
 __all__ = ["DIGITS", "ExemplarFacts", "Fit", "exemplar_report"]
 
@@ -136,6 +137,7 @@ def exemplar_report(
         "reading": reading_report(facts.reading, params),
         "movement": movement.to_dict(),
         "warnings": [
+            *(note for fit in fits if fit.prompt for note in parse(fit.prompt).notes),
             *hardly,
             *measured.warnings(facts),
             *rig_warnings(asset, facts.request.output.rig),

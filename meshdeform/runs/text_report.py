@@ -198,6 +198,7 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
         "movement": movement.to_dict(),
         "pulls": deformation.pulls.to_dict(),
         "warnings": [
+            *_read_otherwise(facts),
             *movement.warnings,
             *deformation.warnings,
             *deformation.pulls.warnings,
@@ -373,6 +374,13 @@ def _comparisons(
     elif goal.prompt:
         verdicts.append(of_shape(shape))
     return {**compared, "verdict": worst(verdicts)}
+
+
+def _read_otherwise(facts: RunFacts) -> Sequence[str]:
+    """Return which word of the prompt of the builtin prior means its noun and is not its name."""
+    if not facts.request.prompt or facts.guidance["id"] != BUILTIN_MODEL:
+        return ()
+    return parse(facts.request.prompt, BUILTIN_WORDS).notes
 
 
 def _is_judged(facts: RunFacts, prompt: str) -> bool:

@@ -122,6 +122,11 @@ class ParsedPrompt:
     read_as: tuple[str, ...] = field(default=(), compare=False)
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each word that means the noun and is not its name."""
+        return tuple(f"{word!r} is read as {self.noun!r}." for word in self.read_as)
+
+    @property
     def tokens(self) -> tuple[str, ...]:
         """Canonical words: the noun, then (degree, part) of each attribute."""
         return (self.noun, *(word for attribute in self.attributes for word in (attribute.degree, attribute.part)))
