@@ -27,6 +27,7 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
 from meshdeform.priors.base import Prior
+from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
