@@ -7,7 +7,7 @@ A sketch is a line with the name of a noun, or `noun/kind` for another kind of i
 
 A size is a letter with its range; `a=handle` is the one that a prompt sets by the handle. A number is a sum of products
 of numbers and sizes: `.5h+.1`, `-2wh`. A solid is the name of its part (of several, as in `families.parts.divided`),
-its shape, and groups of numbers; behind bars, what is done to it in turn:
+its shape, and groups of numbers; behind bars, what is done to it in turn. A line that ends with a comma goes on:
 
 ==================================  ==========================================================================
 box X Y Z, W H D, R                 a box about a point; R: its rounding, .2 if left out; `brick` has fewer faces
