@@ -1,0 +1,348 @@
+"""Draw birds from one archetype: an egg of a body, neck, head, beak, a fanned tail, wings, and legs or none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from meshdeform.nouns.families.animals import at
+from meshdeform.nouns.families.parts import Array, Part, curved, ellipsoid, limb, moved, named, pair, plate, turned
+from meshdeform.nouns.families.traits import Range, Rng, Traits
+
+__all__ = [
+    "crow", "eagle", "flamingo", "goose", "hummingbird", "ostrich", "parrot", "peacock", "pelican", "pigeon",
+    "pterodactyl", "seagull", "stork", "toucan", "turkey", "vulture",
+]  # fmt: skip
+
+
+def sized(rng: Rng, traits: Traits, part: str, usual: Range, by: float = 2.4) -> float:
+    """Draw the size of a part from a range, widened by a tenth, or from one that is `by` times less or greater."""
+    low, high = 0.9 * usual[0], 1.1 * usual[1]
+    return traits.draw(rng, part, (low / by, high / by), (low, high), (low * by, high * by))
+
+
+@dataclass(frozen=True)
+class Build:
+    """Ranges of a bird; lengths in the family's unit, in which a body is about one long.
+
+    Angles in degrees above straight ahead, the tail's above the body's line behind. `bow`: how far the neck swings in
+    an S, as a share of its length; `hook`: how far the beak's tip drops; `bill`: height and width of the beak as
+    shares of the head's radius; `fan_deg`: half the tail's angle; `chord`: depth of an open wing as a share of its
+    length; `fingers`: whether its tip is of separate feathers.
+    """
+
+    girth: Range = (0.27, 0.33)
+    length: Range = (0.48, 0.58)
+    lean_deg: Range = (15, 30)
+    legs: Range = (0.2, 0.28)
+    shank: float = 0.045
+    neck: Range = (0.12, 0.18)
+    neck_deg: Range = (50, 65)
+    bow: float = 0.0
+    head: Range = (0.18, 0.21)
+    beak: Range = (0.18, 0.24)
+    hook: float = 0.1
+    bill: tuple[float, float] = (0.4, 0.36)
+    tail: Range = (0.4, 0.5)
+    fan_deg: float = 14
+    tail_deg: Range = (0, 10)
+    wings: Range = (0.55, 0.65)
+    chord: float = 0.4
+    fingers: bool = False
+
+
+class Bird(NamedTuple):
+    """The solids of a bird by their parts, and where more can be added."""
+
+    solids: dict[str, list[Part]]
+    skull: Array
+    head: float
+    throat: Array
+    middle: Array
+
+
+def bird_of(rng: Rng, traits: Traits, build: Build, *, flying: bool = False) -> Bird:
+    """Draw a bird that stands with folded wings, or flies."""
+    girth, length = (rng.uniform(0.9 * low, 1.1 * high) for low, high in (build.girth, build.length))
+    lean = rng.uniform(*build.lean_deg) + rng.uniform(-6, 6)
+    leg = sized(rng, traits, "legs", build.legs)
+    middle = np.array([0.0, leg + 0.85 * girth, 0.0])
+    axis, up = at(lean, 1.0), at(lean + 90, 1.0)
+    spine = [middle - 0.5 * length * axis, middle, middle + 0.4 * length * axis]
+    solids = {"body": [limb(spine, girth * np.array([0.55, 1.0, 0.75]), segments=18, samples=4)]}
+    throat = middle + 0.5 * length * axis + 0.25 * girth * up
+    skull, head = _head(rng, traits, build, throat, girth, solids)
+    tail = sized(rng, traits, "tail", build.tail)
+    fan = turned(feathers(tail, build.fan_deg), rng.uniform(*build.tail_deg) - lean, "x")
+    solids["tail"] = [moved(fan, middle - 0.75 * length * axis + 0.15 * girth * up)]
+    wings = sized(rng, traits, "wings", build.wings, by=1.9)
+    if flying:
+        wing = turned(open_wing(wings, build.chord, build.fingers), rng.uniform(-4, 42), "z")
+        solids["wing"] = pair(moved(turned(wing, -0.8 * lean, "x"), middle + [0.4 * girth, 0.4 * girth, 0.1]))
+        return Bird(solids, skull, head, throat, middle)
+    solids["wing"] = pair(_folded_wing(rng, wings, girth, lean, middle))
+    hip, ankle = np.array([0.42 * girth, middle[1] - 0.4 * girth, -0.04]), np.array([0.46 * girth, 0.05, 0.0])
+    knee = (hip + ankle) / 2 + [0.02, 0, -0.1 * leg]
+    solids["leg"] = pair(limb([hip, knee, ankle], build.shank * np.array([1.6, 1.0, 1.0]), segments=8, samples=3))
+    solids["foot"] = pair(moved(_foot(1.6 * build.shank + 0.12), ankle * [1, 0, 1] + [0, 0.035, 0]))
+    return Bird(solids, skull, head, throat, middle)
+
+
+def _head(
+    rng: Rng, traits: Traits, build: Build, throat: Array, girth: float, solids: dict[str, list[Part]]
+) -> tuple[Array, float]:
+    """Add neck, head, eyes and beak; return the middle of the head and its radius."""
+    neck, head = sized(rng, traits, "neck", build.neck), sized(rng, traits, "head", build.head, by=1.8)
+    deg, t = rng.uniform(*build.neck_deg) + rng.uniform(-5, 5), np.array([0.0, 0.3, 0.65, 1.0])[:, None]
+    path = throat + at(deg, neck) * t - at(deg + 90, build.bow * neck) * np.sin(2 * np.pi * t)
+    thin = min(0.7 * head, 0.6 * girth)
+    knots = curved(np.column_stack([path, [0.65 * girth, 1.15 * thin, thin, thin]]))
+    solids["neck"] = [limb(knots[:, :3], knots[:, 3], segments=12, samples=1)]
+    skull = path[-1] + [0, 0.2 * head, 0.25 * head]
+    solids["head"] = [ellipsoid(skull, [0.9 * head, 0.95 * head, 1.05 * head], rings=10)]
+    solids["eye"] = pair(bead(skull + head * np.array([0.66, 0.25, 0.5]), 0.22 * head))
+    beak, root = sized(rng, traits, "beak", build.beak), skull + head * np.array([0, -0.1, 0.7])
+    way = 0.3 * head + beak * np.array([(0, 0.05 * build.hook, 0.55), (0, -0.9 * build.hook, 1 - 0.3 * build.hook)])
+    size = head * np.array(build.bill)
+    beak_knots = curved(
+        np.column_stack([[root, *(root + way * [0, 1, 1] - [0, 0.3 * head, 0])], [size, 0.75 * size, 0.22 * size]])
+    )
+    solids["beak"] = [limb(beak_knots[:, :3], beak_knots[:, 3:], segments=10, samples=1)]
+    return skull, head
+
+
+def bead(centre: Array, radius: float) -> Part:
+    """Return a small ball of few faces, such as an eye."""
+    return limb([centre, centre + [0, 0, 0.02 * radius]], [radius, radius], segments=8, samples=1)
+
+
+def feathers(length: float, half_deg: float, thick: float = 0.07) -> Part:
+    """Return a level fan of seven feathers that points back from the origin."""
+    angle = np.radians(half_deg) * np.linspace(-1, 1, 15)
+    reach = (0.1 + length) * np.where(np.arange(15) % 2, 0.9, 1.0)
+    arc = np.stack([reach * np.sin(angle) + 0.05 * np.sign(angle), -reach * np.cos(angle)], 1)
+    return plate([(0.07, 0.06), *arc[::-1], (-0.07, 0.06)], thick, across="y")
+
+
+def open_wing(length: float, chord: float, fingers: bool) -> Part:
+    """Return a level wing that reaches out along X."""
+    deep = chord * length
+    front = [(0, 0.45 * deep), (0.4 * length, 0.6 * deep), (0.75 * length, 0.4 * deep)]
+    tips = [(1, -0.25), (0.86, -0.2), (0.96, -0.55), (0.8, -0.4), (0.86, -0.8), (0.68, -0.55)]
+    tip = tips if fingers else [(1, -0.45), (0.75, -0.3)]
+    back = [(0.4 * length, -0.5 * deep), (0, -0.5 * deep)]
+    return plate([*front, *(np.array(tip) * [length, deep]), *back], 0.07, across="y", puff=0.3)
+
+
+def _folded_wing(rng: Rng, wings: float, girth: float, lean: float, middle: Array) -> Part:
+    """Return a wing that lies on the flank, its tip behind."""
+    rim = np.array([(0.5, 0.1), (0.35, 0.75), (-0.2, 0.9), (-0.9, 0.35), (-1.25, 0.0), (-0.5, -0.6), (0.1, -0.75)])
+    wing = turned(plate(rim * [0.85 * wings, 0.85 * girth], 0.12, across="x", puff=0.3), -lean, "x")
+    return moved(turned(wing, rng.uniform(-12, 2), "z"), middle + [0.92 * girth, 0.1 * girth, 0])
+
+
+def _foot(reach: float) -> Part:
+    """Return a flat foot with three toes ahead and one behind."""
+    toes = [(-40, 1), (-20, 0.45), (0, 1.1), (20, 0.45), (40, 1), (100, 0.3), (180, 0.5), (260, 0.3)]
+    angle, size = np.radians([deg for deg, _ in toes]), reach * np.array([size for _, size in toes])
+    return plate(np.stack([size * np.sin(angle), size * np.cos(angle)], 1), 0.06, across="y")
+
+
+def plumes(at_place: Array, length: float, degs: tuple[float, ...], thick: float = 0.03) -> list[Part]:
+    """Return feathers that stand up from a place, at angles above straight ahead."""
+    tips = [at_place + at(deg, length) for deg in degs]
+    return [limb([at_place, tip], [[thick, thick], [0.6 * thick, 1.6 * thick]], segments=8, samples=2) for tip in tips]
+
+
+def _drawn_by(build: Build, *, flying: bool = False) -> Callable[[Rng, Traits], Part]:
+    """Return the family of the birds that are known by their build alone."""
+    return lambda rng, traits: named(**bird_of(rng, traits, build, flying=flying).solids)
+
+
+_EAGLE = Build(
+    girth=(0.22, 0.27), length=(0.5, 0.58), lean_deg=(0, 8), neck=(0.12, 0.16), neck_deg=(5, 25), head=(0.15, 0.17),
+    beak=(0.15, 0.19), hook=0.7, bill=(0.55, 0.42), tail=(0.42, 0.52), fan_deg=24, wings=(1.05, 1.3), chord=0.48,
+    fingers=True,
+)  # fmt: skip
+_PERCHED = replace(
+    _EAGLE, girth=(0.27, 0.32), lean_deg=(52, 66), neck_deg=(65, 80), legs=(0.16, 0.22), shank=0.07, wings=(0.75, 0.85),
+    fan_deg=12,
+)  # fmt: skip
+
+
+eagle = _drawn_by(_EAGLE, flying=True)
+"""An eagle in flight: broad wings that end in fingers, a hooked beak, a fanned tail."""
+
+
+def perched_eagle(rng: Rng, traits: Traits) -> Part:
+    """Draw an upright eagle with folded wings."""
+    return named(**bird_of(rng, traits, _PERCHED).solids)
+
+
+_PARROT = Build(
+    girth=(0.24, 0.29), lean_deg=(50, 66), legs=(0.08, 0.12), neck=(0.1, 0.12), neck_deg=(60, 80), head=(0.23, 0.26),
+    beak=(0.17, 0.21), hook=1.0, bill=(0.55, 0.4), tail=(0.7, 0.9), fan_deg=6, wings=(0.62, 0.72),
+)  # fmt: skip
+
+
+parrot = _drawn_by(_PARROT)
+"""An upright parrot: a big round head, a beak bent down, a long narrow tail."""
+
+
+def cockatoo(rng: Rng, traits: Traits) -> Part:
+    """Draw a parrot with a raised crest and a shorter tail."""
+    bird = bird_of(rng, traits, replace(_PARROT, tail=(0.4, 0.5), fan_deg=10))
+    crest = plumes(bird.skull + [0, 0.7 * bird.head, 0.1], rng.uniform(1.2, 1.6) * bird.head, (70, 95, 120, 145), 0.045)
+    return named(**bird.solids, crest=crest)
+
+
+flamingo = _drawn_by(
+    Build(girth=(0.22, 0.26), length=(0.4, 0.46), lean_deg=(5, 15), legs=(1.0, 1.2), shank=0.035, neck=(0.75, 0.9),
+        neck_deg=(72, 84), bow=0.26, head=(0.1, 0.115), beak=(0.2, 0.24), hook=1.0, bill=(0.55, 0.5), tail=(0.14,
+        0.2), wings=(0.5, 0.58)),
+)  # fmt: skip
+"""A flamingo: a small body on stilts, a long neck in an S, a beak bent down."""
+
+ostrich = _drawn_by(
+    Build(girth=(0.38, 0.44), length=(0.4, 0.5), lean_deg=(0, 10), legs=(0.8, 0.95), shank=0.06, neck=(0.75, 0.9),
+        neck_deg=(72, 84), bow=0.08, head=(0.12, 0.135), beak=(0.12, 0.15), bill=(0.3, 0.6), tail=(0.28, 0.34),
+        fan_deg=38, tail_deg=(30, 50), wings=(0.5, 0.58)),
+)  # fmt: skip
+"""An ostrich: a great round body on strong legs, a bare upright neck, a small flat head, a plume of a tail."""
+
+
+def peacock(rng: Rng, traits: Traits) -> Part:
+    """Draw a peacock: a wheel of feathers behind a slender bird with a small crown."""
+    build = Build(
+        girth=(0.2, 0.24), length=(0.38, 0.44), neck=(0.38, 0.46), neck_deg=(70, 82), bow=0.06, head=(0.11, 0.13),
+        beak=(0.12, 0.15), tail=(1.05, 1.25), fan_deg=82, tail_deg=(88, 100), wings=(0.4, 0.46),
+    )  # fmt: skip
+    bird = bird_of(rng, traits, build)
+    return named(**bird.solids, crest=plumes(bird.skull + [0, 0.7 * bird.head, 0], 0.22, (70, 95, 120), 0.022))
+
+
+def pelican(rng: Rng, traits: Traits) -> Part:
+    """Draw a pelican: a long bill over a deep pouch, a bent neck, a plump body on short legs."""
+    build = Build(
+        girth=(0.32, 0.38), lean_deg=(12, 22), legs=(0.14, 0.18), neck=(0.42, 0.52), neck_deg=(72, 84), bow=0.2,
+        head=(0.15, 0.17), beak=(0.75, 0.9), bill=(0.3, 0.5), tail=(0.18, 0.24), wings=(0.6, 0.7),
+    )  # fmt: skip
+    bird = bird_of(rng, traits, build)
+    tip = bird.solids["beak"][0].verts
+    ends = bird.skull - [0, 0.5 * bird.head, 0], tip[tip[:, 2].argmax()]
+    path = [(1 - t) * ends[0] + t * ends[1] - [0, 0.4 * t * (1 - t), 0] for t in np.linspace(0.1, 0.9, 5)]
+    deep = rng.uniform(0.14, 0.2) * np.array([0.5, 1.0, 0.9, 0.5, 0.15])
+    pouch = limb(path, np.stack([deep, 0.6 * bird.head * np.array([0.9, 0.8, 0.6, 0.4, 0.2])], 1), samples=2)
+    return named(**bird.solids, jaw=pouch)
+
+
+toucan = _drawn_by(
+    Build(girth=(0.25, 0.29), lean_deg=(45, 60), legs=(0.1, 0.14), neck=(0.06, 0.1), neck_deg=(60, 75), head=(0.2,
+        0.23), beak=(0.6, 0.75), hook=0.3, bill=(0.8, 0.5), tail=(0.42, 0.5), fan_deg=9),
+)  # fmt: skip
+"""A toucan: a beak nearly as long and as thick as its upright body."""
+
+
+def turkey(rng: Rng, traits: Traits) -> Part:
+    """Draw a turkey: a plump body before an upright fan, a thin neck, a small head with a wattle."""
+    build = Build(
+        girth=(0.38, 0.44), length=(0.42, 0.5), lean_deg=(15, 25), neck=(0.26, 0.32), neck_deg=(60, 75), bow=0.12,
+        head=(0.12, 0.14), beak=(0.1, 0.13), hook=0.4, tail=(0.72, 0.85), fan_deg=74, tail_deg=(80, 95),
+    )  # fmt: skip
+    bird = bird_of(rng, traits, build)
+    drop = bird.skull + bird.head * np.array([0, -0.9, 0.75])
+    wattle = limb([drop + [0, 0.05, 0], drop - [0, rng.uniform(0.1, 0.16), 0]], [0.05, 0.06], segments=10)
+    return named(**bird.solids, wattle=wattle)
+
+
+goose = _drawn_by(
+    Build(girth=(0.32, 0.37), length=(0.55, 0.65), lean_deg=(6, 16), legs=(0.18, 0.24), shank=0.055, neck=(0.55,
+        0.68), neck_deg=(74, 86), bow=0.07, head=(0.14, 0.16), beak=(0.17, 0.21), bill=(0.35, 0.5), tail=(0.2,
+        0.26), tail_deg=(20, 40), wings=(0.62, 0.7)),
+)  # fmt: skip
+"""A goose on its feet: a heavy level body, a long upright neck, a flat bill."""
+
+seagull = _drawn_by(
+    Build(girth=(0.2, 0.24), length=(0.46, 0.54), lean_deg=(0, 8), neck=(0.08, 0.12), neck_deg=(15, 35), head=(0.15,
+        0.175), beak=(0.16, 0.2), hook=0.25, bill=(0.36, 0.3), tail=(0.26, 0.32), fan_deg=22, wings=(1.2, 1.4),
+        chord=0.27), flying=True,
+)  # fmt: skip
+"""A gull that glides: long narrow pointed wings, a plump body, a short tail."""
+
+
+def standing_gull(rng: Rng, traits: Traits) -> Part:
+    """Draw a gull on its feet."""
+    build = Build(lean_deg=(8, 18), head=(0.17, 0.19), beak=(0.18, 0.22), hook=0.25, bill=(0.36, 0.3), tail=(0.3, 0.36))
+    return named(**bird_of(rng, traits, replace(build, wings=(0.68, 0.76), legs=(0.24, 0.3))).solids)
+
+
+crow = _drawn_by(
+    Build(girth=(0.24, 0.28), lean_deg=(18, 35), beak=(0.26, 0.32), bill=(0.5, 0.4), hook=0.15, tail=(0.48, 0.58),
+        fan_deg=9, wings=(0.66, 0.76)),
+)  # fmt: skip
+"""A crow: a strong straight beak, a sleek body, a long tail."""
+
+pigeon = _drawn_by(
+    Build(girth=(0.31, 0.36), lean_deg=(24, 38), legs=(0.12, 0.16), neck=(0.16, 0.22), neck_deg=(72, 84),
+        head=(0.145, 0.165), beak=(0.06, 0.08), bill=(0.3, 0.3), tail=(0.4, 0.48), fan_deg=13, wings=(0.6, 0.68)),
+)  # fmt: skip
+"""A pigeon: a full breast, a small round head, a tiny beak."""
+
+
+def vulture(rng: Rng, traits: Traits) -> Part:
+    """Draw a vulture: hunched shoulders, a ruff, a bare neck that hangs ahead, a hooked beak."""
+    build = replace(
+        _PERCHED, girth=(0.32, 0.37), lean_deg=(55, 68), neck=(0.46, 0.56), neck_deg=(14, 30), bow=-0.2,
+        head=(0.13, 0.15), beak=(0.2, 0.25), hook=0.8, wings=(0.85, 0.95), tail=(0.3, 0.38),
+    )  # fmt: skip
+    bird = bird_of(rng, traits, build)
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ruff = 0.27 * (1 + 0.1 * np.cos(8 * turn))
+    collar = plate(np.stack([ruff * np.cos(turn), ruff * np.sin(turn)], 1), 0.16, across="z", puff=0.2)
+    return named(**bird.solids, mane=moved(turned(collar, -30, "x"), bird.throat + [0, 0.0, 0.08]))
+
+
+def hummingbird(rng: Rng, traits: Traits) -> Part:
+    """Draw a hummingbird that hovers: a needle of a beak, raised narrow wings, a small upright body."""
+    build = Build(
+        girth=(0.2, 0.24), length=(0.4, 0.46), lean_deg=(40, 55), neck=(0.06, 0.1), neck_deg=(50, 65),
+        head=(0.17, 0.19), beak=(0.55, 0.68), hook=0.06, bill=(0.2, 0.2), tail=(0.42, 0.5), fan_deg=15,
+        tail_deg=(-15, 5), wings=(0.75, 0.9), chord=0.33,
+    )  # fmt: skip
+    bird = bird_of(rng, traits, build, flying=True)
+    lift = rng.uniform(15, 35)
+    shoulder = bird.middle + [0.1, 0.1, 0]
+    right = moved(turned(moved(bird.solids["wing"][0], -shoulder), lift, "z"), shoulder)
+    return named(**{**bird.solids, "wing": pair(right)})
+
+
+stork = _drawn_by(
+    Build(girth=(0.24, 0.28), length=(0.44, 0.52), lean_deg=(8, 20), legs=(0.85, 1.0), shank=0.035, neck=(0.5, 0.6),
+        neck_deg=(62, 78), bow=0.12, head=(0.12, 0.135), beak=(0.5, 0.6), hook=0.04, bill=(0.42, 0.36), tail=(0.2,
+        0.26), wings=(0.58, 0.66)),
+)  # fmt: skip
+"""A stork: long straight legs, a long neck, a long pointed beak."""
+
+
+def pterodactyl(rng: Rng, traits: Traits) -> Part:
+    """Draw a pterodactyl: wings of skin to a point, a long toothless beak, a crest that points back."""
+    build = Build(
+        girth=(0.17, 0.21), length=(0.46, 0.54), lean_deg=(0, 10), neck=(0.2, 0.26), neck_deg=(20, 40),
+        head=(0.14, 0.16), beak=(0.6, 0.75), hook=0.04, bill=(0.5, 0.36), tail=(0.1, 0.14), wings=(1.1, 1.3),
+    )  # fmt: skip
+    bird = bird_of(rng, traits, build, flying=True)
+    span = float(np.ptp(bird.solids["wing"][0].verts[:, 0]))
+    web = np.array([(0, 0.14), (0.3, 0.4), (0.42, 0.36), (1.05, -0.3), (0.62, -0.12), (0.3, -0.3), (0, -0.42)])
+    wing = turned(plate(web * [span, 0.85], 0.06, across="y"), rng.uniform(6, 24), "z")
+    crest = limb([bird.skull, bird.skull + [0, 0.22, -rng.uniform(0.4, 0.55)]], [[0.1, 0.05], [0.03, 0.025]])
+    hip = bird.middle + [0.08, -0.06, -0.35]
+    leg = limb([hip, hip + [0.06, -0.06, -0.4]], [0.06, 0.035], segments=8)
+    return named(
+        **{**bird.solids, "wing": pair(moved(wing, bird.middle + [0.06, 0.06, 0.05])), "leg": pair(leg)}, crest=crest
+    )
+
+
+KINDS = {"eagle": (perched_eagle,), "parrot": (cockatoo,), "seagull": (standing_gull,)}
