@@ -9,19 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from meshdeform.nouns.families.animals import at
-from meshdeform.nouns.families.parts import Array, Part, curved, ellipsoid, limb, moved, named, pair, plate, turned
+from meshdeform.nouns.families.drawing import bead, bent_limb, sized
+from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, named, pair, plate, turned
 from meshdeform.nouns.families.traits import Range, Rng, Traits
 
 __all__ = [
     "crow", "eagle", "flamingo", "goose", "hummingbird", "ostrich", "parrot", "peacock", "pelican", "pigeon",
     "pterodactyl", "seagull", "stork", "toucan", "turkey", "vulture",
 ]  # fmt: skip
-
-
-def sized(rng: Rng, traits: Traits, part: str, usual: Range, by: float = 2.4) -> float:
-    """Draw the size of a part from a range, widened by a tenth, or from one that is `by` times less or greater."""
-    low, high = 0.9 * usual[0], 1.1 * usual[1]
-    return traits.draw(rng, part, (low / by, high / by), (low, high), (low * by, high * by))
 
 
 @dataclass(frozen=True)
@@ -99,24 +94,16 @@ def _head(
     deg, t = rng.uniform(*build.neck_deg) + rng.uniform(-5, 5), np.array([0.0, 0.3, 0.65, 1.0])[:, None]
     path = throat + at(deg, neck) * t - at(deg + 90, build.bow * neck) * np.sin(2 * np.pi * t)
     thin = min(0.7 * head, 0.6 * girth)
-    knots = curved(np.column_stack([path, [0.65 * girth, 1.15 * thin, thin, thin]]))
-    solids["neck"] = [limb(knots[:, :3], knots[:, 3], segments=12, samples=1)]
+    solids["neck"] = [bent_limb(path, [0.65 * girth, 1.15 * thin, thin, thin], segments=12, samples=4)]
     skull = path[-1] + [0, 0.2 * head, 0.25 * head]
     solids["head"] = [ellipsoid(skull, [0.9 * head, 0.95 * head, 1.05 * head], rings=10)]
     solids["eye"] = pair(bead(skull + head * np.array([0.66, 0.25, 0.5]), 0.22 * head))
     beak, root = sized(rng, traits, "beak", build.beak), skull + head * np.array([0, -0.1, 0.7])
     way = 0.3 * head + beak * np.array([(0, 0.05 * build.hook, 0.55), (0, -0.9 * build.hook, 1 - 0.3 * build.hook)])
     size = head * np.array(build.bill)
-    beak_knots = curved(
-        np.column_stack([[root, *(root + way * [0, 1, 1] - [0, 0.3 * head, 0])], [size, 0.75 * size, 0.22 * size]])
-    )
-    solids["beak"] = [limb(beak_knots[:, :3], beak_knots[:, 3:], segments=10, samples=1)]
+    bill = [root, *(root + way * [0, 1, 1] - [0, 0.3 * head, 0])]
+    solids["beak"] = [bent_limb(bill, [size, 0.75 * size, 0.22 * size], samples=4)]
     return skull, head
-
-
-def bead(centre: Array, radius: float) -> Part:
-    """Return a small ball of few faces, such as an eye."""
-    return limb([centre, centre + [0, 0, 0.02 * radius]], [radius, radius], segments=8, samples=1)
 
 
 def feathers(length: float, half_deg: float, thick: float = 0.07) -> Part:

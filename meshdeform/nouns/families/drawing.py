@@ -1,0 +1,51 @@
+"""Draw what families of many archetypes share: a size that a prompt can set, small balls, thin limbs, thin blades."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meshdeform.nouns.families.parts import Array, Part, curved, lathe, limb, moved, plate, stretched
+from meshdeform.nouns.families.traits import Range, Rng, Traits
+
+__all__ = ["bead", "bent_limb", "blade", "circle", "petal", "sized"]
+
+_PETAL = [(0, 0.15), (0.35, 0.45), (0.75, 0.5), (0.95, 0.25), (1, 0), (0.9, -0.3), (0.6, -0.5), (0.3, -0.4), (0, -0.15)]
+
+
+def sized(rng: Rng, traits: Traits, part: str, usual: Range, by: float = 2.4) -> float:
+    """Draw the size of a part from a range, widened by a tenth, or from one that is `by` times less or greater."""
+    low, high = 0.9 * usual[0], 1.1 * usual[1]
+    return traits.draw(rng, part, (low / by, high / by), (low, high), (low * by, high * by))
+
+
+def bead(centre: ArrayLike, radii: ArrayLike, *, segments: int = 10, rings: int = 6) -> Part:
+    """Return an ellipsoid of few faces, such as an eye; `radii` is one number or three."""
+    polar = np.linspace(0.0, np.pi, rings + 1)
+    ball = lathe(np.stack([np.sin(polar), -np.cos(polar)], 1), segments=segments)
+    return moved(stretched(ball, *np.broadcast_to(np.asarray(radii, float), 3)), centre)
+
+
+def bent_limb(path: ArrayLike | Sequence[object], radii: ArrayLike, *, segments: int = 10, samples: int = 3) -> Part:
+    """Return a limb along the curve through `path` (N, 3), with radii (N,) or (N, 2)."""
+    points, widths = np.asarray(path, float), np.asarray(radii, float)
+    knots = curved(np.column_stack([points, widths]), samples=samples)
+    return limb(knots[:, :3], knots[:, 3] if widths.ndim == 1 else knots[:, 3:], segments=segments, samples=1)
+
+
+def blade(outline: ArrayLike, size: float, *, across: str = "x", thick: float = 0.07) -> Part:
+    """Return a thin plate, such as a fin, with `size` times an outline (N, 2)."""
+    return plate(size * np.asarray(outline, float), thick, across=across)
+
+
+def petal(length: float, width: float, *, thick: float = 0.06) -> Part:
+    """Return a level wing or leaf with a round end, which reaches out along X."""
+    return plate(np.array(_PETAL) * [length, width], thick, across="y")
+
+
+def circle(radius: float, count: int) -> Array:
+    """Return places (count, 3) on a level circle, the first ahead."""
+    angle = 2 * np.pi * np.arange(count) / count
+    return radius * np.stack([np.sin(angle), np.zeros(count), np.cos(angle)], 1)
