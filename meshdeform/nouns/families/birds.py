@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from meshdeform.nouns.families.animals import at
-from meshdeform.nouns.families.drawing import bead, bent_limb, sized
-from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, named, pair, plate, turned
+from meshdeform.nouns.families.drawing import bead, bent_limb, sized, varied
+from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Range, Rng, Traits
 
 __all__ = [
@@ -146,7 +146,7 @@ def plumes(at_place: Array, length: float, degs: tuple[float, ...], thick: float
 
 def _drawn_by(build: Build, *, flying: bool = False) -> Callable[[Rng, Traits], Part]:
     """Return the family of the birds that are known by their build alone."""
-    return lambda rng, traits: named(**bird_of(rng, traits, build, flying=flying).solids)
+    return lambda rng, traits: varied(rng, **bird_of(rng, traits, build, flying=flying).solids)
 
 
 _EAGLE = Build(
@@ -166,7 +166,7 @@ eagle = _drawn_by(_EAGLE, flying=True)
 
 def perched_eagle(rng: Rng, traits: Traits) -> Part:
     """Draw an upright eagle with folded wings."""
-    return named(**bird_of(rng, traits, _PERCHED).solids)
+    return varied(rng, **bird_of(rng, traits, _PERCHED).solids)
 
 
 _PARROT = Build(
@@ -183,7 +183,7 @@ def cockatoo(rng: Rng, traits: Traits) -> Part:
     """Draw a parrot with a raised crest and a shorter tail."""
     bird = bird_of(rng, traits, replace(_PARROT, tail=(0.4, 0.5), fan_deg=10))
     crest = plumes(bird.skull + [0, 0.7 * bird.head, 0.1], rng.uniform(1.2, 1.6) * bird.head, (70, 95, 120, 145), 0.045)
-    return named(**bird.solids, crest=crest)
+    return varied(rng, **bird.solids, crest=crest)
 
 
 flamingo = _drawn_by(
@@ -208,7 +208,7 @@ def peacock(rng: Rng, traits: Traits) -> Part:
         beak=(0.12, 0.15), tail=(1.05, 1.25), fan_deg=82, tail_deg=(88, 100), wings=(0.4, 0.46),
     )  # fmt: skip
     bird = bird_of(rng, traits, build)
-    return named(**bird.solids, crest=plumes(bird.skull + [0, 0.7 * bird.head, 0], 0.22, (70, 95, 120), 0.022))
+    return varied(rng, **bird.solids, crest=plumes(bird.skull + [0, 0.7 * bird.head, 0], 0.22, (70, 95, 120), 0.022))
 
 
 def pelican(rng: Rng, traits: Traits) -> Part:
@@ -223,7 +223,7 @@ def pelican(rng: Rng, traits: Traits) -> Part:
     path = [(1 - t) * ends[0] + t * ends[1] - [0, 0.4 * t * (1 - t), 0] for t in np.linspace(0.1, 0.9, 5)]
     deep = rng.uniform(0.14, 0.2) * np.array([0.5, 1.0, 0.9, 0.5, 0.15])
     pouch = limb(path, np.stack([deep, 0.6 * bird.head * np.array([0.9, 0.8, 0.6, 0.4, 0.2])], 1), samples=2)
-    return named(**bird.solids, jaw=pouch)
+    return varied(rng, **bird.solids, jaw=pouch)
 
 
 toucan = _drawn_by(
@@ -242,7 +242,7 @@ def turkey(rng: Rng, traits: Traits) -> Part:
     bird = bird_of(rng, traits, build)
     drop = bird.skull + bird.head * np.array([0, -0.9, 0.75])
     wattle = limb([drop + [0, 0.05, 0], drop - [0, rng.uniform(0.1, 0.16), 0]], [0.05, 0.06], segments=10)
-    return named(**bird.solids, wattle=wattle)
+    return varied(rng, **bird.solids, wattle=wattle)
 
 
 goose = _drawn_by(
@@ -263,7 +263,7 @@ seagull = _drawn_by(
 def standing_gull(rng: Rng, traits: Traits) -> Part:
     """Draw a gull on its feet."""
     build = Build(lean_deg=(8, 18), head=(0.17, 0.19), beak=(0.18, 0.22), hook=0.25, bill=(0.36, 0.3), tail=(0.3, 0.36))
-    return named(**bird_of(rng, traits, replace(build, wings=(0.68, 0.76), legs=(0.24, 0.3))).solids)
+    return varied(rng, **bird_of(rng, traits, replace(build, wings=(0.68, 0.76), legs=(0.24, 0.3))).solids)
 
 
 crow = _drawn_by(
@@ -289,7 +289,7 @@ def vulture(rng: Rng, traits: Traits) -> Part:
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ruff = 0.27 * (1 + 0.1 * np.cos(8 * turn))
     collar = plate(np.stack([ruff * np.cos(turn), ruff * np.sin(turn)], 1), 0.16, across="z", puff=0.2)
-    return named(**bird.solids, mane=moved(turned(collar, -30, "x"), bird.throat + [0, 0.0, 0.08]))
+    return varied(rng, **bird.solids, mane=moved(turned(collar, -30, "x"), bird.throat + [0, 0.0, 0.08]))
 
 
 def hummingbird(rng: Rng, traits: Traits) -> Part:
@@ -303,7 +303,7 @@ def hummingbird(rng: Rng, traits: Traits) -> Part:
     lift = rng.uniform(15, 35)
     shoulder = bird.middle + [0.1, 0.1, 0]
     right = moved(turned(moved(bird.solids["wing"][0], -shoulder), lift, "z"), shoulder)
-    return named(**{**bird.solids, "wing": pair(right)})
+    return varied(rng, **{**bird.solids, "wing": pair(right)})
 
 
 stork = _drawn_by(
@@ -327,8 +327,10 @@ def pterodactyl(rng: Rng, traits: Traits) -> Part:
     crest = limb([bird.skull, bird.skull + [0, 0.22, -rng.uniform(0.4, 0.55)]], [[0.1, 0.05], [0.03, 0.025]])
     hip = bird.middle + [0.08, -0.06, -0.35]
     leg = limb([hip, hip + [0.06, -0.06, -0.4]], [0.06, 0.035], segments=8)
-    return named(
-        **{**bird.solids, "wing": pair(moved(wing, bird.middle + [0.06, 0.06, 0.05])), "leg": pair(leg)}, crest=crest
+    return varied(
+        rng,
+        **{**bird.solids, "wing": pair(moved(wing, bird.middle + [0.06, 0.06, 0.05])), "leg": pair(leg)},
+        crest=crest,
     )
 
 

@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshdeform.nouns.families.parts import Array, Part, curved, lathe, limb, moved, plate, stretched
+from meshdeform.nouns.families.parts import Array, Part, curved, lathe, limb, moved, named, plate, stretched
 from meshdeform.nouns.families.traits import Range, Rng, Traits
 
-__all__ = ["bead", "bent_limb", "blade", "circle", "petal", "sized"]
+__all__ = ["bead", "bent_limb", "blade", "circle", "petal", "sized", "varied"]
 
 _PETAL = [(0, 0.15), (0.35, 0.45), (0.75, 0.5), (0.95, 0.25), (1, 0), (0.9, -0.3), (0.6, -0.5), (0.3, -0.4), (0, -0.15)]
 
 
 def sized(rng: Rng, traits: Traits, part: str, usual: Range, by: float = 2.4) -> float:
-    """Draw the size of a part from a range, widened by a tenth, or from one that is `by` times less or greater."""
-    low, high = 0.9 * usual[0], 1.1 * usual[1]
+    """Draw the size of a part from a range, widened by 15 %, or from one that is `by` times less or greater."""
+    low, high = 0.85 * usual[0], 1.15 * usual[1]
     return traits.draw(rng, part, (low / by, high / by), (low, high), (low * by, high * by))
 
 
@@ -49,3 +49,8 @@ def circle(radius: float, count: int) -> Array:
     """Return places (count, 3) on a level circle, the first ahead."""
     angle = 2 * np.pi * np.arange(count) / count
     return radius * np.stack([np.sin(angle), np.zeros(count), np.cos(angle)], 1)
+
+
+def varied(rng: Rng, **solids: Part | Sequence[Part]) -> Part:
+    """Join named solids, stretched a little along each axis: no two members are of one build."""
+    return stretched(named(**solids), *rng.uniform(0.85, 1.18, 3))

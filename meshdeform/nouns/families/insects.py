@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from meshdeform.nouns.families.drawing import bead, bent_limb, petal, sized
-from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, named, pair, turned
+from meshdeform.nouns.families.drawing import bead, bent_limb, petal, sized, varied
+from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Range, Rng, Traits
 
 __all__ = [
@@ -55,7 +55,8 @@ def ant(rng: Rng, traits: Traits) -> Part:
     tail = ellipsoid([0, y + 0.06, -0.2 - 1.1 * rear], [rear * 0.9, rear * 0.85, rear * 1.3], rings=8)
     jaw = skull + head * np.array([0.35, -0.3, 0.8])
     elbow = skull + [0.4 * head, 0.5 * head, 0.6 * head]
-    return named(
+    return varied(
+        rng,
         body=[chest, tail], head=bead(skull, [head, 0.85 * head, 1.05 * head], segments=16, rings=8),
         eye=pair(bead(skull + head * np.array([0.72, 0.35, 0.35]), 0.28 * head)),
         jaw=pair(bent_limb([jaw, jaw + [0.05, 0, 0.1], jaw + [-0.04, 0, 0.17]], [0.05, 0.04, 0.02], segments=8)),
@@ -77,7 +78,8 @@ def bee(rng: Rng, traits: Traits) -> Part:
         )
     sting = limb([[0, y, -0.9 * length], [0, y, -length - 0.12]], [0.06, 0.01], segments=8, samples=2)
     rise, sweep = rng.uniform(20, 50), rng.uniform(10, 35)
-    return named(
+    return varied(
+        rng,
         body=ellipsoid([0, y, 0], [girth, girth, length]), band=bands, spike=sting,
         head=ellipsoid(skull, head, rings=8),
         eye=pair(bead(skull + head * np.array([0.55, 0.25, 0.6]), 0.36 * head)),
@@ -112,7 +114,7 @@ def beetle(rng: Rng, traits: Traits) -> Part:
     solids, skull, head = _shelled(rng, traits, (0.32, 0.4), (0.55, 0.7))
     horns, root = sized(rng, traits, "horns", (0.36, 0.5)), skull + [0, 0.2 * head, 0.7 * head]
     way = horns * np.array([(0, 0, 0), (0, 0.25, 0.7), (0, 0.95, 0.9)])
-    return named(**solids, horn=bent_limb(root + way, [0.08, 0.06, 0.02]))
+    return varied(rng, **solids, horn=bent_limb(root + way, [0.08, 0.06, 0.02]))
 
 
 def stag_beetle(rng: Rng, traits: Traits) -> Part:
@@ -121,7 +123,8 @@ def stag_beetle(rng: Rng, traits: Traits) -> Part:
     horns, root = sized(rng, traits, "horns", (0.4, 0.55)), skull + [0.6 * head, 0, 0.6 * head]
     way = horns * np.array([(0, 0, 0), (0.45, 0.05, 0.55), (0.05, 0.1, 1.0)])
     tooth = root + way[1]
-    return named(
+    return varied(
+        rng,
         **solids,
         horn=[
             *pair(bent_limb(root + way, [0.07, 0.07, 0.02], segments=8)),
@@ -141,7 +144,7 @@ def ladybug(rng: Rng, traits: Traits) -> Part:
         out = np.array([wide * np.sin(turn), lift, wide * np.cos(turn)])
         spots += pair(bead(middle + 0.86 * radii * out, 0.11, segments=8))
     feeler = feelers_of(skull + head * np.array([0.4, 0.6, 0.4]), 0.24 * np.array([0.5, 0.7, 0.6]))
-    return named(**solids, boss=spots, feeler=feeler)
+    return varied(rng, **solids, boss=spots, feeler=feeler)
 
 
 def dragonfly(rng: Rng, traits: Traits) -> Part:
@@ -150,7 +153,8 @@ def dragonfly(rng: Rng, traits: Traits) -> Part:
     girth, y, droop = rng.uniform(0.12, 0.16), 0.35, rng.uniform(-0.1, 0.12)
     skull, wide = np.array([0, y, 0.42]), rng.uniform(0.2, 0.3) * wings
     path = [[0, y, -0.1], [0, y + droop * tail, -0.1 - 0.5 * tail], [0, y, -0.1 - tail]]
-    return named(
+    return varied(
+        rng,
         body=limb([[0, y, -0.12], [0, y + 0.05, 0.1], [0, y, 0.3]], [0.8 * girth, 1.3 * girth, 0.8 * girth]),
         tail=bent_limb(path, [0.065, 0.05, 0.06]), head=bead(skull, 1.1 * girth, segments=14),
         eye=pair(bead(skull + girth * np.array([0.7, 0.25, 0.35]), 0.85 * girth)),
@@ -167,7 +171,8 @@ def fly(rng: Rng, traits: Traits) -> Part:
     y, head = 0.14 + 0.35 * legs + 0.5 * girth, 0.17
     skull = np.array([0, y - 0.02, 0.24 + girth])
     rear = ellipsoid([0, y - 0.06, -0.32], [girth * 0.95, girth * 0.85, girth * 1.4], rings=8)
-    return named(
+    return varied(
+        rng,
         body=[ellipsoid([0, y, 0.06], [girth, girth, 1.05 * girth], rings=8), rear],
         head=bead(skull, [1.15 * head, head, 0.9 * head], segments=14),
         nose=limb([skull, skull + [0, -0.24, 0.1]], [0.06, 0.05], segments=8),
@@ -184,7 +189,8 @@ def mosquito(rng: Rng, traits: Traits) -> Part:
     wings, y = sized(rng, traits, "wings", (0.6, 0.75)), 0.25 + 0.3 * legs
     skull = np.array([0, y + 0.02, 0.26])
     belly = bent_limb([[0, y, -0.05], [0, y - 0.02, -0.35], [0, y - rng.uniform(0.05, 0.2), -0.75]], [0.09, 0.1, 0.04])
-    return named(
+    return varied(
+        rng,
         body=[bead([0, y + 0.06, 0.04], [0.14, 0.17, 0.18], segments=14, rings=8), belly],
         head=bead(skull, 0.11, segments=12),
         nose=limb([skull, skull + nose * np.array([0, -0.6, 0.8])], [0.035, 0.015], segments=8),
@@ -205,7 +211,8 @@ def grasshopper(rng: Rng, traits: Traits) -> Part:
     hind = [limb([hip, knee], [0.1, 0.035], segments=10), limb([knee, ankle], [0.035, 0.03], segments=8)]
     spine = [[0, y + 0.02, 0.5 * length], [0, y, 0], [0, y + 0.04, -length]]
     front = legs_of(0.24, y - 0.05, ((0.4 * length, 30), (0.18 * length, 5)), lift=0.3)
-    return named(
+    return varied(
+        rng,
         body=limb(spine, girth * np.array([[1.1, 0.9], [1.0, 0.85], [0.4, 0.3]])),
         leg=[*front, *(side for part in hind for side in pair(part)),
         *pair(limb([ankle, ankle + [0.02, 0, 0.14]], [0.03, 0.02], segments=8, samples=2))],
@@ -234,7 +241,8 @@ def caterpillar(rng: Rng, traits: Traits) -> Part:
         for place in row[1:]
         for foot in pair(bead(place + [0.6 * girth, -0.85 * girth, 0], [0.08, 0.09, 0.08], segments=8))
     ]
-    return named(
+    return varied(
+        rng,
         body=[bead(place, [1.05 * girth, girth, 0.19], segments=14, rings=8) for place in row[1:]],
         head=bead(skull, head, segments=18, rings=10),
         eye=pair(bead(skull + head * np.array([0.42, 0.2, 0.82]), 0.2 * head)),
@@ -248,7 +256,8 @@ def centipede(rng: Rng, traits: Traits) -> Part:
     legs, feelers = sized(rng, traits, "legs", (0.2, 0.26)), sized(rng, traits, "feelers", (0.3, 0.4))
     row = _row(rng, 12, 2.3, 0.13, 0.0, rng.uniform(0.05, 0.16))
     skull = row[0] + [0, 0.02, 0.05]
-    return named(
+    return varied(
+        rng,
         body=[bead(place, [0.15, 0.1, 0.13], segments=10) for place in row[1:]],
         head=bead(skull, [0.16, 0.11, 0.14], segments=12),
         feeler=feelers_of(skull + [0.06, 0.04, 0.1], feelers * np.array([0.5, 0.4, 0.75])),
@@ -269,7 +278,8 @@ def worm(rng: Rng, traits: Traits) -> Part:
     place, way = path[9], path[11] - path[8]
     ring = limb([place - 0.35 * way, place + 0.35 * way], [1.22 * girth] * 2, segments=14)
     skull = path[0] + [0, 0.2 * head, 0.3 * head]
-    return named(
+    return varied(
+        rng,
         body=bent_limb(path, widths, segments=12, samples=2), band=ring, head=bead(skull, head, segments=16, rings=8),
         eye=pair(bead(skull + head * np.array([0.45, 0.45, 0.75]), 0.26 * head)),
     )  # fmt: skip
@@ -309,7 +319,8 @@ def scorpion(rng: Rng, traits: Traits) -> Part:
         )
         for side in (1, -1)
     ]
-    return named(
+    return varied(
+        rng,
         body=body, tail=[limb([a, b], [0.1, 0.1], segments=8, samples=1) for a,
             b in zip(arc[:-1], arc[1:], strict=True)], spike=sting,
         arm=pair(limb([shoulder, elbow, wrist], [0.06, 0.07, 0.06], segments=7, samples=2)),
