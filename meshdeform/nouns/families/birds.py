@@ -63,7 +63,7 @@ def bird_of(rng: Rng, traits: Traits, build: Build, *, flying: bool = False) -> 
     """Draw a bird that stands with folded wings, or flies."""
     girth, length = (rng.uniform(0.9 * low, 1.1 * high) for low, high in (build.girth, build.length))
     lean = rng.uniform(*build.lean_deg) + rng.uniform(-6, 6)
-    leg = sized(rng, traits, "legs", build.legs)
+    leg = 0.3 if flying else sized(rng, traits, "legs", build.legs)
     middle = np.array([0.0, leg + 0.85 * girth, 0.0])
     axis, up = at(lean, 1.0), at(lean + 90, 1.0)
     spine = [middle - 0.5 * length * axis, middle, middle + 0.4 * length * axis]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 
@@ -322,7 +323,7 @@ def scorpion(rng: Rng, traits: Traits) -> Part:
     return varied(
         rng,
         body=body, tail=[limb([a, b], [0.1, 0.1], segments=8, samples=1) for a,
-            b in zip(arc[:-1], arc[1:], strict=True)], spike=sting,
+            b in pairwise(arc)], spike=sting,
         arm=pair(limb([shoulder, elbow, wrist], [0.06, 0.07, 0.06], segments=7, samples=2)),
         claw=[*pair(bead(palm, claws * np.array([0.75, 0.6, 1.0]), segments=12)),
             *(side for part in finger for side in pair(part))],
