@@ -342,9 +342,9 @@ def clam(rng: Rng, traits: Traits) -> Part:
     lower = turned(half, 180, "z")
     ball = rng.uniform(0.13, 0.17)
     halves = [moved(turned(half, -gape, "x"), [0, 0.03, -0.6]), moved(lower, [0, -0.03, -0.6])]
-    return varied(
-        rng,
-        body=bead([0, -0.12, 0], [0.5, 0.14, 0.34], segments=16),
-        jewel=bead([0, 0.02 + ball, 0.1], ball, segments=16, rings=8),
-        **{"shell": halves},
-    )
+    solids = {
+        "shell": halves,
+        "body": [bead([0, -0.12, 0], [0.5, 0.14, 0.34], segments=16)],
+        "jewel": [bead([0, 0.02 + ball, 0.1], ball, segments=16, rings=8)],
+    }
+    return varied(rng, **solids)
