@@ -20,20 +20,17 @@ __all__: list[str] = []
 
 def songbird(rng: Rng, traits: Traits) -> Part:
     """Draw a small bird on its feet: a ball of a body, a short beak, thin legs."""
-    build = Build(
-        girth=(0.3, 0.36), length=(0.36, 0.46), lean_deg=(25, 42), legs=(0.16, 0.24), shank=0.03, neck=(0.06, 0.09),
-        head=(0.22, 0.26), beak=(0.09, 0.13), bill=(0.26, 0.24), tail=(0.36, 0.46), fan_deg=9, wings=(0.48, 0.58),
-    )  # fmt: skip
+    build = Build(girth=(0.3, 0.36), length=(0.36, 0.46), lean_deg=(25, 42), legs=(0.16, 0.24), shank=0.03,
+        neck=(0.06, 0.09), head=(0.22, 0.26), beak=(0.09, 0.13), bill=(0.26, 0.24), tail=(0.36, 0.46), fan_deg=9,
+        wings=(0.48, 0.58))  # fmt: skip
     return varied(rng, **bird_of(rng, traits, build).solids)
 
 
 def gliding_bird(rng: Rng, traits: Traits) -> Part:
     """Draw a bird with its wings stretched out and a forked tail."""
-    build = Build(
-        girth=(0.17, 0.22), length=(0.42, 0.52), lean_deg=(0, 10), neck=(0.08, 0.12), neck_deg=(10, 30),
-        head=(0.14, 0.17),
-        beak=(0.13, 0.18), bill=(0.34, 0.3), tail=(0.42, 0.55), fan_deg=18, wings=(0.95, 1.15), chord=0.36,
-    )  # fmt: skip
+    build = Build(girth=(0.17, 0.22), length=(0.42, 0.52), lean_deg=(0, 10), neck=(0.08, 0.12), neck_deg=(10, 30),
+        head=(0.14, 0.17), beak=(0.13, 0.18), bill=(0.34, 0.3), tail=(0.42, 0.55), fan_deg=18, wings=(0.95, 1.15),
+        chord=0.36)  # fmt: skip
     return varied(rng, **bird_of(rng, traits, replace(build, fingers=bool(rng.integers(2))), flying=True).solids)
 
 
@@ -45,14 +42,10 @@ def _ball(rng: Rng, traits: Traits, tall: Range) -> tuple[dict[str, list[Part]],
     root = middle + radii * [0.92, 0.1, 0]
     flap = turned(turned(petal(wings, 0.5 * wings, thick=0.1), -rng.uniform(25, 60), "z"), rng.uniform(5, 35), "y")
     bill, fan = middle + radii * [0, 0.12, 0.92], turned(feathers(tail, 16), rng.uniform(10, 40), "x")
-    solids = {
-        "body": [ellipsoid(middle, radii, rings=12)],
-        "eye": pair(bead(middle + radii * [0.38, 0.38, 0.8], 0.08)),
+    solids = {"body": [ellipsoid(middle, radii, rings=12)], "eye": pair(bead(middle + radii * [0.38, 0.38, 0.8], 0.08)),
         "beak": [limb([bill, bill + [0, -0.03, beak]], [[0.09, 0.11], [0.02, 0.03]], segments=10)],
-        "wing": pair(moved(flap, root)),
-        "tail": [moved(fan, middle + radii * [0, -0.1, -0.85])],
-        "foot": pair(bead([0.2, 0.06, 0.16], [0.1, 0.07, 0.19])),
-    }
+        "wing": pair(moved(flap, root)), "tail": [moved(fan, middle + radii * [0, -0.1, -0.85])],
+        "foot": pair(bead([0.2, 0.06, 0.16], [0.1, 0.07, 0.19]))}  # fmt: skip
     return solids, middle, radii
 
 
@@ -67,11 +60,9 @@ def round_bird(rng: Rng, traits: Traits) -> Part:
 
 def _waterfowl(rng: Rng, traits: Traits, *, flying: bool = False) -> Part:
     """Draw a duck of nature."""
-    build = Build(
-        girth=(0.27, 0.33), length=(0.48, 0.58), lean_deg=(8, 20), legs=(0.12, 0.17), shank=0.05, neck=(0.2, 0.28),
-        neck_deg=(60, 78), bow=0.08, head=(0.17, 0.2), beak=(0.19, 0.24), bill=(0.26, 0.5), tail=(0.2, 0.28),
-        tail_deg=(25, 45),
-    )  # fmt: skip
+    build = Build(girth=(0.27, 0.33), length=(0.48, 0.58), lean_deg=(8, 20), legs=(0.12, 0.17), shank=0.05,
+        neck=(0.2, 0.28), neck_deg=(60, 78), bow=0.08, head=(0.17, 0.2), beak=(0.19, 0.24), bill=(0.26, 0.5),
+        tail=(0.2, 0.28), tail_deg=(25, 45))  # fmt: skip
     aloft = replace(build, neck=(0.34, 0.44), neck_deg=(5, 20), lean_deg=(0, 8), tail_deg=(0, 8), wings=(0.75, 0.9))
     return varied(rng, **bird_of(rng, traits, aloft if flying else build, flying=flying).solids)
 
@@ -92,32 +83,23 @@ def bath_duck(rng: Rng, traits: Traits) -> Part:
     girth, length = rng.uniform(0.42, 0.5), rng.uniform(0.52, 0.62)
     skull = np.array([0, 0.62 * girth + neck + 0.95 * head, 0.42 * length])
     bill, rump = skull + [0, -0.15 * head, 0.8 * head], np.array([0, 0.2, -0.75 * length])
-    return varied(
-        rng, body=ellipsoid([0, 0.1, 0], [girth, 0.75 * girth, length], rings=12),
-        head=bead(skull, head, segments=20, rings=10),
-        neck=limb([[0, 0.15, 0.36 * length], skull], [0.7 * girth, 0.6 * head], segments=14, samples=3),
-        beak=[limb([bill, bill + [0, way, 0.2]], [[0.05, 0.16], [0.03, 0.14]], segments=10,
-            samples=2) for way in (0.05, -0.05)],
-        eye=pair(bead(skull + head * np.array([0.5, 0.3, 0.78]), 0.06)),
-        tail=bent_limb([rump, rump + [0, 0.12, -0.16], rump + [0, 0.3, -0.22]],
-            [[0.22, 0.26], [0.14, 0.16], [0.03, 0.05]]),
-        wing=pair(bead([0.9 * girth, 0.16, -0.05], [0.12, 0.2, 0.55 * length], segments=12)),
-    )  # fmt: skip
+    return varied(rng, body=ellipsoid([0, 0.1, 0], [girth, 0.75 * girth, length], rings=12), head=bead(skull, head,
+        segments=20, rings=10), neck=limb([[0, 0.15, 0.36 * length], skull], [0.7 * girth, 0.6 * head], segments=14,
+        samples=3), beak=[limb([bill, bill + [0, way, 0.2]], [[0.05, 0.16], [0.03, 0.14]], segments=10, samples=2)
+        for way in (0.05, -0.05)], eye=pair(bead(skull + head * np.array([0.5, 0.3, 0.78]), 0.06)),
+        tail=bent_limb([rump, rump + [0, 0.12, -0.16], rump + [0, 0.3, -0.22]], [[0.22, 0.26], [0.14, 0.16],
+        [0.03, 0.05]]), wing=pair(bead([0.9 * girth, 0.16, -0.05], [0.12, 0.2, 0.55 * length],
+        segments=12)))  # fmt: skip
 
 
 def plump_hen(rng: Rng, traits: Traits) -> Part:
     """Draw a hen: a heavy body, a fan of a tail, a comb and a wattle on a small head."""
-    build = Build(
-        girth=(0.34, 0.4), length=(0.38, 0.46), lean_deg=(20, 38), legs=(0.16, 0.24), neck=(0.18, 0.25),
-        neck_deg=(62, 78),
-        head=(0.15, 0.18), beak=(0.1, 0.14), bill=(0.42, 0.36), tail=(0.36, 0.46), fan_deg=24, tail_deg=(75, 95),
-        wings=(0.46, 0.56),
-    )  # fmt: skip
+    build = Build(girth=(0.34, 0.4), length=(0.38, 0.46), lean_deg=(20, 38), legs=(0.16, 0.24), neck=(0.18, 0.25),
+        neck_deg=(62, 78), head=(0.15, 0.18), beak=(0.1, 0.14), bill=(0.42, 0.36), tail=(0.36, 0.46), fan_deg=24,
+        tail_deg=(75, 95), wings=(0.46, 0.56))  # fmt: skip
     bird = bird_of(rng, traits, build)
-    comb = [
-        bead(bird.skull + bird.head * np.array([0, 0.95 + lift, z]), [0.04, 0.09, 0.07], segments=8)
-        for z, lift in ((0.5, 0), (0, 0.2), (-0.5, 0.1))
-    ]
+    comb = [bead(bird.skull + bird.head * np.array([0, 0.95 + lift, z]), [0.04, 0.09, 0.07], segments=8) for z,
+        lift in ((0.5, 0), (0, 0.2), (-0.5, 0.1))]  # fmt: skip
     wattle = bead(bird.skull + bird.head * np.array([0, -0.95, 0.85]), [0.045, 0.09, 0.05], segments=8)
     return varied(rng, **bird.solids, crest=comb, wattle=wattle)
 
@@ -129,21 +111,17 @@ def block_chicken(rng: Rng, traits: Traits) -> Part:
     y = leg + 0.26
     skull = np.array([0, y + 0.3 + head, 0.5 * long - 0.8 * head + 0.05])
     bevel = rng.uniform(0.04, 0.2)
-    shapes: dict[str, tuple[ArrayLike, ArrayLike]] = {
-        "body": ([0, y, 0], [wide, 0.48, long]),
-        "neck": (skull - [0, 0.8 * head, 0], [1.5 * head, 1.2 * head, 1.4 * head]),
-        "head": (skull, head * np.array([1.7, 1.8, 1.6])),
-        "crest": (skull + [0, 1.05 * head, 0], head * np.array([0.4, 0.6, 1.1])),
+    shapes: dict[str, tuple[ArrayLike, ArrayLike]] = {"body": ([0, y, 0], [wide, 0.48, long]),
+        "neck": (skull - [0, 0.8 * head, 0], [1.5 * head, 1.2 * head, 1.4 * head]), "head": (skull,
+        head * np.array([1.7, 1.8, 1.6])), "crest": (skull + [0, 1.05 * head, 0], head * np.array([0.4, 0.6, 1.1])),
         "beak": (skull + head * np.array([0, 0.05, 1.1]), head * np.array([0.7, 0.45, 0.9])),
         "wattle": (skull + head * np.array([0, -0.55, 0.95]), head * np.array([0.4, 0.6, 0.4])),
-        "tail": ([0, y + 0.16 + 0.4 * tail, -0.5 * long - 0.1 * tail],
-            [0.6 * wide, 0.24 + 0.8 * tail, 0.14 + 0.6 * tail]),
-    }  # fmt: skip
+        "tail": ([0, y + 0.16 + 0.4 * tail, -0.5 * long - 0.1 * tail], [0.6 * wide, 0.24 + 0.8 * tail,
+        0.14 + 0.6 * tail])}  # fmt: skip
     sides: dict[str, tuple[ArrayLike, ArrayLike]] = {"wing": ([0.5 * wide + 0.04, y + 0.03, -0.03],
-        [0.1, 0.3, 0.6 * long]),
-        "leg": ([0.13, 0.5 * leg + 0.06, 0], [0.08, leg + 0.1, 0.08]),
-             "foot": ([0.13, 0.035, 0.06], [0.2, 0.07, 0.26]),
-             "eye": (skull + head * np.array([0.84, 0.3, 0.4]), head * np.array([0.12, 0.3, 0.3]))}  # fmt: skip
+        [0.1, 0.3, 0.6 * long]), "leg": ([0.13, 0.5 * leg + 0.06, 0], [0.08, leg + 0.1, 0.08]),
+        "foot": ([0.13, 0.035, 0.06], [0.2, 0.07, 0.26]), "eye": (skull + head * np.array([0.84, 0.3, 0.4]),
+        head * np.array([0.12, 0.3, 0.3]))}  # fmt: skip
     one = {part: [box(*where, round_by=bevel, cells=3)] for part, where in shapes.items()}
     return varied(rng, **one, **{part: pair(box(*where, round_by=bevel, cells=3)) for part, where in sides.items()})
 
@@ -158,27 +136,22 @@ def _eyes_of_owl(solids: dict[str, list[Part]], skull: Array, head: float, eyes:
 
 def perched_owl(rng: Rng, traits: Traits) -> Part:
     """Draw an owl on its legs: a great round head with tufts on an upright body, long folded wings."""
-    build = Build(
-        girth=(0.27, 0.33), length=(0.4, 0.5), lean_deg=(62, 76), legs=(0.08, 0.12), shank=0.07, neck=(0.05, 0.08),
-        neck_deg=(70, 85),
-        head=(0.3, 0.35), beak=(0.06, 0.08), hook=1.0, bill=(0.3, 0.2), tail=(0.24, 0.32), wings=(0.55, 0.65),
-    )  # fmt: skip
+    build = Build(girth=(0.27, 0.33), length=(0.4, 0.5), lean_deg=(62, 76), legs=(0.08, 0.12), shank=0.07,
+        neck=(0.05, 0.08), neck_deg=(70, 85), head=(0.3, 0.35), beak=(0.06, 0.08), hook=1.0, bill=(0.3, 0.2),
+        tail=(0.24, 0.32), wings=(0.55, 0.65))  # fmt: skip
     bird = bird_of(rng, traits, build)
     eyes, ears = sized(rng, traits, "eyes", (0.13, 0.16), by=1.7), sized(rng, traits, "ears", (0.16, 0.22))
     _eyes_of_owl(bird.solids, bird.skull, bird.head, eyes)
     root = bird.skull + bird.head * np.array([0.5, 0.65, 0.1])
-    return varied(
-        rng, **bird.solids, ear=pair(limb([root, root + ears * np.array([0.4, 1, -0.1])], [0.09, 0.02], segments=8))
-    )
+    return varied(rng, **bird.solids, ear=pair(limb([root, root + ears * np.array([0.4, 1, -0.1])], [0.09, 0.02],
+        segments=8)))  # fmt: skip
 
 
 def flying_owl(rng: Rng, traits: Traits) -> Part:
     """Draw an owl in flight: broad blunt wings, a great round head."""
-    build = Build(
-        girth=(0.25, 0.3), length=(0.42, 0.5), lean_deg=(5, 20), neck=(0.05, 0.08), neck_deg=(10, 30),
-        head=(0.24, 0.28), beak=(0.05, 0.07),
-        hook=1.0, bill=(0.3, 0.2), tail=(0.3, 0.38), fan_deg=22, wings=(0.85, 1.05), chord=0.58, fingers=True,
-    )  # fmt: skip
+    build = Build(girth=(0.25, 0.3), length=(0.42, 0.5), lean_deg=(5, 20), neck=(0.05, 0.08), neck_deg=(10, 30),
+        head=(0.24, 0.28), beak=(0.05, 0.07), hook=1.0, bill=(0.3, 0.2), tail=(0.3, 0.38), fan_deg=22,
+        wings=(0.85, 1.05), chord=0.58, fingers=True)  # fmt: skip
     bird = bird_of(rng, traits, build, flying=True)
     _eyes_of_owl(bird.solids, bird.skull, bird.head, sized(rng, traits, "eyes", (0.11, 0.13), by=1.7))
     return varied(rng, **bird.solids)
@@ -191,29 +164,22 @@ def flat_butterfly(rng: Rng, traits: Traits) -> Part:
     skull, root = np.array([0, 0, long + 0.02]), np.array([0.03, 0.03, 0.1])
     blades = [(petal(wings, 0.95 * wings), -28), (petal(0.72 * wings, 0.75 * wings), 38)]
     wing = [moved(turned(turned(blade, sweep, "y"), rise, "z"), root) for blade, sweep in blades]
-    return varied(
-        rng, body=limb([[0, 0, -long], [0, 0, 0], [0, 0, long]], [0.6 * girth, 1.3 * girth, girth], segments=12),
-        head=bead(skull, 1.5 * girth, segments=12),
-        feeler=feelers_of(skull + [0.03, 0.04, 0.04], np.array([0.2, 0.16, 0.32]), thick=0.02),
-        wing=[side for one in wing for side in pair(one)],
-    )  # fmt: skip
+    return varied(rng, body=limb([[0, 0, -long], [0, 0, 0], [0, 0, long]], [0.6 * girth, 1.3 * girth, girth],
+        segments=12), head=bead(skull, 1.5 * girth, segments=12), feeler=feelers_of(skull + [0.03, 0.04, 0.04],
+        np.array([0.2, 0.16, 0.32]), thick=0.02), wing=[side for one in wing for side in pair(one)])  # fmt: skip
 
 
 def fat_moth(rng: Rng, traits: Traits) -> Part:
     """Draw a moth: a thick body, wings laid back like a roof, feelers like feathers."""
     wings, rise = sized(rng, traits, "wings", (0.75, 0.95), by=1.9), rng.uniform(-15, 15)
     skull, root = np.array([0, 0.02, 0.42]), np.array([0.06, 0.1, 0.2])
-    wing = [
-        moved(turned(turned(petal(size * wings, 0.62 * wings), sweep, "y"), rise, "z"), root - [0, drop, 0])
-        for size, sweep, drop in ((1, 32, 0), (0.75, 55, 0.05))
-    ]
+    wing = [moved(turned(turned(petal(size * wings, 0.62 * wings), sweep, "y"), rise, "z"), root - [0, drop, 0])
+        for size, sweep, drop in ((1, 32, 0), (0.75, 55, 0.05))]  # fmt: skip
     comb = turned(turned(petal(0.34, 0.13, thick=0.04), -48, "y"), 25, "z")
-    return varied(
-        rng, body=[limb([[0, 0, -0.55], [0, 0, -0.1], [0, 0.02, 0.15]], [0.07, 0.16, 0.15], segments=14),
-            bead([0, 0.03, 0.18], 0.2, segments=14)],
-        head=bead(skull, 0.13, segments=12), feeler=pair(moved(comb, skull + [0.04, 0.06, 0.06])),
-        wing=[side for one in wing for side in pair(one)],
-    )  # fmt: skip
+    return varied(rng, body=[limb([[0, 0, -0.55], [0, 0, -0.1], [0, 0.02, 0.15]], [0.07, 0.16, 0.15], segments=14),
+        bead([0, 0.03, 0.18], 0.2, segments=14)], head=bead(skull, 0.13, segments=12),
+        feeler=pair(moved(comb, skull + [0.04, 0.06, 0.06])), wing=[side for one in wing
+        for side in pair(one)])  # fmt: skip
 
 
 def _spider(rng: Rng, traits: Traits, reach: Range, thick: float, lift: float, belly: Range) -> Part:
@@ -222,15 +188,11 @@ def _spider(rng: Rng, traits: Traits, reach: Range, thick: float, lift: float, b
     girth, y = rng.uniform(*belly), 0.16 + 0.12 * lift + thick
     skull = np.array([0, y + 0.02, 0.2 + head])
     spots = ((0.16, 52), (0.05, 18), (-0.06, -18), (-0.17, -52))
-    return varied(
-        rng, body=[ellipsoid([0, y + 0.08, -0.25 - girth], [girth, 0.85 * girth, 1.2 * girth], rings=10),
-            bead([0, y, 0], [0.2, 0.15, 0.28], segments=14)],
-        head=bead(skull, head * np.array([1, 0.85, 1]), segments=14),
+    return varied(rng, body=[ellipsoid([0, y + 0.08, -0.25 - girth], [girth, 0.85 * girth, 1.2 * girth], rings=10),
+        bead([0, y, 0], [0.2, 0.15, 0.28], segments=14)], head=bead(skull, head * np.array([1, 0.85, 1]), segments=14),
         eye=pair(bead(skull + head * np.array([0.4, 0.5, 0.75]), 0.3 * head)),
         fang=pair(limb([skull + head * np.array([0.35, -0.4, 0.75]), skull + head * np.array([0.3, -1.0, 0.9])],
-            [0.05, 0.015], segments=7)),
-        leg=legs_of(legs, y, spots, lift=lift, thick=thick, inner=0.12),
-    )  # fmt: skip
+        [0.05, 0.015], segments=7)), leg=legs_of(legs, y, spots, lift=lift, thick=thick, inner=0.12))  # fmt: skip
 
 
 def flat_spider(rng: Rng, traits: Traits) -> Part:
@@ -263,16 +225,13 @@ def slim_penguin(rng: Rng, traits: Traits) -> Part:
     bill, root = skull + [0, -0.05 * head, 0.75 * head], np.array([0.8 * girth, 1.55 * tall, 0.02])
     path = [root, root + wings * np.array([0.25, -0.5, -0.05]), root + wings * np.array([0.35, -1, -0.1])]
     brow = skull + head * np.array([0.7, 0.55, 0.2])
-    return varied(
-        rng, body=bent_limb([[0, 0.25, -0.05], [0, 0.8 * tall, 0.02], [0, 1.5 * tall, 0], [0, 1.9 * tall, 0.04]],
-            girth * np.array([0.75, 1.05, 0.8, 0.5]), segments=18),
-        head=[bead(skull, head, segments=16, rings=8),
-            *pair(limb([brow, brow + [0.1, 0.1, -0.16]], [0.03, 0.012], segments=6, samples=1))],
+    return varied(rng, body=bent_limb([[0, 0.25, -0.05], [0, 0.8 * tall, 0.02], [0, 1.5 * tall, 0], [0, 1.9 * tall,
+        0.04]], girth * np.array([0.75, 1.05, 0.8, 0.5]), segments=18), head=[bead(skull, head, segments=16, rings=8),
+        *pair(limb([brow, brow + [0.1, 0.1, -0.16]], [0.03, 0.012], segments=6, samples=1))],
         beak=bent_limb([bill, bill + [0, 0, 0.12], bill + [0, -0.06, 0.24]], [0.06, 0.045, 0.015], segments=8),
-        wing=pair(bent_limb(path, [[0.05, 0.1], [0.05, 0.13], [0.03, 0.05]])),
-        foot=pair(bead([0.16, 0.05, 0.14], [0.13, 0.06, 0.2], segments=10)),
-        tail=limb([[0, 0.25, -0.2], [0, 0.06, -0.42]], [[0.06, 0.14], [0.03, 0.06]], segments=10),
-    )  # fmt: skip
+        wing=pair(bent_limb(path, [[0.05, 0.1], [0.05, 0.13], [0.03, 0.05]])), foot=pair(bead([0.16, 0.05, 0.14],
+        [0.13, 0.06, 0.2], segments=10)), tail=limb([[0, 0.25, -0.2], [0, 0.06, -0.42]], [[0.06, 0.14], [0.03, 0.06]],
+        segments=10))  # fmt: skip
 
 
 def _crab(rng: Rng, traits: Traits, radii: Array, reach: Range, thick: float, claw: Range) -> Part:
@@ -281,28 +240,15 @@ def _crab(rng: Rng, traits: Traits, radii: Array, reach: Range, thick: float, cl
     out, top = radii * [0.8, 0, 0.55], np.array([0, y, 0]) + radii * [0.28, 0.85, 0.6]
     shoulder, wrist = out + [0, y, 0], out + [0.22, y + 0.05, 0.42]
     palm, eye = wrist + [-0.02, 0.1, 0.7 * claws], top + [0.02, 0.16, 0.04]
-    tips = [
-        bent_limb(
-            [
-                palm + claws * np.array([side * 0.45, 0.1, 0.4]),
-                palm + claws * np.array([side * 0.8, 0.15, 1.1]),
-                palm + claws * np.array([side * 0.08, 0.15, 1.7]),
-            ],
-            claws * np.array([0.42, 0.34, 0.06]),
-            segments=8,
-        )
-        for side in (1, -1)
-    ]
-    return varied(
-        rng, body=ellipsoid([0, y, 0], radii, rings=10),
-        leg=legs_of(legs, y - 0.05, ((0.1, 22), (0, 2), (-0.1, -18), (-0.2, -38)), lift=0.3, thick=thick,
-            inner=0.65 * radii[0]),
+    tips = [bent_limb([palm + claws * np.array([side * 0.45, 0.1, 0.4]), palm + claws * np.array([side * 0.8, 0.15,
+        1.1]), palm + claws * np.array([side * 0.08, 0.15, 1.7])], claws * np.array([0.42, 0.34, 0.06]), segments=8)
+        for side in (1, -1)]  # fmt: skip
+    return varied(rng, body=ellipsoid([0, y, 0], radii, rings=10), leg=legs_of(legs, y - 0.05, ((0.1, 22), (0, 2),
+        (-0.1, -18), (-0.2, -38)), lift=0.3, thick=thick, inner=0.65 * radii[0]),
         eye=[*pair(limb([top, eye], [0.04, 0.04], segments=7, samples=1)), *pair(bead(eye, 0.075))],
         arm=pair(limb([shoulder, [wrist[0] + 0.1, y, 0.5 * (shoulder + wrist)[2]], wrist], [0.09, 0.09, 0.08],
-            segments=8, samples=2)),
-        claw=[*pair(bead(palm, claws * np.array([0.85, 0.65, 1.0]), segments=12)),
-            *(half for tip in tips for half in pair(tip))],
-    )  # fmt: skip
+        segments=8, samples=2)), claw=[*pair(bead(palm, claws * np.array([0.85, 0.65, 1.0]), segments=12)),
+        *(half for tip in tips for half in pair(tip))])  # fmt: skip
 
 
 def round_crab(rng: Rng, traits: Traits) -> Part:
@@ -321,23 +267,12 @@ def round_octopus(rng: Rng, traits: Traits) -> Part:
     skull = np.array([0, 0.12 + 0.85 * head, 0])
     solids = []
     for place in circle(1.0, 8):
-        way = np.array(
-            [
-                place * r + [0, h, 0]
-                for r, h in (
-                    (0.3, 0.18),
-                    (0.4 + 0.5 * arms, 0.08),
-                    (0.42 + arms, 0.1),
-                    (0.4 + 1.05 * arms, 0.1 + 0.3 * arms),
-                )
-            ]
-        )
+        way = np.array([place * r + [0, h, 0] for r, h in ((0.3, 0.18), (0.4 + 0.5 * arms, 0.08), (0.42 + arms, 0.1),
+            (0.4 + 1.05 * arms, 0.1 + 0.3 * arms))])  # fmt: skip
         solids.append(bent_limb(way, [0.15, 0.13, 0.1, 0.05], segments=9))
-    return varied(
-        rng, body=bead([0, 0.16, 0], [0.38, 0.16, 0.38], segments=16),
-        head=bead(skull, head * np.array([1, rng.uniform(0.85, 1.1), 0.95]), segments=22, rings=12),
-        eye=pair(bead(skull + head * np.array([0.42, 0.02, 0.82]), 0.13)), arm=solids,
-    )  # fmt: skip
+    return varied(rng, body=bead([0, 0.16, 0], [0.38, 0.16, 0.38], segments=16), head=bead(skull,
+        head * np.array([1, rng.uniform(0.85, 1.1), 0.95]), segments=22, rings=12),
+        eye=pair(bead(skull + head * np.array([0.42, 0.02, 0.82]), 0.13)), arm=solids)  # fmt: skip
 
 
 def sea_octopus(rng: Rng, traits: Traits) -> Part:
@@ -350,67 +285,33 @@ def sea_octopus(rng: Rng, traits: Traits) -> Part:
         path = out * (0.14 + arms * t[:, None]) + side * wave + [0, 0.06, 0] + np.outer(0.2 * (1 - t) ** 2, [0, 1, 0])
         solids.append(limb(path, np.linspace(0.11, 0.025, 7), segments=8, samples=1))
     brow = np.array([0, 0.34, 0.1])
-    return varied(
-        rng, body=bead([0, 0.24, 0], [0.26, 0.2, 0.26], segments=16),
+    return varied(rng, body=bead([0, 0.24, 0], [0.26, 0.2, 0.26], segments=16),
         head=bent_limb([brow, brow + head * np.array([0, 0.6, -0.7]), brow + head * np.array([0, 1.0, -2.2])],
-            [0.22, 0.9 * head, 0.5 * head], segments=16),
-        eye=pair(bead(brow + [0.17, 0.1, 0.06], 0.085)), arm=solids,
-    )  # fmt: skip
+        [0.22, 0.9 * head, 0.5 * head], segments=16), eye=pair(bead(brow + [0.17, 0.1, 0.06], 0.085)),
+        arm=solids)  # fmt: skip
 
 
 def slim_fish(rng: Rng, traits: Traits) -> Part:
     """Draw a slim fish such as a trout or a sardine."""
-    return varied(
-        rng,
-        **fish_of(
-            rng,
-            traits,
-            FishBuild(
-                tall=(0.2, 0.27), wide=(0.13, 0.18), fins=(0.2, 0.26), tail=(0.34, 0.42), back=(0.15, -0.2), fork=0.45
-            ),
-        ),
-    )
+    return varied(rng, **fish_of(rng, traits, FishBuild(tall=(0.2, 0.27), wide=(0.13, 0.18), fins=(0.2, 0.26),
+        tail=(0.34, 0.42), back=(0.15, -0.2), fork=0.45)))  # fmt: skip
 
 
 def tall_fish(rng: Rng, traits: Traits) -> Part:
     """Draw a fish like a disc, flat from the side, with tall pointed fins."""
-    build = FishBuild(
-        tall=(0.7, 0.85),
-        wide=(0.13, 0.18),
-        girths=(0.12, 0.7, 1.0, 0.85, 0.4, 0.16),
-        fins=(0.5, 0.65),
-        fork=0.2,
-        back=(0.2, -0.6),
-        belly=(0.2, -0.6),
-        fin_lean=1.0,
-    )
+    build = FishBuild(tall=(0.7, 0.85), wide=(0.13, 0.18), girths=(0.12, 0.7, 1.0, 0.85, 0.4, 0.16), fins=(0.5, 0.65),
+        fork=0.2, back=(0.2, -0.6), belly=(0.2, -0.6), fin_lean=1.0)  # fmt: skip
     return varied(rng, **fish_of(rng, traits, build))
 
 
 def goldfish(rng: Rng, traits: Traits) -> Part:
     """Draw a goldfish: a round body, a tail like a veil, long soft fins."""
-    build = FishBuild(
-        tall=(0.5, 0.6),
-        wide=(0.4, 0.5),
-        girths=(0.4, 0.85, 1.0, 0.8, 0.4, 0.2),
-        fins=(0.42, 0.52),
-        tail=(0.8, 1.0),
-        tail_tall=0.8,
-        fork=0.35,
-        back=(0.3, -0.4),
-    )
+    build = FishBuild(tall=(0.5, 0.6), wide=(0.4, 0.5), girths=(0.4, 0.85, 1.0, 0.8, 0.4, 0.2), fins=(0.42, 0.52),
+        tail=(0.8, 1.0), tail_tall=0.8, fork=0.35, back=(0.3, -0.4))  # fmt: skip
     return varied(rng, **fish_of(rng, traits, build))
 
 
-KINDS = {
-    "bird": (songbird, gliding_bird, round_bird),
-    "butterfly": (flat_butterfly, fat_moth),
-    "chicken": (plump_hen, block_chicken),
-    "crab": (round_crab, long_crab),
-    "duck": (standing_mallard, bath_duck, flying_duck),
-    "fish": (slim_fish, tall_fish, goldfish),
-    "octopus": (round_octopus, sea_octopus),
-    "owl": (perched_owl, flying_owl),
-    "penguin": (round_penguin, slim_penguin),
-    "spider": (flat_spider, hairy_spider, toy_spider),
-}
+KINDS = {"bird": (songbird, gliding_bird, round_bird), "butterfly": (flat_butterfly, fat_moth), "chicken": (plump_hen,
+    block_chicken), "crab": (round_crab, long_crab), "duck": (standing_mallard, bath_duck, flying_duck),
+    "fish": (slim_fish, tall_fish, goldfish), "octopus": (round_octopus, sea_octopus), "owl": (perched_owl, flying_owl),
+    "penguin": (round_penguin, slim_penguin), "spider": (flat_spider, hairy_spider, toy_spider)}  # fmt: skip

@@ -13,10 +13,8 @@ from meshdeform.nouns.families.drawing import bead, bent_limb, sized, varied
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Range, Rng, Traits
 
-__all__ = [
-    "crow", "eagle", "flamingo", "goose", "hummingbird", "ostrich", "parrot", "peacock", "pelican", "pigeon",
-    "pterodactyl", "seagull", "stork", "toucan", "turkey", "vulture",
-]  # fmt: skip
+__all__ = ["crow", "eagle", "flamingo", "goose", "hummingbird", "ostrich", "parrot", "peacock", "pelican", "pigeon",
+    "pterodactyl", "seagull", "stork", "toucan", "turkey", "vulture"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -149,15 +147,11 @@ def _drawn_by(build: Build, *, flying: bool = False) -> Callable[[Rng, Traits], 
     return lambda rng, traits: varied(rng, **bird_of(rng, traits, build, flying=flying).solids)
 
 
-_EAGLE = Build(
-    girth=(0.22, 0.27), length=(0.5, 0.58), lean_deg=(0, 8), neck=(0.12, 0.16), neck_deg=(5, 25), head=(0.15, 0.17),
-    beak=(0.15, 0.19), hook=0.7, bill=(0.55, 0.42), tail=(0.42, 0.52), fan_deg=24, wings=(1.05, 1.3), chord=0.48,
-    fingers=True,
-)  # fmt: skip
-_PERCHED = replace(
-    _EAGLE, girth=(0.27, 0.32), lean_deg=(52, 66), neck_deg=(65, 80), legs=(0.16, 0.22), shank=0.07, wings=(0.75, 0.85),
-    fan_deg=12,
-)  # fmt: skip
+_EAGLE = Build(girth=(0.22, 0.27), length=(0.5, 0.58), lean_deg=(0, 8), neck=(0.12, 0.16), neck_deg=(5, 25),
+    head=(0.15, 0.17), beak=(0.15, 0.19), hook=0.7, bill=(0.55, 0.42), tail=(0.42, 0.52), fan_deg=24, wings=(1.05, 1.3),
+    chord=0.48, fingers=True)  # fmt: skip
+_PERCHED = replace(_EAGLE, girth=(0.27, 0.32), lean_deg=(52, 66), neck_deg=(65, 80), legs=(0.16, 0.22), shank=0.07,
+    wings=(0.75, 0.85), fan_deg=12)  # fmt: skip
 
 
 eagle = _drawn_by(_EAGLE, flying=True)
@@ -169,10 +163,9 @@ def perched_eagle(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **bird_of(rng, traits, _PERCHED).solids)
 
 
-_PARROT = Build(
-    girth=(0.24, 0.29), lean_deg=(50, 66), legs=(0.08, 0.12), neck=(0.1, 0.12), neck_deg=(60, 80), head=(0.23, 0.26),
-    beak=(0.17, 0.21), hook=1.0, bill=(0.55, 0.4), tail=(0.7, 0.9), fan_deg=6, wings=(0.62, 0.72),
-)  # fmt: skip
+_PARROT = Build(girth=(0.24, 0.29), lean_deg=(50, 66), legs=(0.08, 0.12), neck=(0.1, 0.12), neck_deg=(60, 80),
+    head=(0.23, 0.26), beak=(0.17, 0.21), hook=1.0, bill=(0.55, 0.4), tail=(0.7, 0.9), fan_deg=6,
+    wings=(0.62, 0.72))  # fmt: skip
 
 
 parrot = _drawn_by(_PARROT)
@@ -186,37 +179,30 @@ def cockatoo(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **bird.solids, crest=crest)
 
 
-flamingo = _drawn_by(
-    Build(girth=(0.22, 0.26), length=(0.4, 0.46), lean_deg=(5, 15), legs=(1.0, 1.2), shank=0.035, neck=(0.75, 0.9),
-        neck_deg=(72, 84), bow=0.26, head=(0.1, 0.115), beak=(0.2, 0.24), hook=1.0, bill=(0.55, 0.5), tail=(0.14,
-        0.2), wings=(0.5, 0.58)),
-)  # fmt: skip
+flamingo = _drawn_by(Build(girth=(0.22, 0.26), length=(0.4, 0.46), lean_deg=(5, 15), legs=(1.0, 1.2), shank=0.035,
+    neck=(0.75, 0.9), neck_deg=(72, 84), bow=0.26, head=(0.1, 0.115), beak=(0.2, 0.24), hook=1.0, bill=(0.55, 0.5),
+    tail=(0.14, 0.2), wings=(0.5, 0.58)))  # fmt: skip
 """A flamingo: a small body on stilts, a long neck in an S, a beak bent down."""
 
-ostrich = _drawn_by(
-    Build(girth=(0.38, 0.44), length=(0.4, 0.5), lean_deg=(0, 10), legs=(0.8, 0.95), shank=0.06, neck=(0.75, 0.9),
-        neck_deg=(72, 84), bow=0.08, head=(0.12, 0.135), beak=(0.12, 0.15), bill=(0.3, 0.6), tail=(0.28, 0.34),
-        fan_deg=38, tail_deg=(30, 50), wings=(0.5, 0.58)),
-)  # fmt: skip
+ostrich = _drawn_by(Build(girth=(0.38, 0.44), length=(0.4, 0.5), lean_deg=(0, 10), legs=(0.8, 0.95), shank=0.06,
+    neck=(0.75, 0.9), neck_deg=(72, 84), bow=0.08, head=(0.12, 0.135), beak=(0.12, 0.15), bill=(0.3, 0.6),
+    tail=(0.28, 0.34), fan_deg=38, tail_deg=(30, 50), wings=(0.5, 0.58)))  # fmt: skip
 """An ostrich: a great round body on strong legs, a bare upright neck, a small flat head, a plume of a tail."""
 
 
 def peacock(rng: Rng, traits: Traits) -> Part:
     """Draw a peacock: a wheel of feathers behind a slender bird with a small crown."""
-    build = Build(
-        girth=(0.2, 0.24), length=(0.38, 0.44), neck=(0.38, 0.46), neck_deg=(70, 82), bow=0.06, head=(0.11, 0.13),
-        beak=(0.12, 0.15), tail=(1.05, 1.25), fan_deg=82, tail_deg=(88, 100), wings=(0.4, 0.46),
-    )  # fmt: skip
+    build = Build(girth=(0.2, 0.24), length=(0.38, 0.44), neck=(0.38, 0.46), neck_deg=(70, 82), bow=0.06,
+        head=(0.11, 0.13), beak=(0.12, 0.15), tail=(1.05, 1.25), fan_deg=82, tail_deg=(88, 100),
+        wings=(0.4, 0.46))  # fmt: skip
     bird = bird_of(rng, traits, build)
     return varied(rng, **bird.solids, crest=plumes(bird.skull + [0, 0.7 * bird.head, 0], 0.22, (70, 95, 120), 0.022))
 
 
 def pelican(rng: Rng, traits: Traits) -> Part:
     """Draw a pelican: a long bill over a deep pouch, a bent neck, a plump body on short legs."""
-    build = Build(
-        girth=(0.32, 0.38), lean_deg=(12, 22), legs=(0.14, 0.18), neck=(0.42, 0.52), neck_deg=(72, 84), bow=0.2,
-        head=(0.15, 0.17), beak=(0.75, 0.9), bill=(0.3, 0.5), tail=(0.18, 0.24), wings=(0.6, 0.7),
-    )  # fmt: skip
+    build = Build(girth=(0.32, 0.38), lean_deg=(12, 22), legs=(0.14, 0.18), neck=(0.42, 0.52), neck_deg=(72, 84),
+        bow=0.2, head=(0.15, 0.17), beak=(0.75, 0.9), bill=(0.3, 0.5), tail=(0.18, 0.24), wings=(0.6, 0.7))  # fmt: skip
     bird = bird_of(rng, traits, build)
     tip = bird.solids["beak"][0].verts
     ends = bird.skull - [0, 0.5 * bird.head, 0], tip[tip[:, 2].argmax()]
@@ -226,37 +212,30 @@ def pelican(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **bird.solids, jaw=pouch)
 
 
-toucan = _drawn_by(
-    Build(girth=(0.25, 0.29), lean_deg=(45, 60), legs=(0.1, 0.14), neck=(0.06, 0.1), neck_deg=(60, 75), head=(0.2,
-        0.23), beak=(0.6, 0.75), hook=0.3, bill=(0.8, 0.5), tail=(0.42, 0.5), fan_deg=9),
-)  # fmt: skip
+toucan = _drawn_by(Build(girth=(0.25, 0.29), lean_deg=(45, 60), legs=(0.1, 0.14), neck=(0.06, 0.1), neck_deg=(60, 75),
+    head=(0.2, 0.23), beak=(0.6, 0.75), hook=0.3, bill=(0.8, 0.5), tail=(0.42, 0.5), fan_deg=9))  # fmt: skip
 """A toucan: a beak nearly as long and as thick as its upright body."""
 
 
 def turkey(rng: Rng, traits: Traits) -> Part:
     """Draw a turkey: a plump body before an upright fan, a thin neck, a small head with a wattle."""
-    build = Build(
-        girth=(0.38, 0.44), length=(0.42, 0.5), lean_deg=(15, 25), neck=(0.26, 0.32), neck_deg=(60, 75), bow=0.12,
-        head=(0.12, 0.14), beak=(0.1, 0.13), hook=0.4, tail=(0.72, 0.85), fan_deg=74, tail_deg=(80, 95),
-    )  # fmt: skip
+    build = Build(girth=(0.38, 0.44), length=(0.42, 0.5), lean_deg=(15, 25), neck=(0.26, 0.32), neck_deg=(60, 75),
+        bow=0.12, head=(0.12, 0.14), beak=(0.1, 0.13), hook=0.4, tail=(0.72, 0.85), fan_deg=74,
+        tail_deg=(80, 95))  # fmt: skip
     bird = bird_of(rng, traits, build)
     drop = bird.skull + bird.head * np.array([0, -0.9, 0.75])
     wattle = limb([drop + [0, 0.05, 0], drop - [0, rng.uniform(0.1, 0.16), 0]], [0.05, 0.06], segments=10)
     return varied(rng, **bird.solids, wattle=wattle)
 
 
-goose = _drawn_by(
-    Build(girth=(0.32, 0.37), length=(0.55, 0.65), lean_deg=(6, 16), legs=(0.18, 0.24), shank=0.055, neck=(0.55,
-        0.68), neck_deg=(74, 86), bow=0.07, head=(0.14, 0.16), beak=(0.17, 0.21), bill=(0.35, 0.5), tail=(0.2,
-        0.26), tail_deg=(20, 40), wings=(0.62, 0.7)),
-)  # fmt: skip
+goose = _drawn_by(Build(girth=(0.32, 0.37), length=(0.55, 0.65), lean_deg=(6, 16), legs=(0.18, 0.24), shank=0.055,
+    neck=(0.55, 0.68), neck_deg=(74, 86), bow=0.07, head=(0.14, 0.16), beak=(0.17, 0.21), bill=(0.35, 0.5),
+    tail=(0.2, 0.26), tail_deg=(20, 40), wings=(0.62, 0.7)))  # fmt: skip
 """A goose on its feet: a heavy level body, a long upright neck, a flat bill."""
 
-seagull = _drawn_by(
-    Build(girth=(0.2, 0.24), length=(0.46, 0.54), lean_deg=(0, 8), neck=(0.08, 0.12), neck_deg=(15, 35), head=(0.15,
-        0.175), beak=(0.16, 0.2), hook=0.25, bill=(0.36, 0.3), tail=(0.26, 0.32), fan_deg=22, wings=(1.2, 1.4),
-        chord=0.27), flying=True,
-)  # fmt: skip
+seagull = _drawn_by(Build(girth=(0.2, 0.24), length=(0.46, 0.54), lean_deg=(0, 8), neck=(0.08, 0.12), neck_deg=(15, 35),
+    head=(0.15, 0.175), beak=(0.16, 0.2), hook=0.25, bill=(0.36, 0.3), tail=(0.26, 0.32), fan_deg=22, wings=(1.2, 1.4),
+    chord=0.27), flying=True)  # fmt: skip
 """A gull that glides: long narrow pointed wings, a plump body, a short tail."""
 
 
@@ -266,25 +245,20 @@ def standing_gull(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **bird_of(rng, traits, replace(build, wings=(0.68, 0.76), legs=(0.24, 0.3))).solids)
 
 
-crow = _drawn_by(
-    Build(girth=(0.24, 0.28), lean_deg=(18, 35), beak=(0.26, 0.32), bill=(0.5, 0.4), hook=0.15, tail=(0.48, 0.58),
-        fan_deg=9, wings=(0.66, 0.76)),
-)  # fmt: skip
+crow = _drawn_by(Build(girth=(0.24, 0.28), lean_deg=(18, 35), beak=(0.26, 0.32), bill=(0.5, 0.4), hook=0.15,
+    tail=(0.48, 0.58), fan_deg=9, wings=(0.66, 0.76)))  # fmt: skip
 """A crow: a strong straight beak, a sleek body, a long tail."""
 
-pigeon = _drawn_by(
-    Build(girth=(0.31, 0.36), lean_deg=(24, 38), legs=(0.12, 0.16), neck=(0.16, 0.22), neck_deg=(72, 84),
-        head=(0.145, 0.165), beak=(0.06, 0.08), bill=(0.3, 0.3), tail=(0.4, 0.48), fan_deg=13, wings=(0.6, 0.68)),
-)  # fmt: skip
+pigeon = _drawn_by(Build(girth=(0.31, 0.36), lean_deg=(24, 38), legs=(0.12, 0.16), neck=(0.16, 0.22), neck_deg=(72, 84),
+    head=(0.145, 0.165), beak=(0.06, 0.08), bill=(0.3, 0.3), tail=(0.4, 0.48), fan_deg=13,
+    wings=(0.6, 0.68)))  # fmt: skip
 """A pigeon: a full breast, a small round head, a tiny beak."""
 
 
 def vulture(rng: Rng, traits: Traits) -> Part:
     """Draw a vulture: hunched shoulders, a ruff, a bare neck that hangs ahead, a hooked beak."""
-    build = replace(
-        _PERCHED, girth=(0.32, 0.37), lean_deg=(55, 68), neck=(0.46, 0.56), neck_deg=(14, 30), bow=-0.2,
-        head=(0.13, 0.15), beak=(0.2, 0.25), hook=0.8, wings=(0.85, 0.95), tail=(0.3, 0.38),
-    )  # fmt: skip
+    build = replace(_PERCHED, girth=(0.32, 0.37), lean_deg=(55, 68), neck=(0.46, 0.56), neck_deg=(14, 30), bow=-0.2,
+        head=(0.13, 0.15), beak=(0.2, 0.25), hook=0.8, wings=(0.85, 0.95), tail=(0.3, 0.38))  # fmt: skip
     bird = bird_of(rng, traits, build)
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ruff = 0.27 * (1 + 0.1 * np.cos(8 * turn))
@@ -294,11 +268,9 @@ def vulture(rng: Rng, traits: Traits) -> Part:
 
 def hummingbird(rng: Rng, traits: Traits) -> Part:
     """Draw a hummingbird that hovers: a needle of a beak, raised narrow wings, a small upright body."""
-    build = Build(
-        girth=(0.2, 0.24), length=(0.4, 0.46), lean_deg=(40, 55), neck=(0.06, 0.1), neck_deg=(50, 65),
-        head=(0.17, 0.19), beak=(0.55, 0.68), hook=0.06, bill=(0.2, 0.2), tail=(0.42, 0.5), fan_deg=15,
-        tail_deg=(-15, 5), wings=(0.75, 0.9), chord=0.33,
-    )  # fmt: skip
+    build = Build(girth=(0.2, 0.24), length=(0.4, 0.46), lean_deg=(40, 55), neck=(0.06, 0.1), neck_deg=(50, 65),
+        head=(0.17, 0.19), beak=(0.55, 0.68), hook=0.06, bill=(0.2, 0.2), tail=(0.42, 0.5), fan_deg=15, tail_deg=(-15,
+        5), wings=(0.75, 0.9), chord=0.33)  # fmt: skip
     bird = bird_of(rng, traits, build, flying=True)
     lift = rng.uniform(15, 35)
     shoulder = bird.middle + [0.1, 0.1, 0]
@@ -306,20 +278,17 @@ def hummingbird(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **{**bird.solids, "wing": pair(right)})
 
 
-stork = _drawn_by(
-    Build(girth=(0.24, 0.28), length=(0.44, 0.52), lean_deg=(8, 20), legs=(0.85, 1.0), shank=0.035, neck=(0.5, 0.6),
-        neck_deg=(62, 78), bow=0.12, head=(0.12, 0.135), beak=(0.5, 0.6), hook=0.04, bill=(0.42, 0.36), tail=(0.2,
-        0.26), wings=(0.58, 0.66)),
-)  # fmt: skip
+stork = _drawn_by(Build(girth=(0.24, 0.28), length=(0.44, 0.52), lean_deg=(8, 20), legs=(0.85, 1.0), shank=0.035,
+    neck=(0.5, 0.6), neck_deg=(62, 78), bow=0.12, head=(0.12, 0.135), beak=(0.5, 0.6), hook=0.04, bill=(0.42, 0.36),
+    tail=(0.2, 0.26), wings=(0.58, 0.66)))  # fmt: skip
 """A stork: long straight legs, a long neck, a long pointed beak."""
 
 
 def pterodactyl(rng: Rng, traits: Traits) -> Part:
     """Draw a pterodactyl: wings of skin to a point, a long toothless beak, a crest that points back."""
-    build = Build(
-        girth=(0.17, 0.21), length=(0.46, 0.54), lean_deg=(0, 10), neck=(0.2, 0.26), neck_deg=(20, 40),
-        head=(0.14, 0.16), beak=(0.6, 0.75), hook=0.04, bill=(0.5, 0.36), tail=(0.1, 0.14), wings=(1.1, 1.3),
-    )  # fmt: skip
+    build = Build(girth=(0.17, 0.21), length=(0.46, 0.54), lean_deg=(0, 10), neck=(0.2, 0.26), neck_deg=(20, 40),
+        head=(0.14, 0.16), beak=(0.6, 0.75), hook=0.04, bill=(0.5, 0.36), tail=(0.1, 0.14),
+        wings=(1.1, 1.3))  # fmt: skip
     bird = bird_of(rng, traits, build, flying=True)
     span = float(np.ptp(bird.solids["wing"][0].verts[:, 0]))
     web = np.array([(0, 0.14), (0.3, 0.4), (0.42, 0.36), (1.05, -0.3), (0.62, -0.12), (0.3, -0.3), (0, -0.42)])
@@ -327,11 +296,8 @@ def pterodactyl(rng: Rng, traits: Traits) -> Part:
     crest = limb([bird.skull, bird.skull + [0, 0.22, -rng.uniform(0.4, 0.55)]], [[0.1, 0.05], [0.03, 0.025]])
     hip = bird.middle + [0.08, -0.06, -0.35]
     leg = limb([hip, hip + [0.06, -0.06, -0.4]], [0.06, 0.035], segments=8)
-    return varied(
-        rng,
-        **{**bird.solids, "wing": pair(moved(wing, bird.middle + [0.06, 0.06, 0.05])), "leg": pair(leg)},
-        crest=crest,
-    )
+    return varied(rng, **{**bird.solids, "wing": pair(moved(wing, bird.middle + [0.06, 0.06, 0.05])), "leg": pair(leg)},
+        crest=crest)  # fmt: skip
 
 
 KINDS = {"eagle": (perched_eagle,), "parrot": (cockatoo,), "seagull": (standing_gull,)}

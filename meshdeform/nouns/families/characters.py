@@ -12,10 +12,8 @@ from meshdeform.nouns.families.drawing import bead, bent_limb, blade, petal, siz
 from meshdeform.nouns.families.parts import Array, Part, box, ellipsoid, lathe, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Range, Rng, Traits
 
-__all__ = [
-    "alien", "angel", "astronaut", "demon", "fairy", "gnome", "knight", "mermaid", "mummy", "orc", "scarecrow",
-    "skeleton", "witch", "wizard", "zombie",
-]  # fmt: skip
+__all__ = ["alien", "angel", "astronaut", "demon", "fairy", "gnome", "knight", "mermaid", "mummy", "orc", "scarecrow",
+    "skeleton", "witch", "wizard", "zombie"]  # fmt: skip
 
 Solids = dict[str, list[Part]]
 
@@ -67,13 +65,12 @@ def figure_of(rng: Rng, traits: Traits, build: Build) -> Figure:
     low, shares = np.array([0, hips, 0]), np.array([build.hips, build.waist, 1.0])
     spine = [low, 0.55 * low + 0.45 * top, top - [0, 0.1, 0]]
     skull = top + [0, build.neck + 0.85 * head, 0.4 * head * np.sin(stoop)]
-    solids: Solids = {
-        "body": [limb(spine, wide * shares[:, None] * [1, build.deep], segments=16, samples=3)],
+    solids: Solids = {"body": [limb(spine, wide * shares[:, None] * [1, build.deep], segments=16, samples=3)],
         "neck": [limb([top - [0, 0.06, 0], skull], [0.1, 0.09], segments=10, samples=2)],
         "head": [ellipsoid(skull, head * np.array([0.92, 1.05, 0.97]), rings=10)],
         "eye": pair(bead(skull + head * np.array([0.36, 0.12, 0.84]), 0.15 * head, segments=8, rings=5)),
-        "nose": [bead(skull + [0, -0.12 * head, 0.96 * head], [0.14 * head, 0.18 * head, 0.2 * head], segments=8)],
-    }
+        "nose": [bead(skull + [0, -0.12 * head, 0.96 * head], [0.14 * head, 0.18 * head, 0.2 * head],
+        segments=8)]}  # fmt: skip
     out, ahead = np.radians(rng.uniform(*build.arm_deg)), np.radians(rng.uniform(*build.ahead_deg))
     way = np.array([np.sin(out) * np.cos(ahead), -np.cos(out) * np.cos(ahead), np.sin(ahead)])
     shoulder = top + [0.92 * wide, -0.1, 0]
@@ -131,17 +128,8 @@ def _staff(hand: Array, bottom: float, top: float, thick: float = 0.045) -> Part
 
 def bat_wing(size: float, fold_deg: float, lift_deg: float) -> Part:
     """Return an upright wing of skin with three points below, as a bat has, spread to the right."""
-    rim = [
-        (0, 0.1),
-        (0.3, 0.6),
-        (0.6, 0.75),
-        (1.1, 0.45),
-        (1.15, -0.2),
-        (0.85, 0.05),
-        (0.7, -0.4),
-        (0.42, -0.05),
-        (0.1, -0.4),
-    ]
+    rim = [(0, 0.1), (0.3, 0.6), (0.6, 0.75), (1.1, 0.45), (1.15, -0.2), (0.85, 0.05), (0.7, -0.4), (0.42, -0.05),
+        (0.1, -0.4)]  # fmt: skip
     wing = turned(plate(size * np.array(rim), 0.07, across="z"), lift_deg, "z")
     return turned(wing, fold_deg, "y")
 
@@ -152,16 +140,8 @@ _REACHING = Build(arm_deg=(2, 10), ahead_deg=(68, 95), stoop_deg=(4, 16), head=(
 
 def astronaut(rng: Rng, traits: Traits) -> Part:
     """Draw an astronaut: a round helmet with a visor, a puffed suit, a box on the back, thick boots."""
-    build = Build(
-        head=(0.3, 0.36),
-        thick=(0.13, 0.16),
-        wide=(0.32, 0.4),
-        waist=0.9,
-        hips=0.9,
-        deep=0.75,
-        legs=(0.5, 0.65),
-        neck=0.0,
-    )
+    build = Build(head=(0.3, 0.36), thick=(0.13, 0.16), wide=(0.32, 0.4), waist=0.9, hips=0.9, deep=0.75,
+        legs=(0.5, 0.65), neck=0.0)  # fmt: skip
     figure = figure_of(rng, traits, build)
     solids, skull, head, wide = figure.solids, figure.skull, figure.head, figure.wide
     visor = ellipsoid(skull + [0, 0.02, 0.3 * head], head * np.array([0.76, 0.66, 0.8]), rings=8)
@@ -175,20 +155,17 @@ def astronaut(rng: Rng, traits: Traits) -> Part:
 
 def knight(rng: Rng, traits: Traits) -> Part:
     """Draw a knight: a closed helmet with a slit and a plume, round shoulders, a shield and an upright sword."""
-    figure = figure_of(
-        rng, traits, Build(thick=(0.11, 0.14), wide=(0.32, 0.4), waist=0.7, ahead_deg=(25, 50), neck=0.04)
-    )
+    figure = figure_of(rng, traits, Build(thick=(0.11, 0.14), wide=(0.32, 0.4), waist=0.7, ahead_deg=(25, 50),
+        neck=0.04))  # fmt: skip
     skull, head, hand = figure.skull, figure.head, figure.hand
     can = [(0.6, -1.0), (0.95, -0.9), (0.98, 0.1), (0.85, 0.6), (0.5, 0.95), (0.05, 1.1)]
     visor = bead(skull + [0, -0.05 * head, 0.35 * head], head * np.array([0.9, 0.62, 0.85]), segments=14)
     crest = skull + [0, 1.0 * head, 0.1]
-    plume = bent_limb(
-        [crest, crest + [0, 0.2, -0.12], crest + [0, 0.12, -0.42]], [[0.05, 0.05], [0.06, 0.12], [0.02, 0.05]]
-    )
+    plume = bent_limb([crest, crest + [0, 0.2, -0.12], crest + [0, 0.12, -0.42]], [[0.05, 0.05], [0.06, 0.12],
+        [0.02, 0.05]])  # fmt: skip
     rim = np.array([(-0.9, 1.0), (0.9, 1.0), (0.85, 0.0), (0.45, -0.9), (0, -1.3), (-0.45, -0.9), (-0.85, 0.0)])
-    shield = moved(
-        turned(blade(rim, rng.uniform(0.24, 0.32), across="z"), 22, "y"), hand * [-1, 1, 1] + [0, 0.05, 0.12]
-    )
+    shield = moved(turned(blade(rim, rng.uniform(0.24, 0.32), across="z"), 22, "y"), hand * [-1, 1, 1] + [0, 0.05,
+        0.12])  # fmt: skip
     grip = hand + [0, 0, 0.04]
     edge = plate([(-0.05, 0.1), (0.05, 0.1), (0.045, 0.85), (0, 0.98), (-0.045, 0.85)], 0.04, across="z")
     sword = [moved(edge, grip), limb([grip - [0, 0.12, 0], grip + [0, 0.1, 0]], [0.035, 0.035], segments=8, samples=2)]
@@ -226,9 +203,8 @@ def skeleton(rng: Rng, traits: Traits) -> Part:
     for k, share in enumerate((0.8, 1.0, 1.0, 0.85)):
         turn = np.linspace(-0.1, 2 * np.pi - 0.1, 15)
         girth = share * wide * np.array([0.9, 0.6])
-        loop = np.stack(
-            [girth[0] * np.sin(turn), top[1] - 0.1 - 0.15 * trunk * k - 0.04 * np.cos(turn), girth[1] * np.cos(turn)], 1
-        )
+        loop = np.stack([girth[0] * np.sin(turn), top[1] - 0.1 - 0.15 * trunk * k - 0.04 * np.cos(turn),
+            girth[1] * np.cos(turn)], 1)  # fmt: skip
         ribs.append(limb(loop, [0.032] * 15, segments=6, samples=1))
     pelvis = pair(bead([0.4 * wide, hips + 0.02, 0], [0.45 * wide, 0.13, 0.14], segments=12))
     knobs = []
@@ -272,19 +248,14 @@ def mermaid(rng: Rng, traits: Traits) -> Part:
     figure = figure_of(rng, traits, build)
     tail, hips = sized(rng, traits, "tail", (0.85, 1.05), by=1.9), figure.hips
     bend = rng.uniform(-0.35, 0.35)
-    path = [
-        [0, hips + 0.05, 0],
-        [0, hips - 0.3 * tail, 0.06],
-        [0, hips - 0.65 * tail, bend * 0.4],
-        [0, hips - tail, bend],
-    ]
+    path = [[0, hips + 0.05, 0], [0, hips - 0.3 * tail, 0.06], [0, hips - 0.65 * tail, bend * 0.4], [0, hips - tail,
+        bend]]  # fmt: skip
     girth = figure.wide * np.array([[0.84, 0.55], [0.84, 0.62], [0.45, 0.4], [0.16, 0.14]])
     fluke = plate([(0, 0.1), (0.3, -0.08), (0.48, -0.36), (0.2, -0.28), (0, -0.16)], 0.06, across="z")
     fin = pair(moved(turned(fluke, -60 * bend, "x"), [-0.03, hips - tail, bend]))
     solids = {part: own for part, own in figure.solids.items() if part not in ("leg", "foot")}
-    return varied(
-        rng, **solids, hair=hair_of(figure, rng.uniform(2.0, 2.8)), tail=bent_limb(path, girth, segments=14), fin=fin
-    )
+    return varied(rng, **solids, hair=hair_of(figure, rng.uniform(2.0, 2.8)), tail=bent_limb(path, girth, segments=14),
+        fin=fin)  # fmt: skip
 
 
 def angel(rng: Rng, traits: Traits) -> Part:
@@ -295,25 +266,19 @@ def angel(rng: Rng, traits: Traits) -> Part:
     loop = np.array([[0.8 * np.sin(t), 0, 0.8 * np.cos(t)] for t in np.linspace(0, 6.2, 15)]) * figure.head
     halo = limb(loop + figure.skull + [0, 1.5 * figure.head, 0], [0.04] * 15, segments=7, samples=1)
     back = figure.top + [0.06, -0.12, -0.55 * figure.wide]
-    return varied(
-        rng, **figure.solids, wing=pair(moved(wing, back)), halo=halo, hair=hair_of(figure, rng.uniform(0.6, 1.6))
-    )
+    return varied(rng, **figure.solids, wing=pair(moved(wing, back)), halo=halo, hair=hair_of(figure, rng.uniform(0.6,
+        1.6)))  # fmt: skip
 
 
 def alien(rng: Rng, traits: Traits) -> Part:
     """Draw an alien: a great head that narrows to the chin, slanted eyes, a thin body, long arms with three fingers."""
-    build = Build(
-        head=(0.36, 0.44), wide=(0.16, 0.22), trunk=(0.42, 0.55), thick=(0.045, 0.06), arms=(0.66, 0.8),
-        legs=(0.4, 0.6), arm_deg=(12, 50),
-    )  # fmt: skip
+    build = Build(head=(0.36, 0.44), wide=(0.16, 0.22), trunk=(0.42, 0.55), thick=(0.045, 0.06), arms=(0.66, 0.8),
+        legs=(0.4, 0.6), arm_deg=(12, 50))  # fmt: skip
     figure = figure_of(rng, traits, build)
     skull, head, hand = figure.skull, figure.head, figure.hand
     size = sized(rng, traits, "eyes", (0.11, 0.13), by=1.7)
-    egg = bent_limb(
-        [skull - [0, 0.55 * head, -0.1], skull, skull + [0, 0.35 * head, -0.08]],
-        head * np.array([0.38, 0.8, 1.0]),
-        segments=18,
-    )
+    egg = bent_limb([skull - [0, 0.55 * head, -0.1], skull, skull + [0, 0.35 * head, -0.08]],
+        head * np.array([0.38, 0.8, 1.0]), segments=18)  # fmt: skip
     eye = turned(turned(bead([0, 0, 0], size * np.array([0.8, 1.3, 0.45]), segments=14), -28, "z"), 24, "y")
     reach = [[side, -0.16, 0.05] for side in (-0.07, 0.0, 0.07)]
     fingers = [side for way in reach for side in pair(limb([hand, hand + way], [0.03, 0.025], segments=7, samples=1))]
@@ -324,10 +289,8 @@ def alien(rng: Rng, traits: Traits) -> Part:
 
 def gnome(rng: Rng, traits: Traits) -> Part:
     """Draw a garden gnome: a pointed cap as tall as its body, a full beard, a round nose, a belly, short legs."""
-    build = Build(
-        head=(0.27, 0.31), wide=(0.32, 0.38), trunk=(0.42, 0.5), waist=1.05, hips=1.0, deep=0.85, arms=(0.36, 0.44),
-        legs=(0.14, 0.2), neck=0.0
-    )  # fmt: skip
+    build = Build(head=(0.27, 0.31), wide=(0.32, 0.38), trunk=(0.42, 0.5), waist=1.05, hips=1.0, deep=0.85,
+        arms=(0.36, 0.44), legs=(0.14, 0.2), neck=0.0)  # fmt: skip
     figure = figure_of(rng, traits, build)
     nose = bead(figure.skull + figure.head * np.array([0, -0.05, 0.98]), 0.26 * figure.head)
     belt = lathe(np.array([(0.4, -0.05), (1.1, -0.06), (1.1, 0.06), (0.4, 0.05)]) * [figure.wide, 1], segments=18)
@@ -339,21 +302,18 @@ def gnome(rng: Rng, traits: Traits) -> Part:
 
 def orc(rng: Rng, traits: Traits) -> Part:
     """Draw an orc: a hulk with a low head between its shoulders, tusks, pointed ears, long thick arms, a club."""
-    build = Build(
-        head=(0.28, 0.33), wide=(0.44, 0.53), waist=0.72, hips=0.6, deep=0.62, trunk=(0.65, 0.78), arms=(0.8, 0.95),
-        thick=(0.15, 0.19),
-        legs=(0.42, 0.55), stoop_deg=(8, 20), neck=-0.04, arm_deg=(22, 45),
-    )  # fmt: skip
+    build = Build(head=(0.28, 0.33), wide=(0.44, 0.53), waist=0.72, hips=0.6, deep=0.62, trunk=(0.65, 0.78),
+        arms=(0.8, 0.95), thick=(0.15, 0.19), legs=(0.42, 0.55), stoop_deg=(8, 20), neck=-0.04,
+        arm_deg=(22, 45))  # fmt: skip
     figure = figure_of(rng, traits, build)
     skull, head, hand = figure.skull, figure.head, figure.hand
     jaw = skull + head * np.array([0, -0.6, 0.5])
     tusk, ear = jaw + head * np.array([0.4, 0.15, 0.55]), skull + [0.8 * head, 0.1 * head, 0]
     club = bent_limb([hand - [0, 0.1, 0.1], hand + [0, 0.15, 0.25], hand + [0, 0.4, 0.6]], [0.05, 0.07, 0.15])
-    return varied(
-        rng, **figure.solids, jaw=bead(jaw, head * np.array([0.8, 0.5, 0.7]), segments=14),
+    return varied(rng, **figure.solids, jaw=bead(jaw, head * np.array([0.8, 0.5, 0.7]), segments=14),
         tusk=pair(limb([tusk, tusk + [0.02, 0.5 * head, 0.03]], [0.045, 0.012], segments=7, samples=2)), weapon=club,
-        ear=pair(limb([ear, ear + [0.85 * head, 0.3 * head, -0.2 * head]], [[0.08, 0.05], [0.015, 0.015]], segments=8)),
-    )  # fmt: skip
+        ear=pair(limb([ear, ear + [0.85 * head, 0.3 * head, -0.2 * head]], [[0.08, 0.05], [0.015, 0.015]],
+        segments=8)))  # fmt: skip
 
 
 def scarecrow(rng: Rng, traits: Traits) -> Part:
@@ -362,27 +322,17 @@ def scarecrow(rng: Rng, traits: Traits) -> Part:
     solids, head, top, hand = figure.solids, figure.head, figure.top, figure.hand
     pole = limb([[0, -rng.uniform(0.25, 0.5), -0.14], [0, top[1], -0.14]], [0.06, 0.06], segments=8)
     bar = limb([top - [hand[0] + 0.1, 0.1, 0.1], top + [hand[0] + 0.1, -0.1, -0.1]], [0.05, 0.05], segments=8)
-    tuft = [
-        limb([hand, hand + [0.2, dy, dz]], [0.05, 0.02], segments=6, samples=1)
-        for dy, dz in ((0.1, 0), (-0.1, 0.05), (0, -0.1), (-0.02, 0.12))
-    ]
+    tuft = [limb([hand, hand + [0.2, dy, dz]], [0.05, 0.02], segments=6, samples=1) for dy, dz in ((0.1, 0),
+        (-0.1, 0.05), (0, -0.1), (-0.02, 0.12))]  # fmt: skip
     foot = np.abs(solids["foot"][0].verts).mean(0)
-    straw = [
-        limb([foot + [0, 0.06, 0], foot + [dx, -0.14, dz]], [0.06, 0.025], segments=6, samples=1)
-        for dx, dz in ((0.08, 0), (-0.08, 0.03), (0, 0.1))
-    ]
+    straw = [limb([foot + [0, 0.06, 0], foot + [dx, -0.14, dz]], [0.06, 0.025], segments=6, samples=1) for dx,
+        dz in ((0.08, 0), (-0.08, 0.03), (0, 0.1))]  # fmt: skip
     brim = rng.uniform(1.6, 2.1) * head
-    hat = lathe(
-        [(0.3, 0.0), (brim, -0.05), (brim, 0.03), (0.98 * head, 0.06), (0.75 * head, 0.75 * head), (0.05, 0.85 * head)],
-        segments=18,
-    )
+    hat = lathe([(0.3, 0.0), (brim, -0.05), (brim, 0.03), (0.98 * head, 0.06), (0.75 * head, 0.75 * head),
+        (0.05, 0.85 * head)], segments=18)  # fmt: skip
     solids |= {part: [side for one in ends for side in pair(one)] for part, ends in (("hand", tuft), ("foot", straw))}
-    return varied(
-        rng,
-        **solids,
-        pole=[pole, bar],
-        hat=moved(turned(hat, rng.uniform(-10, 4), "x"), figure.skull + [0, 0.45 * head, 0]),
-    )
+    return varied(rng, **solids, pole=[pole, bar], hat=moved(turned(hat, rng.uniform(-10, 4), "x"), figure.skull + [0,
+        0.45 * head, 0]))  # fmt: skip
 
 
 def mummy(rng: Rng, traits: Traits) -> Part:
@@ -397,11 +347,8 @@ def mummy(rng: Rng, traits: Traits) -> Part:
     leg = np.abs(solids["leg"][0].verts)
     for share in (0.25, 0.5, 0.75):
         bands += pair(moved(_band(0.145, 0.145, rng), [leg[:, 0].mean(), share * figure.hips, 0]))
-    ends = [
-        bent_limb(
-            [hand, hand - [0, 0.2, 0.02], hand - [0, rng.uniform(0.35, 0.5), 0.08]], [[0.02, 0.06]] * 3, segments=8
-        )
-    ]
+    ends = [bent_limb([hand, hand - [0, 0.2, 0.02], hand - [0, rng.uniform(0.35, 0.5), 0.08]], [[0.02, 0.06]] * 3,
+        segments=8)]  # fmt: skip
     return varied(rng, **{**solids, "nose": []}, band=bands, strap=[*ends, *pair(moved(ends[0], [0, 0, -0.22]))])
 
 
@@ -418,64 +365,35 @@ def demon(rng: Rng, traits: Traits) -> Part:
     skull, head, hand = figure.skull, figure.head, figure.hand
     horns, wings = sized(rng, traits, "horns", (0.3, 0.4)), sized(rng, traits, "wings", (0.62, 0.8), by=1.9)
     root = skull + head * np.array([0.5, 0.7, 0.1])
-    horn = bent_limb(
-        [root, root + horns * np.array([0.45, 0.4, 0.1]), root + horns * np.array([0.4, 1.0, 0.15])],
-        [0.08, 0.06, 0.015],
-        segments=8,
-    )
+    horn = bent_limb([root, root + horns * np.array([0.45, 0.4, 0.1]), root + horns * np.array([0.4, 1.0, 0.15])],
+        [0.08, 0.06, 0.015], segments=8)  # fmt: skip
     rump, high = np.array([0, figure.hips, -0.15]), hand[1] + rng.uniform(0.6, 0.9)
     path = rump + np.array([(0, 0, 0), (0, -0.25, -0.3), (0.1, -0.2, -0.6), (0.1, 0.1, -0.75)])
     arrow = moved(blade([(0, 0.18), (-0.13, -0.05), (0.13, -0.05)], 1.0, across="x", thick=0.05), path[-1])
-    fork = [
-        moved(
-            limb([[x, high - 0.08, 0], [1.3 * x, high + 0.2, 0]], [0.03, 0.01], segments=7, samples=2),
-            hand * [1, 0, 1] + [0, 0, 0.05],
-        )
-        for x in (-0.12, 0, 0.12)
-    ]
-    fork.append(
-        limb(hand * [1, 0, 1] + [[-0.14, high - 0.08, 0.05], [0.14, high - 0.08, 0.05]], [0.03, 0.03], segments=7)
-    )
+    fork = [moved(limb([[x, high - 0.08, 0], [1.3 * x, high + 0.2, 0]], [0.03, 0.01], segments=7, samples=2),
+        hand * [1, 0, 1] + [0, 0, 0.05]) for x in (-0.12, 0, 0.12)]  # fmt: skip
+    fork.append(limb(hand * [1, 0, 1] + [[-0.14, high - 0.08, 0.05], [0.14, high - 0.08, 0.05]], [0.03, 0.03],
+        segments=7))  # fmt: skip
     back = figure.top + [0.08, -0.15, -0.5 * figure.wide]
-    return varied(
-        rng, **figure.solids, horn=pair(horn),
-        wing=pair(moved(bat_wing(wings, rng.uniform(5, 30), rng.uniform(0, 15)), back)),
-        tail=[bent_limb(path, [0.06, 0.045, 0.04, 0.03], segments=8), arrow],
-        weapon=[_staff(hand, 0.1, high, 0.032), *fork],
-    )  # fmt: skip
+    return varied(rng, **figure.solids, horn=pair(horn), wing=pair(moved(bat_wing(wings, rng.uniform(5, 30),
+        rng.uniform(0, 15)), back)), tail=[bent_limb(path, [0.06, 0.045, 0.04, 0.03], segments=8), arrow],
+        weapon=[_staff(hand, 0.1, high, 0.032), *fork])  # fmt: skip
 
 
 def fairy(rng: Rng, traits: Traits) -> Part:
     """Draw a fairy: wings like a butterfly's, a short flared dress, slender limbs, a wand with a star."""
-    build = Build(
-        wide=(0.18, 0.23),
-        waist=0.62,
-        thick=(0.06, 0.075),
-        head=(0.24, 0.28),
-        robe=0.4,
-        hem=0.52,
-        legs=(0.55, 0.7),
-        ahead_deg=(15, 50),
-    )
+    build = Build(wide=(0.18, 0.23), waist=0.62, thick=(0.06, 0.075), head=(0.24, 0.28), robe=0.4, hem=0.52,
+        legs=(0.55, 0.7), ahead_deg=(15, 50))  # fmt: skip
     figure = figure_of(rng, traits, build)
     wings, hand = sized(rng, traits, "wings", (0.72, 0.9), by=1.9), figure.hand
     fold, back = rng.uniform(10, 35), figure.top + [0.03, -0.15, -0.6 * figure.wide]
-    blades = [
-        turned(turned(turned(petal(long, 0.62 * long), -90, "x"), deg, "z"), fold, "y")
-        for long, deg in ((wings, 38), (0.72 * wings, -32))
-    ]
+    blades = [turned(turned(turned(petal(long, 0.62 * long), -90, "x"), deg, "z"), fold, "y") for long,
+        deg in ((wings, 38), (0.72 * wings, -32))]  # fmt: skip
     tip = hand + [0, 0.26, 0.14]
     angle = 2 * np.pi * np.arange(10) / 10
     star = 0.11 * np.where(np.arange(10) % 2, 0.45, 1.0)
-    wand = [
-        limb([hand, tip], [0.025, 0.02], segments=7, samples=2),
-        moved(plate(np.stack([star * np.sin(angle), star * np.cos(angle)], 1), 0.05, across="z"), tip),
-    ]
+    wand = [limb([hand, tip], [0.025, 0.02], segments=7, samples=2),
+        moved(plate(np.stack([star * np.sin(angle), star * np.cos(angle)], 1), 0.05, across="z"), tip)]  # fmt: skip
     bun = bead(figure.skull + figure.head * np.array([0, 1.1, -0.3]), 0.4 * figure.head, segments=12)
-    return varied(
-        rng,
-        **figure.solids,
-        wing=[side for wing in blades for side in pair(moved(wing, back))],
-        hair=[hair_of(figure, 0.5), bun],
-        staff=wand,
-    )
+    return varied(rng, **figure.solids, wing=[side for wing in blades for side in pair(moved(wing, back))],
+        hair=[hair_of(figure, 0.5), bun], staff=wand)  # fmt: skip

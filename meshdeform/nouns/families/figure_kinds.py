@@ -16,28 +16,22 @@ __all__: list[str] = []
 
 def cartoon_person(rng: Rng, traits: Traits) -> Part:
     """Draw a person as toys and games have them: a head as large as the trunk, short thick limbs."""
-    build = Build(
-        head=(0.42, 0.52), trunk=(0.38, 0.48), wide=(0.24, 0.32), waist=0.95, hips=0.9, deep=0.75, arms=(0.34, 0.42),
-        thick=(0.1, 0.13), legs=(0.2, 0.32), neck=-0.06,
-    )  # fmt: skip
+    build = Build(head=(0.42, 0.52), trunk=(0.38, 0.48), wide=(0.24, 0.32), waist=0.95, hips=0.9, deep=0.75,
+        arms=(0.34, 0.42), thick=(0.1, 0.13), legs=(0.2, 0.32), neck=-0.06)  # fmt: skip
     return varied(rng, **figure_of(rng, traits, build).solids)
 
 
 def slender_person(rng: Rng, traits: Traits) -> Part:
     """Draw a grown person: a small head, long legs, arms close to the sides."""
-    build = Build(
-        head=(0.16, 0.185), trunk=(0.6, 0.7), wide=(0.22, 0.3), waist=0.72, arms=(0.66, 0.76), arm_deg=(8, 40),
-        thick=(0.07, 0.09), legs=(0.9, 1.05),
-    )  # fmt: skip
+    build = Build(head=(0.16, 0.185), trunk=(0.6, 0.7), wide=(0.22, 0.3), waist=0.72, arms=(0.66, 0.76),
+        arm_deg=(8, 40), thick=(0.07, 0.09), legs=(0.9, 1.05))  # fmt: skip
     return varied(rng, **figure_of(rng, traits, build).solids)
 
 
 def strong_person(rng: Rng, traits: Traits) -> Part:
     """Draw a strong person: wide shoulders over narrow hips, thick arms that stand off."""
-    build = Build(
-        head=(0.2, 0.23), trunk=(0.65, 0.75), wide=(0.42, 0.5), waist=0.68, hips=0.55, arms=(0.72, 0.82),
-        arm_deg=(22, 45), thick=(0.14, 0.17), legs=(0.68, 0.82), neck=0.04,
-    )  # fmt: skip
+    build = Build(head=(0.2, 0.23), trunk=(0.65, 0.75), wide=(0.42, 0.5), waist=0.68, hips=0.55, arms=(0.72, 0.82),
+        arm_deg=(22, 45), thick=(0.14, 0.17), legs=(0.68, 0.82), neck=0.04)  # fmt: skip
     return varied(rng, **figure_of(rng, traits, build).solids)
 
 
@@ -56,15 +50,12 @@ def block_person(rng: Rng, traits: Traits) -> Part:
     skull = np.array([0, top + 0.9 * head, 0])
     arm = box([0, -0.5 * arms, 0], [thick, arms, 0.24], round_by=bevel, cells=4)
     shoulder = [wide + 0.5 * thick + 0.01, top - 0.01, 0]
-    return varied(
-        rng, body=box([0, legs + 0.5 * trunk, 0], [2 * wide, trunk, 0.28], round_by=bevel, cells=5),
+    return varied(rng, body=box([0, legs + 0.5 * trunk, 0], [2 * wide, trunk, 0.28], round_by=bevel, cells=5),
         head=box(skull, 2 * head * np.array([0.9, 0.92, 0.9]), round_by=bevel, cells=5),
         eye=pair(box(skull + head * np.array([0.4, 0.1, 0.9]), head * np.array([0.24, 0.24, 0.1]), cells=2)),
-        neck=box([0, top, 0], [0.16, 0.12, 0.16], cells=3),
-        arm=pair(moved(turned(arm, rng.uniform(3, 30), "z"), shoulder)),
-        leg=pair(box([0.51 * wide, 0.5 * legs + 0.04, 0], [0.94 * wide, legs, 0.25], round_by=bevel, cells=4)),
-        foot=pair(box([0.51 * wide, 0.06, 0.04], [wide, 0.12, 0.33], round_by=bevel, cells=3)),
-    )  # fmt: skip
+        neck=box([0, top, 0], [0.16, 0.12, 0.16], cells=3), arm=pair(moved(turned(arm, rng.uniform(3, 30), "z"),
+        shoulder)), leg=pair(box([0.51 * wide, 0.5 * legs + 0.04, 0], [0.94 * wide, legs, 0.25], round_by=bevel,
+        cells=4)), foot=pair(box([0.51 * wide, 0.06, 0.04], [wide, 0.12, 0.33], round_by=bevel, cells=3)))  # fmt: skip
 
 
 def mech(rng: Rng, traits: Traits) -> Part:
@@ -80,16 +71,12 @@ def mech(rng: Rng, traits: Traits) -> Part:
         ("head", skull, head * np.array([1.6, 1.5, 1.7])),
         ("eye", skull + [0, 0.1 * head, 0.8 * head], head * np.array([1.2, 0.3, 0.3])),
     )  # fmt: skip
-    sides = (
-        ("arm", shoulder + [0.03, 0.04, 0], [0.3, 0.3, 0.36]), ("arm", 0.5 * (elbow + hand), [0.2, 0.45 * arms, 0.22]),
-        ("hand", hand, [0.18, 0.18, 0.2]),
-        ("leg", 0.5 * (hip + knee), [0.22, 0.5 * legs, 0.24]),
-        ("leg", knee * [1, 0.5, 1] + [0, 0.03, -0.03], [0.26, 0.52 * legs, 0.3]),
-        ("foot", [0.24, 0.07, 0.08], [0.3, 0.14, 0.5]),
-    )  # fmt: skip
-    solids: dict[str, list[Part]] = {
-        "neck": [limb([chest + [0, 0.2, 0.03], skull], [0.08, 0.08], segments=8, samples=2)]
-    }
+    sides = (("arm", shoulder + [0.03, 0.04, 0], [0.3, 0.3, 0.36]), ("arm", 0.5 * (elbow + hand), [0.2, 0.45 * arms,
+        0.22]), ("hand", hand, [0.18, 0.18, 0.2]), ("leg", 0.5 * (hip + knee), [0.22, 0.5 * legs, 0.24]),
+        ("leg", knee * [1, 0.5, 1] + [0, 0.03, -0.03], [0.26, 0.52 * legs, 0.3]), ("foot", [0.24, 0.07, 0.08],
+        [0.3, 0.14, 0.5]))  # fmt: skip
+    solids: dict[str, list[Part]] = {"neck": [limb([chest + [0, 0.2, 0.03], skull], [0.08, 0.08], segments=8,
+        samples=2)]}  # fmt: skip
     for part, middle, size in plates:
         solids.setdefault(part, []).append(box(middle, size, round_by=bevel, cells=4))
     for part, middle, size in sides:
@@ -106,17 +93,13 @@ def ball_robot(rng: Rng, traits: Traits) -> Part:
     skull, shoulder = middle + [0, tall + 0.55 * head, 0], middle + [0.9 * girth, 0.4 * tall, 0]
     hand = shoulder + arms * np.array([rng.uniform(0.3, 0.8), -0.7, 0.25])
     foot, tip = np.array([0.5 * girth, 0.08, 0.05]), skull + [0, 0.8 * head + 0.22, 0]
-    return varied(
-        rng, body=ellipsoid(middle, [girth, tall, girth], rings=10),
-        neck=limb([middle, skull], [0.13, 0.13], segments=10, samples=2),
-        head=[bead(skull, head * np.array([1.1, 0.85, 0.95]), segments=18, rings=10),
-            limb([skull, tip], [0.03, 0.025], segments=7, samples=1), bead(tip, 0.07)],
+    return varied(rng, body=ellipsoid(middle, [girth, tall, girth], rings=10), neck=limb([middle, skull], [0.13, 0.13],
+        segments=10, samples=2), head=[bead(skull, head * np.array([1.1, 0.85, 0.95]), segments=18, rings=10),
+        limb([skull, tip], [0.03, 0.025], segments=7, samples=1), bead(tip, 0.07)],
         eye=bead(skull + head * np.array([0, 0.05, 0.62]), head * np.array([0.75, 0.4, 0.4]), segments=16),
         arm=pair(bent_limb([shoulder, (shoulder + hand) / 2 + [0.08, 0, 0], hand], [0.06] * 3, segments=8)),
-        hand=pair(bead(hand, 0.13)),
-        leg=pair(limb([[0.5 * girth, legs + 0.25, 0], foot], [0.08, 0.08], segments=8, samples=2)),
-        foot=pair(bead(foot, [0.14, 0.1, 0.22], segments=12)),
-    )  # fmt: skip
+        hand=pair(bead(hand, 0.13)), leg=pair(limb([[0.5 * girth, legs + 0.25, 0], foot], [0.08, 0.08], segments=8,
+        samples=2)), foot=pair(bead(foot, [0.14, 0.1, 0.22], segments=12)))  # fmt: skip
 
 
 def tin_robot(rng: Rng, traits: Traits) -> Part:
@@ -127,21 +110,15 @@ def tin_robot(rng: Rng, traits: Traits) -> Part:
     skull, shoulder = np.array([0, top + 0.08, 0]), np.array([girth + 0.06, top - 0.12, 0])
     elbow = shoulder + arms * np.array([0.2, -0.5, 0])
     hand = elbow + arms * np.array([0.05, -0.3, 0.35])
-    eye = moved(
-        turned(lathe([(0.24 * head, -0.08), (0.24 * head, 0.08)], segments=12), 90, "x"),
-        skull + head * np.array([0.42, 1.0, 0.9]),
-    )
+    eye = moved(turned(lathe([(0.24 * head, -0.08), (0.24 * head, 0.08)], segments=12), 90, "x"),
+        skull + head * np.array([0.42, 1.0, 0.9]))  # fmt: skip
     funnel = [(0.75 * head, 1.55 * head), (0.15 * head, 2.0 * head), (0.1 * head, 2.6 * head)]
-    return varied(
-        rng, body=moved(lathe(edge * [girth, trunk], segments=20), [0, legs + 0.08, 0]),
+    return varied(rng, body=moved(lathe(edge * [girth, trunk], segments=20), [0, legs + 0.08, 0]),
         neck=limb([[0, top - 0.05, 0], skull + [0, 0.1, 0]], [0.12, 0.12], segments=8),
         head=[moved(lathe(edge * [head, 1.6 * head], segments=20), skull), moved(lathe(funnel, segments=14), skull)],
-        eye=pair(eye),
-        arm=[*pair(limb([shoulder, elbow, hand], [0.07] * 3, segments=8)), *pair(bead(shoulder, 0.13))],
-        hand=pair(bead(hand, 0.13)),
-        leg=pair(limb([[0.5 * girth, legs + 0.2, 0], [0.5 * girth, 0.1, 0]], [0.1, 0.09], segments=8)),
-        foot=pair(box([0.5 * girth, 0.08, 0.07], [0.26, 0.16, 0.44], cells=3)),
-    )  # fmt: skip
+        eye=pair(eye), arm=[*pair(limb([shoulder, elbow, hand], [0.07] * 3, segments=8)), *pair(bead(shoulder, 0.13))],
+        hand=pair(bead(hand, 0.13)), leg=pair(limb([[0.5 * girth, legs + 0.2, 0], [0.5 * girth, 0.1, 0]], [0.1, 0.09],
+        segments=8)), foot=pair(box([0.5 * girth, 0.08, 0.07], [0.26, 0.16, 0.44], cells=3)))  # fmt: skip
 
 
 def arcade_ghost(rng: Rng, traits: Traits) -> Part:
@@ -149,19 +126,15 @@ def arcade_ghost(rng: Rng, traits: Traits) -> Part:
     arms, girth, tall = sized(rng, traits, "arms", (0.18, 0.24), by=3), rng.uniform(0.5, 0.58), rng.uniform(1.0, 1.3)
     angle = np.linspace(0, np.pi / 2, 7)
     dome = np.stack([girth * np.cos(angle), tall - girth + girth * np.sin(angle)], 1)
-    sheet = lathe(
-        [(0.9 * girth, 0.0), (1.03 * girth, 0.02), (1.02 * girth, 0.15), (girth, 0.5 * (tall - girth)), *dome],
-        segments=48,
-    )
+    sheet = lathe([(0.9 * girth, 0.0), (1.03 * girth, 0.02), (1.02 * girth, 0.15), (girth, 0.5 * (tall - girth)),
+        *dome], segments=48)  # fmt: skip
     azimuth, low = np.arctan2(sheet.verts[:, 0], sheet.verts[:, 2]), np.clip(1 - sheet.verts[:, 1] / 0.3, 0, 1)
     sheet.verts[:, 1] += 0.09 * low * np.cos(int(rng.integers(6, 9)) * azimuth)
     face = tall - 0.85 * girth
     hand = np.array([girth + arms, 0.45 * tall, 0.2])
-    return varied(
-        rng, body=sheet, eye=pair(bead([0.36 * girth, face, 0.86 * girth], [0.14, 0.19, 0.12], segments=14)),
-        mouth=bead([0, face - 0.3, 0.98 * girth], [0.12, 0.07, 0.08]),
-        arm=pair(limb([[0.8 * girth, 0.42 * tall, 0.1], hand], [0.13, 0.09], segments=10)),
-    )  # fmt: skip
+    return varied(rng, body=sheet, eye=pair(bead([0.36 * girth, face, 0.86 * girth], [0.14, 0.19, 0.12], segments=14)),
+        mouth=bead([0, face - 0.3, 0.98 * girth], [0.12, 0.07, 0.08]), arm=pair(limb([[0.8 * girth, 0.42 * tall, 0.1],
+        hand], [0.13, 0.09], segments=10)))  # fmt: skip
 
 
 def floating_ghost(rng: Rng, traits: Traits) -> Part:
@@ -170,12 +143,9 @@ def floating_ghost(rng: Rng, traits: Traits) -> Part:
     path = [[0, 0.35, 0], [0, 0, 0], [0, -0.4, -0.05], [0.5 * swing, -0.8, -0.25], [swing, -1.0, -0.5]]
     shoulder = np.array([0.8 * girth, -0.05, 0.15])
     hand = shoulder + arms * np.array([0.6, rng.uniform(-0.4, 0.5), 0.7])
-    return varied(
-        rng, body=bent_limb(path, girth * np.array([0.95, 1.0, 0.75, 0.35, 0.06]), segments=20),
-        eye=pair(bead([0.16, 0.4, 0.88 * girth], [0.09, 0.14, 0.09])),
-        mouth=bead([0, 0.12, 0.98 * girth], [0.13, 0.1, 0.08]),
-        arm=pair(limb([shoulder, hand], [0.14, 0.09], segments=10)),
-    )  # fmt: skip
+    return varied(rng, body=bent_limb(path, girth * np.array([0.95, 1.0, 0.75, 0.35, 0.06]), segments=20),
+        eye=pair(bead([0.16, 0.4, 0.88 * girth], [0.09, 0.14, 0.09])), mouth=bead([0, 0.12, 0.98 * girth],
+        [0.13, 0.1, 0.08]), arm=pair(limb([shoulder, hand], [0.14, 0.09], segments=10)))  # fmt: skip
 
 
 def _snow(rng: Rng, traits: Traits, balls: tuple[Range, ...], *, dressed: bool) -> Part:
@@ -185,44 +155,26 @@ def _snow(rng: Rng, traits: Traits, balls: tuple[Range, ...], *, dressed: bool) 
     for low, high in balls:
         radius = rng.uniform(low, high)
         body.append(ellipsoid([0, level + 0.9 * radius, 0], [radius, 0.95 * radius, radius], rings=10))
-        buttons += [
-            bead([0, level + 0.9 * radius + lift, 0.98 * np.sqrt(radius**2 - lift**2)], 0.05, segments=8)
-            for lift in (-0.08, 0.12)
-        ]
+        buttons += [bead([0, level + 0.9 * radius + lift, 0.98 * np.sqrt(radius**2 - lift**2)], 0.05, segments=8)
+            for lift in (-0.08, 0.12)]  # fmt: skip
         level += 1.55 * radius
     skull, wide = np.array([0, level + 0.7 * head, 0]), radius
     shoulder = np.array([0.85 * wide, level - 0.6 * wide, 0])
     hand = shoulder + rng.uniform(0.5, 0.7) * np.array([0.85, rng.uniform(0.1, 0.7), 0.15])
-    twigs = [
-        limb([shoulder, hand], [0.04, 0.03], segments=7),
-        limb([0.35 * shoulder + 0.65 * hand, hand + [-0.1, 0.14, 0]], [0.03, 0.02], segments=6, samples=1),
-    ]
+    twigs = [limb([shoulder, hand], [0.04, 0.03], segments=7), limb([0.35 * shoulder + 0.65 * hand, hand + [-0.1, 0.14,
+        0]], [0.03, 0.02], segments=6, samples=1)]  # fmt: skip
     tip = skull + [0, 0, 0.85 * head]
     more = {"button": buttons, "eye": pair(bead(skull + head * np.array([0.36, 0.25, 0.85]), 0.05))}
     if dressed:
         brim = 1.15 * head
         tall = rng.uniform(0.7, 1.2) * head
-        more["hat"] = [
-            moved(
-                lathe(
-                    [(0.2, 0), (brim, 0), (brim, 0.05), (0.75 * head, 0.06), (0.72 * head, tall), (0.2, tall + 0.02)],
-                    segments=18,
-                ),
-                skull + [0, 0.72 * head, 0],
-            )
-        ]
-        more["collar"] = [
-            bead([0, level + 0.02, 0], [0.85 * head, 0.1, 0.85 * head], segments=18),
-            limb([[0.15, level, 0.8 * head], [0.2, level - 0.4, wide]], [[0.05, 0.09]] * 2, segments=8),
-        ]
-    return varied(
-        rng,
-        body=body,
-        head=bead(skull, head, segments=20, rings=10),
-        nose=limb([tip, tip + [0, -0.02, nose]], [0.07, 0.015], segments=10),
-        arm=[side for twig in twigs for side in pair(twig)],
-        **more,
-    )
+        more["hat"] = [moved(lathe([(0.2, 0), (brim, 0), (brim, 0.05), (0.75 * head, 0.06), (0.72 * head, tall),
+            (0.2, tall + 0.02)], segments=18), skull + [0, 0.72 * head, 0])]  # fmt: skip
+        more["collar"] = [bead([0, level + 0.02, 0], [0.85 * head, 0.1, 0.85 * head], segments=18),
+            limb([[0.15, level, 0.8 * head], [0.2, level - 0.4, wide]], [[0.05, 0.09]] * 2, segments=8)]  # fmt: skip
+    return varied(rng, body=body, head=bead(skull, head, segments=20, rings=10),
+        nose=limb([tip, tip + [0, -0.02, nose]], [0.07, 0.015], segments=10), arm=[side for twig in twigs
+        for side in pair(twig)], **more)  # fmt: skip
 
 
 def dressed_snowman(rng: Rng, traits: Traits) -> Part:
@@ -237,11 +189,9 @@ def small_snowman(rng: Rng, traits: Traits) -> Part:
 
 def wyvern(rng: Rng, traits: Traits) -> Part:
     """Draw a dragon in flight: wings of skin spread wide, a long neck and tail, two legs drawn in."""
-    build = Bird(
-        girth=(0.2, 0.26), length=(0.5, 0.6), lean_deg=(5, 20), neck=(0.5, 0.65), neck_deg=(25, 55), bow=0.12,
-        head=(0.15, 0.18),
-        beak=(0.2, 0.26), hook=0.1, bill=(0.7, 0.62), tail=(0.1, 0.14), wings=(0.9, 1.1),
-    )  # fmt: skip
+    build = Bird(girth=(0.2, 0.26), length=(0.5, 0.6), lean_deg=(5, 20), neck=(0.5, 0.65), neck_deg=(25, 55), bow=0.12,
+        head=(0.15, 0.18), beak=(0.2, 0.26), hook=0.1, bill=(0.7, 0.62), tail=(0.1, 0.14),
+        wings=(0.9, 1.1))  # fmt: skip
     bird = bird_of(rng, traits, build, flying=True)
     solids, middle, head = bird.solids, bird.middle, bird.head
     tail = sized(rng, traits, "tail", (0.95, 1.2), by=2.0)
@@ -250,15 +200,12 @@ def wyvern(rng: Rng, traits: Traits) -> Part:
     hip, root = middle + [0.14, -0.12, -0.25], bird.skull + head * np.array([0.45, 0.6, -0.2])
     size = float(np.ptp(solids["wing"][0].verts[:, 0]))
     wing = turned(turned(bat_wing(size, 0, 10), 90, "x"), rng.uniform(5, 35), "z")
-    return varied(
-        rng, body=solids["body"], neck=solids["neck"], head=[*solids["head"], *solids["beak"]], eye=solids["eye"],
-        horn=pair(limb([root, root + head * np.array([0.4, 0.8, -1.3])], [0.05, 0.015], segments=8)),
-        wing=pair(moved(wing, middle + [0.1, 0.1, 0.1])),
-        tail=[bent_limb(path, [0.16, 0.1, 0.06, 0.02]), bead(path[-1], [0.12, 0.03, 0.14])],
-        leg=pair(limb([hip, hip + [0.08, -0.25, -0.12], hip + [0.1, -0.42, 0.05]], [0.1, 0.06, 0.05], segments=8,
-            samples=3)),
-        foot=pair(bead(hip + [0.1, -0.44, 0.12], [0.08, 0.04, 0.13])),
-    )  # fmt: skip
+    return varied(rng, body=solids["body"], neck=solids["neck"], head=[*solids["head"], *solids["beak"]],
+        eye=solids["eye"], horn=pair(limb([root, root + head * np.array([0.4, 0.8, -1.3])], [0.05, 0.015], segments=8)),
+        wing=pair(moved(wing, middle + [0.1, 0.1, 0.1])), tail=[bent_limb(path, [0.16, 0.1, 0.06, 0.02]), bead(path[-1],
+        [0.12, 0.03, 0.14])], leg=pair(limb([hip, hip + [0.08, -0.25, -0.12], hip + [0.1, -0.42, 0.05]],
+        [0.1, 0.06, 0.05], segments=8, samples=3)), foot=pair(bead(hip + [0.1, -0.44, 0.12],
+        [0.08, 0.04, 0.13])))  # fmt: skip
 
 
 def upright_dragon(rng: Rng, traits: Traits) -> Part:
@@ -268,34 +215,24 @@ def upright_dragon(rng: Rng, traits: Traits) -> Part:
     girth, tall = rng.uniform(0.34, 0.44), rng.uniform(0.75, 0.95)
     chest = np.array([0, tall, 0.02])
     skull, hip = chest + [0, 0.2 + neck + 0.4 * head, 0.12], np.array([0.75 * girth, 0.3, 0.02])
-    path = np.array([0, 0.3, -0.2]) + tail * np.array(
-        [(0, 0, 0.1), (0, -0.2, -0.4), (0.05, -0.2, -0.8), (0.05, 0.02, -1.1)]
-    )
+    path = np.array([0, 0.3, -0.2]) + tail * np.array([(0, 0, 0.1), (0, -0.2, -0.4), (0.05, -0.2, -0.8),
+        (0.05, 0.02, -1.1)])  # fmt: skip
     shoulder, root = chest + [0.6 * girth, -0.1, 0.08], skull + head * np.array([0.45, 0.75, -0.2])
     spikes = [limb([place, place + [0, 0.14, -0.1]], [[0.06, 0.08], [0.015, 0.02]], segments=7, samples=1)
               for place in (path[1] + [0, 0.12, 0], path[0] + [0, 0.3, -0.2 * girth], chest + [0, -0.1, -0.55 * girth],
                   skull - [0, -0.4 * head, 0.9 * head])]  # fmt: skip
-    return varied(
-        rng, body=bent_limb([[0, 0.3, 0], [0, 0.55 * tall, 0.02], chest], [0.9 * girth, girth, 0.6 * girth],
-            segments=18),
-        neck=limb([chest, skull], [0.5 * girth, 0.6 * head], segments=12), spike=spikes,
+    return varied(rng, body=bent_limb([[0, 0.3, 0], [0, 0.55 * tall, 0.02], chest], [0.9 * girth, girth, 0.6 * girth],
+        segments=18), neck=limb([chest, skull], [0.5 * girth, 0.6 * head], segments=12), spike=spikes,
         wing=pair(moved(bat_wing(wings, 25, 10), chest + [0.1, 0, -0.5 * girth])),
-        head=[bead(skull, head * np.array([0.95, 0.9, 1.0]), segments=16, rings=8),
-            limb([skull - [0, 0.25 * head, 0], skull + head * np.array([0, -0.3, 1.2])], head * np.array([0.6, 0.48]),
-            segments=12)],
+        head=[bead(skull, head * np.array([0.95, 0.9, 1.0]), segments=16, rings=8), limb([skull - [0, 0.25 * head, 0],
+        skull + head * np.array([0, -0.3, 1.2])], head * np.array([0.6, 0.48]), segments=12)],
         eye=pair(bead(skull + head * np.array([0.5, 0.5, 0.6]), 0.24 * head)),
         horn=pair(limb([root, root + head * np.array([0.3, 0.8, -0.5])], [0.07, 0.02], segments=8)),
         arm=pair(bent_limb([shoulder, shoulder + [0.14, -0.16, 0.1], shoulder + [0.1, -0.16, 0.3]], [0.1, 0.08, 0.07])),
-        tail=bent_limb(path, [0.3, 0.2, 0.11, 0.03], segments=12),
-        leg=pair(bead(hip, [0.22, 0.3, 0.26], segments=12, rings=8)),
-        foot=pair(bead(hip * [1, 0, 1] + [0.04, 0.08, 0.2], [0.16, 0.09, 0.28], segments=12)),
-    )  # fmt: skip
+        tail=bent_limb(path, [0.3, 0.2, 0.11, 0.03], segments=12), leg=pair(bead(hip, [0.22, 0.3, 0.26], segments=12,
+        rings=8)), foot=pair(bead(hip * [1, 0, 1] + [0.04, 0.08, 0.2], [0.16, 0.09, 0.28], segments=12)))  # fmt: skip
 
 
-KINDS = {
-    "dragon": (upright_dragon, wyvern),
-    "ghost": (arcade_ghost, floating_ghost),
-    "person": (block_person, cartoon_person, slender_person, strong_person, woman),
-    "robot": (ball_robot, mech, tin_robot),
-    "snowman": (dressed_snowman, small_snowman),
-}
+KINDS = {"dragon": (upright_dragon, wyvern), "ghost": (arcade_ghost, floating_ghost), "person": (block_person,
+    cartoon_person, slender_person, strong_person, woman), "robot": (ball_robot, mech, tin_robot),
+    "snowman": (dressed_snowman, small_snowman)}  # fmt: skip

@@ -11,10 +11,8 @@ from meshdeform.nouns.families.drawing import bead, bent_limb, petal, sized, var
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Range, Rng, Traits
 
-__all__ = [
-    "ant", "bee", "beetle", "caterpillar", "centipede", "dragonfly", "fly", "grasshopper", "ladybug", "mosquito",
-    "scorpion", "worm",
-]  # fmt: skip
+__all__ = ["ant", "bee", "beetle", "caterpillar", "centipede", "dragonfly", "fly", "grasshopper", "ladybug", "mosquito",
+    "scorpion", "worm"]  # fmt: skip
 
 _SIX = ((0.12, 35), (0.0, 0), (-0.12, -35))
 """Where (z) three legs a side begin, and their angles ahead of straight out."""
@@ -56,14 +54,11 @@ def ant(rng: Rng, traits: Traits) -> Part:
     tail = ellipsoid([0, y + 0.06, -0.2 - 1.1 * rear], [rear * 0.9, rear * 0.85, rear * 1.3], rings=8)
     jaw = skull + head * np.array([0.35, -0.3, 0.8])
     elbow = skull + [0.4 * head, 0.5 * head, 0.6 * head]
-    return varied(
-        rng,
-        body=[chest, tail], head=bead(skull, [head, 0.85 * head, 1.05 * head], segments=16, rings=8),
+    return varied(rng, body=[chest, tail], head=bead(skull, [head, 0.85 * head, 1.05 * head], segments=16, rings=8),
         eye=pair(bead(skull + head * np.array([0.72, 0.35, 0.35]), 0.28 * head)),
         jaw=pair(bent_limb([jaw, jaw + [0.05, 0, 0.1], jaw + [-0.04, 0, 0.17]], [0.05, 0.04, 0.02], segments=8)),
-        feeler=feelers_of(elbow, feelers * np.array([0.45, 0.25, 0.85]), bow=0.45),
-        leg=legs_of(legs, y, _SIX, lift=0.6),
-    )  # fmt: skip
+        feeler=feelers_of(elbow, feelers * np.array([0.45, 0.25, 0.85]), bow=0.45), leg=legs_of(legs, y, _SIX,
+        lift=0.6))  # fmt: skip
 
 
 def bee(rng: Rng, traits: Traits) -> Part:
@@ -74,21 +69,15 @@ def bee(rng: Rng, traits: Traits) -> Part:
     bands = []
     for t in (-0.62, -0.25, 0.12):
         ring = turned(bead([0, 0, 0], [1.12, 0.1, 1.12], segments=16), 90, "x")
-        bands.append(
-            moved(ring._replace(verts=ring.verts * [*[girth * np.sqrt(1 - t * t)] * 2, 1]), [0, y, t * length])
-        )
+        bands.append(moved(ring._replace(verts=ring.verts * [*[girth * np.sqrt(1 - t * t)] * 2, 1]),
+            [0, y, t * length]))  # fmt: skip
     sting = limb([[0, y, -0.9 * length], [0, y, -length - 0.12]], [0.06, 0.01], segments=8, samples=2)
     rise, sweep = rng.uniform(20, 50), rng.uniform(10, 35)
-    return varied(
-        rng,
-        body=ellipsoid([0, y, 0], [girth, girth, length]), band=bands, spike=sting,
-        head=ellipsoid(skull, head, rings=8),
-        eye=pair(bead(skull + head * np.array([0.55, 0.25, 0.6]), 0.36 * head)),
+    return varied(rng, body=ellipsoid([0, y, 0], [girth, girth, length]), band=bands, spike=sting, head=ellipsoid(skull,
+        head, rings=8), eye=pair(bead(skull + head * np.array([0.55, 0.25, 0.6]), 0.36 * head)),
         feeler=feelers_of(skull + head * np.array([0.3, 0.8, 0.3]), feelers * np.array([0.4, 0.7, 0.6])),
-        wing=_wings(np.array([0.06, y + 0.85 * girth, 0.12]),
-            [(wings, 0.5 * wings, sweep), (0.7 * wings, 0.36 * wings, sweep + 28)], rise),
-        leg=legs_of(0.2, y - 0.6 * girth, _SIX, lift=0.1, inner=0.12),
-    )  # fmt: skip
+        wing=_wings(np.array([0.06, y + 0.85 * girth, 0.12]), [(wings, 0.5 * wings, sweep), (0.7 * wings, 0.36 * wings,
+        sweep + 28)], rise), leg=legs_of(0.2, y - 0.6 * girth, _SIX, lift=0.1, inner=0.12))  # fmt: skip
 
 
 def _shelled(rng: Rng, traits: Traits, tall: Range, long: Range) -> tuple[dict[str, list[Part]], Array, float]:
@@ -100,13 +89,10 @@ def _shelled(rng: Rng, traits: Traits, tall: Range, long: Range) -> tuple[dict[s
     cover = turned(dome, rng.uniform(2, 8), "y")
     skull = np.array([0, y + 0.06, length + 0.4 * head])
     spots = ((0.5 * length, 30), (0.05, 0), (-0.5 * length, -35))
-    solids = {
-        "shell": pair(moved(cover, [0.27 * wide, y, -0.06])),
-        "body": [ellipsoid([0, y + 0.02, 0.7 * length], [0.75 * wide, 0.5 * height, 0.34 * length], rings=8)],
-        "head": [bead(skull, [head * 1.1, 0.8 * head, head], segments=16, rings=8)],
-        "eye": pair(bead(skull + head * np.array([0.8, 0.35, 0.45]), 0.28 * head)),
-        "leg": legs_of(legs, y, spots, inner=0.7 * wide, thick=0.045),
-    }
+    solids = {"shell": pair(moved(cover, [0.27 * wide, y, -0.06])), "body": [ellipsoid([0, y + 0.02, 0.7 * length],
+        [0.75 * wide, 0.5 * height, 0.34 * length], rings=8)], "head": [bead(skull, [head * 1.1, 0.8 * head, head],
+        segments=16, rings=8)], "eye": pair(bead(skull + head * np.array([0.8, 0.35, 0.45]), 0.28 * head)),
+        "leg": legs_of(legs, y, spots, inner=0.7 * wide, thick=0.045)}  # fmt: skip
     return solids, skull, head
 
 
@@ -124,14 +110,9 @@ def stag_beetle(rng: Rng, traits: Traits) -> Part:
     horns, root = sized(rng, traits, "horns", (0.4, 0.55)), skull + [0.6 * head, 0, 0.6 * head]
     way = horns * np.array([(0, 0, 0), (0.45, 0.05, 0.55), (0.05, 0.1, 1.0)])
     tooth = root + way[1]
-    return varied(
-        rng,
-        **solids,
-        horn=[
-            *pair(bent_limb(root + way, [0.07, 0.07, 0.02], segments=8)),
-            *pair(limb([tooth, tooth + horns * np.array([-0.25, 0.03, 0.1])], [0.05, 0.015], segments=8, samples=2)),
-        ],
-    )
+    return varied(rng, **solids, horn=[*pair(bent_limb(root + way, [0.07, 0.07, 0.02], segments=8)),
+        *pair(limb([tooth, tooth + horns * np.array([-0.25, 0.03, 0.1])], [0.05, 0.015], segments=8,
+        samples=2))])  # fmt: skip
 
 
 def ladybug(rng: Rng, traits: Traits) -> Part:
@@ -154,15 +135,11 @@ def dragonfly(rng: Rng, traits: Traits) -> Part:
     girth, y, droop = rng.uniform(0.12, 0.16), 0.35, rng.uniform(-0.1, 0.12)
     skull, wide = np.array([0, y, 0.42]), rng.uniform(0.2, 0.3) * wings
     path = [[0, y, -0.1], [0, y + droop * tail, -0.1 - 0.5 * tail], [0, y, -0.1 - tail]]
-    return varied(
-        rng,
-        body=limb([[0, y, -0.12], [0, y + 0.05, 0.1], [0, y, 0.3]], [0.8 * girth, 1.3 * girth, 0.8 * girth]),
-        tail=bent_limb(path, [0.065, 0.05, 0.06]), head=bead(skull, 1.1 * girth, segments=14),
+    return varied(rng, body=limb([[0, y, -0.12], [0, y + 0.05, 0.1], [0, y, 0.3]], [0.8 * girth, 1.3 * girth,
+        0.8 * girth]), tail=bent_limb(path, [0.065, 0.05, 0.06]), head=bead(skull, 1.1 * girth, segments=14),
         eye=pair(bead(skull + girth * np.array([0.7, 0.25, 0.35]), 0.85 * girth)),
         wing=_wings(np.array([0.04, y + girth, 0.1]), [(wings, wide, -12), (0.95 * wings, 1.1 * wide, 14)],
-            rng.uniform(-4, 16)),
-        leg=legs_of(0.18, y - 0.8 * girth, _SIX, lift=0.1, inner=0.05, thick=0.025),
-    )  # fmt: skip
+        rng.uniform(-4, 16)), leg=legs_of(0.18, y - 0.8 * girth, _SIX, lift=0.1, inner=0.05, thick=0.025))  # fmt: skip
 
 
 def fly(rng: Rng, traits: Traits) -> Part:
@@ -172,16 +149,12 @@ def fly(rng: Rng, traits: Traits) -> Part:
     y, head = 0.14 + 0.35 * legs + 0.5 * girth, 0.17
     skull = np.array([0, y - 0.02, 0.24 + girth])
     rear = ellipsoid([0, y - 0.06, -0.32], [girth * 0.95, girth * 0.85, girth * 1.4], rings=8)
-    return varied(
-        rng,
-        body=[ellipsoid([0, y, 0.06], [girth, girth, 1.05 * girth], rings=8), rear],
-        head=bead(skull, [1.15 * head, head, 0.9 * head], segments=14),
-        nose=limb([skull, skull + [0, -0.24, 0.1]], [0.06, 0.05], segments=8),
-        eye=pair(bead(skull + [0.6 * head + 0.3 * eyes, 0.05, 0.06], [eyes, 1.1 * eyes, eyes], segments=14)),
-        wing=_wings(np.array([0.1, y + 0.75 * girth, -0.02]), [(wings, 0.45 * wings, rng.uniform(42, 62))],
-            rng.uniform(5, 25)),
-        leg=legs_of(legs, y - 0.4 * girth, _SIX, lift=0.45, inner=0.15, thick=0.035),
-    )  # fmt: skip
+    return varied(rng, body=[ellipsoid([0, y, 0.06], [girth, girth, 1.05 * girth], rings=8), rear], head=bead(skull,
+        [1.15 * head, head, 0.9 * head], segments=14), nose=limb([skull, skull + [0, -0.24, 0.1]], [0.06, 0.05],
+        segments=8), eye=pair(bead(skull + [0.6 * head + 0.3 * eyes, 0.05, 0.06], [eyes, 1.1 * eyes, eyes],
+        segments=14)), wing=_wings(np.array([0.1, y + 0.75 * girth, -0.02]),
+        [(wings, 0.45 * wings, rng.uniform(42, 62))], rng.uniform(5, 25)), leg=legs_of(legs, y - 0.4 * girth, _SIX,
+        lift=0.45, inner=0.15, thick=0.035))  # fmt: skip
 
 
 def mosquito(rng: Rng, traits: Traits) -> Part:
@@ -190,15 +163,12 @@ def mosquito(rng: Rng, traits: Traits) -> Part:
     wings, y = sized(rng, traits, "wings", (0.6, 0.75)), 0.25 + 0.3 * legs
     skull = np.array([0, y + 0.02, 0.26])
     belly = bent_limb([[0, y, -0.05], [0, y - 0.02, -0.35], [0, y - rng.uniform(0.05, 0.2), -0.75]], [0.09, 0.1, 0.04])
-    return varied(
-        rng,
-        body=[bead([0, y + 0.06, 0.04], [0.14, 0.17, 0.18], segments=14, rings=8), belly],
-        head=bead(skull, 0.11, segments=12),
-        nose=limb([skull, skull + nose * np.array([0, -0.6, 0.8])], [0.035, 0.015], segments=8),
-        eye=pair(bead(skull + [0.07, 0.03, 0.05], 0.06)), leg=legs_of(legs, y, _SIX, lift=0.55, thick=0.024),
-        feeler=feelers_of(skull + [0.04, 0.08, 0.05], np.array([0.12, 0.16, 0.24]), thick=0.02),
-        wing=_wings(np.array([0.05, y + 0.17, 0.0]), [(wings, 0.26 * wings, rng.uniform(35, 65))], rng.uniform(10, 45)),
-    )  # fmt: skip
+    return varied(rng, body=[bead([0, y + 0.06, 0.04], [0.14, 0.17, 0.18], segments=14, rings=8), belly],
+        head=bead(skull, 0.11, segments=12), nose=limb([skull, skull + nose * np.array([0, -0.6, 0.8])], [0.035, 0.015],
+        segments=8), eye=pair(bead(skull + [0.07, 0.03, 0.05], 0.06)), leg=legs_of(legs, y, _SIX, lift=0.55,
+        thick=0.024), feeler=feelers_of(skull + [0.04, 0.08, 0.05], np.array([0.12, 0.16, 0.24]), thick=0.02),
+        wing=_wings(np.array([0.05, y + 0.17, 0.0]), [(wings, 0.26 * wings, rng.uniform(35, 65))], rng.uniform(10,
+        45)))  # fmt: skip
 
 
 def grasshopper(rng: Rng, traits: Traits) -> Part:
@@ -212,16 +182,13 @@ def grasshopper(rng: Rng, traits: Traits) -> Part:
     hind = [limb([hip, knee], [0.1, 0.035], segments=10), limb([knee, ankle], [0.035, 0.03], segments=8)]
     spine = [[0, y + 0.02, 0.5 * length], [0, y, 0], [0, y + 0.04, -length]]
     front = legs_of(0.24, y - 0.05, ((0.4 * length, 30), (0.18 * length, 5)), lift=0.3)
-    return varied(
-        rng,
-        body=limb(spine, girth * np.array([[1.1, 0.9], [1.0, 0.85], [0.4, 0.3]])),
-        leg=[*front, *(side for part in hind for side in pair(part)),
-        *pair(limb([ankle, ankle + [0.02, 0, 0.14]], [0.03, 0.02], segments=8, samples=2))],
-        head=bead(skull, girth * np.array([0.9, 1.25, 0.8]), segments=14, rings=8),
-        eye=pair(bead(skull + girth * np.array([0.75, 0.6, 0.2]), 0.4 * girth)),
+    return varied(rng, body=limb(spine, girth * np.array([[1.1, 0.9], [1.0, 0.85], [0.4, 0.3]])),
+        leg=[*front, *(side for part in hind for side in pair(part)), *pair(limb([ankle, ankle + [0.02, 0, 0.14]],
+        [0.03, 0.02], segments=8, samples=2))], head=bead(skull, girth * np.array([0.9, 1.25, 0.8]), segments=14,
+        rings=8), eye=pair(bead(skull + girth * np.array([0.75, 0.6, 0.2]), 0.4 * girth)),
         feeler=feelers_of(skull + [0.05, 0.15, 0.08], feelers * np.array([0.25, 0.5, 0.6]), thick=0.02),
-        wing=pair(moved(turned(turned(petal(length, 0.26), 90, "x"), 90, "y"), [0.7 * girth, y + 0.08, 0.1])),
-    )  # fmt: skip
+        wing=pair(moved(turned(turned(petal(length, 0.26), 90, "x"), 90, "y"), [0.7 * girth, y + 0.08,
+        0.1])))  # fmt: skip
 
 
 def _row(rng: Rng, count: int, length: float, girth: float, arch: float, sway: float) -> Array:
@@ -237,19 +204,12 @@ def caterpillar(rng: Rng, traits: Traits) -> Part:
     count, girth = int(rng.integers(6, 9)), rng.uniform(0.19, 0.23)
     row = _row(rng, count, 0.26 * count, girth, rng.choice([0.0, 0.25, 0.45]), rng.uniform(0, 0.1))
     skull = row[0] + [0, 0.5 * head, 0.5 * head]
-    feet = [
-        foot
-        for place in row[1:]
-        for foot in pair(bead(place + [0.6 * girth, -0.85 * girth, 0], [0.08, 0.09, 0.08], segments=8))
-    ]
-    return varied(
-        rng,
-        body=[bead(place, [1.05 * girth, girth, 0.19], segments=14, rings=8) for place in row[1:]],
-        head=bead(skull, head, segments=18, rings=10),
-        eye=pair(bead(skull + head * np.array([0.42, 0.2, 0.82]), 0.2 * head)),
-        feeler=feelers_of(skull + head * np.array([0.4, 0.8, 0.1]), feelers * np.array([0.45, 0.85, 0.2]),
-            thick=0.035), foot=feet,
-    )  # fmt: skip
+    feet = [foot for place in row[1:] for foot in pair(bead(place + [0.6 * girth, -0.85 * girth, 0], [0.08, 0.09, 0.08],
+        segments=8))]  # fmt: skip
+    return varied(rng, body=[bead(place, [1.05 * girth, girth, 0.19], segments=14, rings=8) for place in row[1:]],
+        head=bead(skull, head, segments=18, rings=10), eye=pair(bead(skull + head * np.array([0.42, 0.2, 0.82]),
+        0.2 * head)), feeler=feelers_of(skull + head * np.array([0.4, 0.8, 0.1]), feelers * np.array([0.45, 0.85, 0.2]),
+        thick=0.035), foot=feet)  # fmt: skip
 
 
 def centipede(rng: Rng, traits: Traits) -> Part:
@@ -257,14 +217,11 @@ def centipede(rng: Rng, traits: Traits) -> Part:
     legs, feelers = sized(rng, traits, "legs", (0.2, 0.26)), sized(rng, traits, "feelers", (0.3, 0.4))
     row = _row(rng, 12, 2.3, 0.13, 0.0, rng.uniform(0.05, 0.16))
     skull = row[0] + [0, 0.02, 0.05]
-    return varied(
-        rng,
-        body=[bead(place, [0.15, 0.1, 0.13], segments=10) for place in row[1:]],
-        head=bead(skull, [0.16, 0.11, 0.14], segments=12),
-        feeler=feelers_of(skull + [0.06, 0.04, 0.1], feelers * np.array([0.5, 0.4, 0.75])),
-        leg=[moved(side, place * [1, 0, 1]) for place in row[1:] for side in pair(limb([[0.08, 0.13, 0],
-            [0.1 + 0.5 * legs, 0.18, 0], [0.1 + legs, 0.02, -0.05]], [0.03, 0.03, 0.02], segments=5, samples=1))],
-    )  # fmt: skip
+    return varied(rng, body=[bead(place, [0.15, 0.1, 0.13], segments=10) for place in row[1:]], head=bead(skull,
+        [0.16, 0.11, 0.14], segments=12), feeler=feelers_of(skull + [0.06, 0.04, 0.1], feelers * np.array([0.5, 0.4,
+        0.75])), leg=[moved(side, place * [1, 0, 1]) for place in row[1:] for side in pair(limb([[0.08, 0.13, 0],
+        [0.1 + 0.5 * legs, 0.18, 0], [0.1 + legs, 0.02, -0.05]], [0.03, 0.03, 0.02], segments=5,
+        samples=1))])  # fmt: skip
 
 
 def worm(rng: Rng, traits: Traits) -> Part:
@@ -279,11 +236,8 @@ def worm(rng: Rng, traits: Traits) -> Part:
     place, way = path[9], path[11] - path[8]
     ring = limb([place - 0.35 * way, place + 0.35 * way], [1.22 * girth] * 2, segments=14)
     skull = path[0] + [0, 0.2 * head, 0.3 * head]
-    return varied(
-        rng,
-        body=bent_limb(path, widths, segments=12, samples=2), band=ring, head=bead(skull, head, segments=16, rings=8),
-        eye=pair(bead(skull + head * np.array([0.45, 0.45, 0.75]), 0.26 * head)),
-    )  # fmt: skip
+    return varied(rng, body=bent_limb(path, widths, segments=12, samples=2), band=ring, head=bead(skull, head,
+        segments=16, rings=8), eye=pair(bead(skull + head * np.array([0.45, 0.45, 0.75]), 0.26 * head)))  # fmt: skip
 
 
 def scorpion(rng: Rng, traits: Traits) -> Part:
@@ -291,45 +245,19 @@ def scorpion(rng: Rng, traits: Traits) -> Part:
     claws, tail = sized(rng, traits, "claws", (0.15, 0.19), by=2.0), sized(rng, traits, "tail", (0.75, 0.92), by=2.0)
     legs, y = sized(rng, traits, "legs", (0.36, 0.46)), 0.26
     body = limb([[0, y, 0.42], [0, y + 0.03, 0.1], [0, y, -0.45]], [[0.1, 0.18], [0.14, 0.27], [0.09, 0.13]], samples=3)
-    arc = np.array(
-        [
-            [0, y + tail * up, -0.45 + tail * out]
-            for out, up in (
-                (-0.1, 0.02),
-                (-0.32, 0.2),
-                (-0.42, 0.45),
-                (-0.36, 0.72),
-                (-0.18, 0.92),
-                (0.04, 0.98),
-                (0.24, 0.9),
-            )
-        ]
-    )
+    arc = np.array([[0, y + tail * up, -0.45 + tail * out] for out, up in ((-0.1, 0.02), (-0.32, 0.2), (-0.42, 0.45),
+        (-0.36, 0.72), (-0.18, 0.92), (0.04, 0.98), (0.24, 0.9))])  # fmt: skip
     sting = bent_limb([arc[-1], arc[-1] + [0, -0.02, 0.14], arc[-1] + [0, -0.18, 0.2]], [0.09, 0.06, 0.012])
     shoulder, elbow, wrist = np.array([0.12, y, 0.42]), np.array([0.42, y + 0.05, 0.5]), np.array([0.42, y + 0.1, 0.78])
     palm = wrist + [0, 0, 0.8 * claws]
-    finger = [
-        bent_limb(
-            [
-                palm + claws * np.array([side * 0.45, 0, 0.5]),
-                palm + claws * np.array([side * 0.8, 0.1, 1.4]),
-                palm + claws * np.array([side * 0.1, 0.1, 2.2]),
-            ],
-            claws * np.array([0.4, 0.3, 0.08]),
-            segments=8,
-        )
-        for side in (1, -1)
-    ]
-    return varied(
-        rng,
-        body=body, tail=[limb([a, b], [0.1, 0.1], segments=8, samples=1) for a,
-            b in pairwise(arc)], spike=sting,
-        arm=pair(limb([shoulder, elbow, wrist], [0.06, 0.07, 0.06], segments=7, samples=2)),
+    finger = [bent_limb([palm + claws * np.array([side * 0.45, 0, 0.5]), palm + claws * np.array([side * 0.8, 0.1,
+        1.4]), palm + claws * np.array([side * 0.1, 0.1, 2.2])], claws * np.array([0.4, 0.3, 0.08]), segments=8)
+        for side in (1, -1)]  # fmt: skip
+    return varied(rng, body=body, tail=[limb([a, b], [0.1, 0.1], segments=8, samples=1) for a, b in pairwise(arc)],
+        spike=sting, arm=pair(limb([shoulder, elbow, wrist], [0.06, 0.07, 0.06], segments=7, samples=2)),
         claw=[*pair(bead(palm, claws * np.array([0.75, 0.6, 1.0]), segments=12)),
-            *(side for part in finger for side in pair(part))],
-        leg=legs_of(legs, y, ((0.28, 40), (0.12, 12), (-0.05, -14), (-0.22, -40)), lift=0.4, inner=0.15),
-        eye=pair(bead([0.07, y + 0.13, 0.36], 0.05)),
-    )  # fmt: skip
+        *(side for part in finger for side in pair(part))], leg=legs_of(legs, y, ((0.28, 40), (0.12, 12), (-0.05, -14),
+        (-0.22, -40)), lift=0.4, inner=0.15), eye=pair(bead([0.07, y + 0.13, 0.36], 0.05)))  # fmt: skip
 
 
 KINDS = {"beetle": (stag_beetle,)}
