@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from meshdeform.nouns.families.animals import at
-from meshdeform.nouns.families.drawing import bead, bent_limb, sized, varied
+from meshdeform.nouns.families.drawing import Family, bead, bent_limb, kind, near, on, sized, varied
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, plate, turned
-from meshdeform.nouns.families.traits import Range, Rng, Traits
+from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["crow", "eagle", "flamingo", "goose", "hummingbird", "ostrich", "parrot", "peacock", "pelican", "pigeon",
     "pterodactyl", "seagull", "stork", "toucan", "turkey", "vulture"]  # fmt: skip
@@ -27,22 +26,22 @@ class Build:
     length; `fingers`: whether its tip is of separate feathers.
     """
 
-    girth: Range = (0.27, 0.33)
-    length: Range = (0.48, 0.58)
-    lean_deg: Range = (15, 30)
-    legs: Range = (0.2, 0.28)
+    girth: float = 0.3
+    length: float = 0.53
+    lean_deg: float = 22
+    legs: float = 0.24
     shank: float = 0.045
-    neck: Range = (0.12, 0.18)
-    neck_deg: Range = (50, 65)
+    neck: float = 0.15
+    neck_deg: float = 58
     bow: float = 0.0
-    head: Range = (0.18, 0.21)
-    beak: Range = (0.18, 0.24)
+    head: float = 0.195
+    beak: float = 0.21
     hook: float = 0.1
     bill: tuple[float, float] = (0.4, 0.36)
-    tail: Range = (0.4, 0.5)
+    tail: float = 0.45
     fan_deg: float = 14
-    tail_deg: Range = (0, 10)
-    wings: Range = (0.55, 0.65)
+    tail_deg: float = 5
+    wings: float = 0.6
     chord: float = 0.4
     fingers: bool = False
 
@@ -59,8 +58,8 @@ class Bird(NamedTuple):
 
 def bird_of(rng: Rng, traits: Traits, build: Build, *, flying: bool = False) -> Bird:
     """Draw a bird that stands with folded wings, or flies."""
-    girth, length = (rng.uniform(0.9 * low, 1.1 * high) for low, high in (build.girth, build.length))
-    lean = rng.uniform(*build.lean_deg) + rng.uniform(-6, 6)
+    girth, length = near(rng, build.girth), near(rng, build.length)
+    lean = build.lean_deg + rng.uniform(-10, 10)
     leg = 0.3 if flying else sized(rng, traits, "legs", build.legs)
     middle = np.array([0.0, leg + 0.85 * girth, 0.0])
     axis, up = at(lean, 1.0), at(lean + 90, 1.0)
@@ -69,7 +68,7 @@ def bird_of(rng: Rng, traits: Traits, build: Build, *, flying: bool = False) -> 
     throat = middle + 0.5 * length * axis + 0.25 * girth * up
     skull, head = _head(rng, traits, build, throat, girth, solids)
     tail = sized(rng, traits, "tail", build.tail)
-    fan = turned(feathers(tail, build.fan_deg), rng.uniform(*build.tail_deg) - lean, "x")
+    fan = turned(feathers(tail, build.fan_deg), build.tail_deg + rng.uniform(-10, 10) - lean, "x")
     solids["tail"] = [moved(fan, middle - 0.75 * length * axis + 0.15 * girth * up)]
     wings = sized(rng, traits, "wings", build.wings, by=1.9)
     if flying:
@@ -89,14 +88,14 @@ def _head(
 ) -> tuple[Array, float]:
     """Add neck, head, eyes and beak; return the middle of the head and its radius."""
     neck, head = sized(rng, traits, "neck", build.neck), sized(rng, traits, "head", build.head, by=1.8)
-    deg, t = rng.uniform(*build.neck_deg) + rng.uniform(-5, 5), np.array([0.0, 0.3, 0.65, 1.0])[:, None]
+    deg, t = build.neck_deg + rng.uniform(-10, 10), np.array([0.0, 0.3, 0.65, 1.0])[:, None]
     path = throat + at(deg, neck) * t - at(deg + 90, build.bow * neck) * np.sin(2 * np.pi * t)
     thin = min(0.7 * head, 0.6 * girth)
     solids["neck"] = [bent_limb(path, [0.65 * girth, 1.15 * thin, thin, thin], segments=12, samples=4)]
     skull = path[-1] + [0, 0.2 * head, 0.25 * head]
     solids["head"] = [ellipsoid(skull, [0.9 * head, 0.95 * head, 1.05 * head], rings=10)]
-    solids["eye"] = pair(bead(skull + head * np.array([0.66, 0.25, 0.5]), 0.22 * head))
-    beak, root = sized(rng, traits, "beak", build.beak), skull + head * np.array([0, -0.1, 0.7])
+    solids["eye"] = pair(bead(on(skull, head, 0.66, 0.25, 0.5), 0.22 * head))
+    beak, root = sized(rng, traits, "beak", build.beak), on(skull, head, 0, -0.1, 0.7)
     way = 0.3 * head + beak * np.array([(0, 0.05 * build.hook, 0.55), (0, -0.9 * build.hook, 1 - 0.3 * build.hook)])
     size = head * np.array(build.bill)
     bill = [root, *(root + way * [0, 1, 1] - [0, 0.3 * head, 0])]
@@ -142,67 +141,56 @@ def plumes(at_place: Array, length: float, degs: tuple[float, ...], thick: float
     return [limb([at_place, tip], [[thick, thick], [0.6 * thick, 1.6 * thick]], segments=8, samples=2) for tip in tips]
 
 
-def _drawn_by(build: Build, *, flying: bool = False) -> Callable[[Rng, Traits], Part]:
-    """Return the family of the birds that are known by their build alone."""
-    return lambda rng, traits: varied(rng, **bird_of(rng, traits, build, flying=flying).solids)
+def bird_kind(name: str, build: Build, *, flying: bool = False) -> Family:
+    """Return the family of birds that are known by their build alone."""
+    return kind(name, lambda rng, traits: varied(rng, **bird_of(rng, traits, build, flying=flying).solids))
 
 
-_EAGLE = Build(girth=(0.22, 0.27), length=(0.5, 0.58), lean_deg=(0, 8), neck=(0.12, 0.16), neck_deg=(5, 25),
-    head=(0.15, 0.17), beak=(0.15, 0.19), hook=0.7, bill=(0.55, 0.42), tail=(0.42, 0.52), fan_deg=24, wings=(1.05, 1.3),
-    chord=0.48, fingers=True)  # fmt: skip
-_PERCHED = replace(_EAGLE, girth=(0.27, 0.32), lean_deg=(52, 66), neck_deg=(65, 80), legs=(0.16, 0.22), shank=0.07,
-    wings=(0.75, 0.85), fan_deg=12)  # fmt: skip
+_EAGLE = Build(girth=0.24, length=0.54, lean_deg=4, neck=0.14, neck_deg=15, head=0.16, beak=0.17, hook=0.7,
+    bill=(0.55, 0.42), tail=0.47, fan_deg=24, wings=1.18, chord=0.48, fingers=True)  # fmt: skip
+_PERCHED = replace(_EAGLE, girth=0.30, lean_deg=59, neck_deg=72, legs=0.19, shank=0.07, wings=0.8, fan_deg=12)
 
 
-eagle = _drawn_by(_EAGLE, flying=True)
+eagle = bird_kind("eagle", _EAGLE, flying=True)
 """An eagle in flight: broad wings that end in fingers, a hooked beak, a fanned tail."""
 
 
-def perched_eagle(rng: Rng, traits: Traits) -> Part:
-    """Draw an upright eagle with folded wings."""
-    return varied(rng, **bird_of(rng, traits, _PERCHED).solids)
+_PARROT = Build(girth=0.27, lean_deg=58, legs=0.1, neck=0.11, neck_deg=70, head=0.24, beak=0.19, hook=1.0,
+    bill=(0.55, 0.4), tail=0.8, fan_deg=6, wings=0.67)  # fmt: skip
 
 
-_PARROT = Build(girth=(0.24, 0.29), lean_deg=(50, 66), legs=(0.08, 0.12), neck=(0.1, 0.12), neck_deg=(60, 80),
-    head=(0.23, 0.26), beak=(0.17, 0.21), hook=1.0, bill=(0.55, 0.4), tail=(0.7, 0.9), fan_deg=6,
-    wings=(0.62, 0.72))  # fmt: skip
-
-
-parrot = _drawn_by(_PARROT)
+parrot = bird_kind("parrot", _PARROT)
 """An upright parrot: a big round head, a beak bent down, a long narrow tail."""
 
 
 def cockatoo(rng: Rng, traits: Traits) -> Part:
     """Draw a parrot with a raised crest and a shorter tail."""
-    bird = bird_of(rng, traits, replace(_PARROT, tail=(0.4, 0.5), fan_deg=10))
+    bird = bird_of(rng, traits, replace(_PARROT, tail=0.45, fan_deg=10))
     crest = plumes(bird.skull + [0, 0.7 * bird.head, 0.1], rng.uniform(1.2, 1.6) * bird.head, (70, 95, 120, 145), 0.045)
     return varied(rng, **bird.solids, crest=crest)
 
 
-flamingo = _drawn_by(Build(girth=(0.22, 0.26), length=(0.4, 0.46), lean_deg=(5, 15), legs=(1.0, 1.2), shank=0.035,
-    neck=(0.75, 0.9), neck_deg=(72, 84), bow=0.26, head=(0.1, 0.115), beak=(0.2, 0.24), hook=1.0, bill=(0.55, 0.5),
-    tail=(0.14, 0.2), wings=(0.5, 0.58)))  # fmt: skip
+flamingo = bird_kind("flamingo", Build(girth=0.24, length=0.43, lean_deg=10, legs=1.1, shank=0.035, neck=0.82,
+    neck_deg=78, bow=0.26, head=0.108, beak=0.22, hook=1.0, bill=(0.55, 0.5), tail=0.17, wings=0.54))  # fmt: skip
 """A flamingo: a small body on stilts, a long neck in an S, a beak bent down."""
 
-ostrich = _drawn_by(Build(girth=(0.38, 0.44), length=(0.4, 0.5), lean_deg=(0, 10), legs=(0.8, 0.95), shank=0.06,
-    neck=(0.75, 0.9), neck_deg=(72, 84), bow=0.08, head=(0.12, 0.135), beak=(0.12, 0.15), bill=(0.3, 0.6),
-    tail=(0.28, 0.34), fan_deg=38, tail_deg=(30, 50), wings=(0.5, 0.58)))  # fmt: skip
+ostrich = bird_kind("ostrich", Build(girth=0.41, length=0.45, lean_deg=5, legs=0.88, shank=0.06, neck=0.82, neck_deg=78,
+    bow=0.08, head=0.128, beak=0.135, bill=(0.3, 0.6), tail=0.31, fan_deg=38, tail_deg=40, wings=0.54))  # fmt: skip
 """An ostrich: a great round body on strong legs, a bare upright neck, a small flat head, a plume of a tail."""
 
 
 def peacock(rng: Rng, traits: Traits) -> Part:
     """Draw a peacock: a wheel of feathers behind a slender bird with a small crown."""
-    build = Build(girth=(0.2, 0.24), length=(0.38, 0.44), neck=(0.38, 0.46), neck_deg=(70, 82), bow=0.06,
-        head=(0.11, 0.13), beak=(0.12, 0.15), tail=(1.05, 1.25), fan_deg=82, tail_deg=(88, 100),
-        wings=(0.4, 0.46))  # fmt: skip
+    build = Build(girth=0.22, length=0.41, neck=0.42, neck_deg=76, bow=0.06, head=0.12, beak=0.135, tail=1.15,
+        fan_deg=82, tail_deg=94, wings=0.43)  # fmt: skip
     bird = bird_of(rng, traits, build)
     return varied(rng, **bird.solids, crest=plumes(bird.skull + [0, 0.7 * bird.head, 0], 0.22, (70, 95, 120), 0.022))
 
 
 def pelican(rng: Rng, traits: Traits) -> Part:
     """Draw a pelican: a long bill over a deep pouch, a bent neck, a plump body on short legs."""
-    build = Build(girth=(0.32, 0.38), lean_deg=(12, 22), legs=(0.14, 0.18), neck=(0.42, 0.52), neck_deg=(72, 84),
-        bow=0.2, head=(0.15, 0.17), beak=(0.75, 0.9), bill=(0.3, 0.5), tail=(0.18, 0.24), wings=(0.6, 0.7))  # fmt: skip
+    build = Build(girth=0.35, lean_deg=17, legs=0.16, neck=0.47, neck_deg=78, bow=0.2, head=0.16, beak=0.82,
+        bill=(0.3, 0.5), tail=0.21, wings=0.65)  # fmt: skip
     bird = bird_of(rng, traits, build)
     tip = bird.solids["beak"][0].verts
     ends = bird.skull - [0, 0.5 * bird.head, 0], tip[tip[:, 2].argmax()]
@@ -212,53 +200,43 @@ def pelican(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **bird.solids, jaw=pouch)
 
 
-toucan = _drawn_by(Build(girth=(0.25, 0.29), lean_deg=(45, 60), legs=(0.1, 0.14), neck=(0.06, 0.1), neck_deg=(60, 75),
-    head=(0.2, 0.23), beak=(0.6, 0.75), hook=0.3, bill=(0.8, 0.5), tail=(0.42, 0.5), fan_deg=9))  # fmt: skip
+toucan = bird_kind("toucan", Build(girth=0.27, lean_deg=52, legs=0.12, neck=0.08, neck_deg=68, head=0.22, beak=0.68,
+    hook=0.3, bill=(0.8, 0.5), tail=0.46, fan_deg=9))  # fmt: skip
 """A toucan: a beak nearly as long and as thick as its upright body."""
 
 
 def turkey(rng: Rng, traits: Traits) -> Part:
     """Draw a turkey: a plump body before an upright fan, a thin neck, a small head with a wattle."""
-    build = Build(girth=(0.38, 0.44), length=(0.42, 0.5), lean_deg=(15, 25), neck=(0.26, 0.32), neck_deg=(60, 75),
-        bow=0.12, head=(0.12, 0.14), beak=(0.1, 0.13), hook=0.4, tail=(0.72, 0.85), fan_deg=74,
-        tail_deg=(80, 95))  # fmt: skip
+    build = Build(girth=0.41, length=0.46, lean_deg=20, neck=0.29, neck_deg=68, bow=0.12, head=0.13, beak=0.115,
+        hook=0.4, tail=0.78, fan_deg=74, tail_deg=88)  # fmt: skip
     bird = bird_of(rng, traits, build)
-    drop = bird.skull + bird.head * np.array([0, -0.9, 0.75])
+    drop = on(bird.skull, bird.head, 0, -0.9, 0.75)
     wattle = limb([drop + [0, 0.05, 0], drop - [0, rng.uniform(0.1, 0.16), 0]], [0.05, 0.06], segments=10)
     return varied(rng, **bird.solids, wattle=wattle)
 
 
-goose = _drawn_by(Build(girth=(0.32, 0.37), length=(0.55, 0.65), lean_deg=(6, 16), legs=(0.18, 0.24), shank=0.055,
-    neck=(0.55, 0.68), neck_deg=(74, 86), bow=0.07, head=(0.14, 0.16), beak=(0.17, 0.21), bill=(0.35, 0.5),
-    tail=(0.2, 0.26), tail_deg=(20, 40), wings=(0.62, 0.7)))  # fmt: skip
+goose = bird_kind("goose", Build(girth=0.34, length=0.6, lean_deg=11, legs=0.21, shank=0.055, neck=0.61, neck_deg=80,
+    bow=0.07, head=0.15, beak=0.19, bill=(0.35, 0.5), tail=0.23, tail_deg=30, wings=0.66))  # fmt: skip
 """A goose on its feet: a heavy level body, a long upright neck, a flat bill."""
 
-seagull = _drawn_by(Build(girth=(0.2, 0.24), length=(0.46, 0.54), lean_deg=(0, 8), neck=(0.08, 0.12), neck_deg=(15, 35),
-    head=(0.15, 0.175), beak=(0.16, 0.2), hook=0.25, bill=(0.36, 0.3), tail=(0.26, 0.32), fan_deg=22, wings=(1.2, 1.4),
-    chord=0.27), flying=True)  # fmt: skip
+seagull = bird_kind("seagull", Build(girth=0.22, length=0.5, lean_deg=4, neck=0.1, neck_deg=25, head=0.162, beak=0.18,
+    hook=0.25, bill=(0.36, 0.3), tail=0.29, fan_deg=22, wings=1.3, chord=0.27), flying=True)  # fmt: skip
 """A gull that glides: long narrow pointed wings, a plump body, a short tail."""
 
 
-def standing_gull(rng: Rng, traits: Traits) -> Part:
-    """Draw a gull on its feet."""
-    build = Build(lean_deg=(8, 18), head=(0.17, 0.19), beak=(0.18, 0.22), hook=0.25, bill=(0.36, 0.3), tail=(0.3, 0.36))
-    return varied(rng, **bird_of(rng, traits, replace(build, wings=(0.68, 0.76), legs=(0.24, 0.3))).solids)
-
-
-crow = _drawn_by(Build(girth=(0.24, 0.28), lean_deg=(18, 35), beak=(0.26, 0.32), bill=(0.5, 0.4), hook=0.15,
-    tail=(0.48, 0.58), fan_deg=9, wings=(0.66, 0.76)))  # fmt: skip
+crow = bird_kind("crow", Build(girth=0.26, lean_deg=26, beak=0.29, bill=(0.5, 0.4), hook=0.15, tail=0.53, fan_deg=9,
+    wings=0.71))  # fmt: skip
 """A crow: a strong straight beak, a sleek body, a long tail."""
 
-pigeon = _drawn_by(Build(girth=(0.31, 0.36), lean_deg=(24, 38), legs=(0.12, 0.16), neck=(0.16, 0.22), neck_deg=(72, 84),
-    head=(0.145, 0.165), beak=(0.06, 0.08), bill=(0.3, 0.3), tail=(0.4, 0.48), fan_deg=13,
-    wings=(0.6, 0.68)))  # fmt: skip
+pigeon = bird_kind("pigeon", Build(girth=0.33, lean_deg=31, legs=0.14, neck=0.19, neck_deg=78, head=0.155, beak=0.07,
+    bill=(0.3, 0.3), tail=0.44, fan_deg=13, wings=0.64))  # fmt: skip
 """A pigeon: a full breast, a small round head, a tiny beak."""
 
 
 def vulture(rng: Rng, traits: Traits) -> Part:
     """Draw a vulture: hunched shoulders, a ruff, a bare neck that hangs ahead, a hooked beak."""
-    build = replace(_PERCHED, girth=(0.32, 0.37), lean_deg=(55, 68), neck=(0.46, 0.56), neck_deg=(14, 30), bow=-0.2,
-        head=(0.13, 0.15), beak=(0.2, 0.25), hook=0.8, wings=(0.85, 0.95), tail=(0.3, 0.38))  # fmt: skip
+    build = replace(_PERCHED, girth=0.34, lean_deg=62, neck=0.51, neck_deg=22, bow=-0.2, head=0.14, beak=0.23, hook=0.8,
+        wings=0.9, tail=0.34)  # fmt: skip
     bird = bird_of(rng, traits, build)
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ruff = 0.27 * (1 + 0.1 * np.cos(8 * turn))
@@ -268,9 +246,8 @@ def vulture(rng: Rng, traits: Traits) -> Part:
 
 def hummingbird(rng: Rng, traits: Traits) -> Part:
     """Draw a hummingbird that hovers: a needle of a beak, raised narrow wings, a small upright body."""
-    build = Build(girth=(0.2, 0.24), length=(0.4, 0.46), lean_deg=(40, 55), neck=(0.06, 0.1), neck_deg=(50, 65),
-        head=(0.17, 0.19), beak=(0.55, 0.68), hook=0.06, bill=(0.2, 0.2), tail=(0.42, 0.5), fan_deg=15, tail_deg=(-15,
-        5), wings=(0.75, 0.9), chord=0.33)  # fmt: skip
+    build = Build(girth=0.22, length=0.43, lean_deg=48, neck=0.08, neck_deg=58, head=0.18, beak=0.61, hook=0.06,
+        bill=(0.2, 0.2), tail=0.46, fan_deg=15, tail_deg=-5, wings=0.82, chord=0.33)  # fmt: skip
     bird = bird_of(rng, traits, build, flying=True)
     lift = rng.uniform(15, 35)
     shoulder = bird.middle + [0.1, 0.1, 0]
@@ -278,17 +255,15 @@ def hummingbird(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **{**bird.solids, "wing": pair(right)})
 
 
-stork = _drawn_by(Build(girth=(0.24, 0.28), length=(0.44, 0.52), lean_deg=(8, 20), legs=(0.85, 1.0), shank=0.035,
-    neck=(0.5, 0.6), neck_deg=(62, 78), bow=0.12, head=(0.12, 0.135), beak=(0.5, 0.6), hook=0.04, bill=(0.42, 0.36),
-    tail=(0.2, 0.26), wings=(0.58, 0.66)))  # fmt: skip
+stork = bird_kind("stork", Build(girth=0.26, length=0.48, lean_deg=14, legs=0.93, shank=0.035, neck=0.55, neck_deg=70,
+    bow=0.12, head=0.128, beak=0.55, hook=0.04, bill=(0.42, 0.36), tail=0.23, wings=0.62))  # fmt: skip
 """A stork: long straight legs, a long neck, a long pointed beak."""
 
 
 def pterodactyl(rng: Rng, traits: Traits) -> Part:
     """Draw a pterodactyl: wings of skin to a point, a long toothless beak, a crest that points back."""
-    build = Build(girth=(0.17, 0.21), length=(0.46, 0.54), lean_deg=(0, 10), neck=(0.2, 0.26), neck_deg=(20, 40),
-        head=(0.14, 0.16), beak=(0.6, 0.75), hook=0.04, bill=(0.5, 0.36), tail=(0.1, 0.14),
-        wings=(1.1, 1.3))  # fmt: skip
+    build = Build(girth=0.19, length=0.5, lean_deg=5, neck=0.23, neck_deg=30, head=0.15, beak=0.68, hook=0.04,
+        bill=(0.5, 0.36), tail=0.12, wings=1.2)  # fmt: skip
     bird = bird_of(rng, traits, build, flying=True)
     span = float(np.ptp(bird.solids["wing"][0].verts[:, 0]))
     web = np.array([(0, 0.14), (0.3, 0.4), (0.42, 0.36), (1.05, -0.3), (0.62, -0.12), (0.3, -0.3), (0, -0.42)])
@@ -300,4 +275,6 @@ def pterodactyl(rng: Rng, traits: Traits) -> Part:
         crest=crest)  # fmt: skip
 
 
-KINDS = {"eagle": (perched_eagle,), "parrot": (cockatoo,), "seagull": (standing_gull,)}
+_GULL = Build(lean_deg=13, head=0.18, beak=0.2, hook=0.25, bill=(0.36, 0.3), tail=0.33, wings=0.72, legs=0.27)
+KINDS = {"eagle": (bird_kind("perched_eagle", _PERCHED),), "parrot": (cockatoo,),
+    "seagull": (bird_kind("standing_gull", _GULL),)}  # fmt: skip

@@ -2,23 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshdeform.nouns.families.parts import Array, Part, curved, lathe, limb, moved, named, plate, stretched
-from meshdeform.nouns.families.traits import Range, Rng, Traits
+from meshdeform.nouns.families.parts import Array, Part, curved, lathe, limb, moved, named, pair, plate, stretched
+from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["bead", "bent_limb", "blade", "circle", "petal", "sized", "varied"]
+__all__ = ["bead", "bent_limb", "blade", "circle", "kind", "near", "on", "pairs", "petal", "sized", "varied"]
+
+Family = Callable[[Rng, Traits], Part]
 
 _PETAL = [(0, 0.15), (0.35, 0.45), (0.75, 0.5), (0.95, 0.25), (1, 0), (0.9, -0.3), (0.6, -0.5), (0.3, -0.4), (0, -0.15)]
 
 
-def sized(rng: Rng, traits: Traits, part: str, usual: Range, by: float = 2.4) -> float:
-    """Draw the size of a part from a range, widened by 15 %, or from one that is `by` times less or greater."""
-    low, high = 0.85 * usual[0], 1.15 * usual[1]
+def near(rng: Rng, usual: float) -> float:
+    """Draw a size near its usual one."""
+    return float(rng.uniform(0.82, 1.2) * usual)
+
+
+def sized(rng: Rng, traits: Traits, part: str, usual: float, by: float = 2.4) -> float:
+    """Draw the size of a part near its usual one, or `by` times less or greater."""
+    low, high = 0.82 * usual, 1.2 * usual
     return traits.draw(rng, part, (low / by, high / by), (low, high), (low * by, high * by))
+
+
+def on(middle: Array, radius: float, *place: float) -> Array:
+    """Return a place (3,) given in radii from the middle of a ball, such as a head."""
+    return middle + radius * np.array(place)
+
+
+def kind(name: str, draw: Family) -> Family:
+    """Return a family under a name."""
+    draw.__name__ = name
+    return draw
+
+
+def pairs(parts: Iterable[Part]) -> list[Part]:
+    """Return parts with their mirror images."""
+    return [side for part in parts for side in pair(part)]
 
 
 def bead(centre: ArrayLike, radii: ArrayLike, *, segments: int = 10, rings: int = 6) -> Part:
