@@ -64,8 +64,8 @@ def plump_hen(rng: Rng, traits: Traits) -> Part:
     build = Build(girth=0.37, length=0.42, lean_deg=29, legs=0.2, neck=0.21, neck_deg=70, head=0.165, beak=0.12,
         bill=(0.42, 0.36), tail=0.41, fan_deg=24, tail_deg=85, wings=0.51)  # fmt: skip
     bird = bird_of(rng, traits, build)
-    comb = [bead(on(bird.skull, bird.head, 0, 0.95 + lift, z), [0.04, 0.09, 0.07], segments=8) for z,
-        lift in ((0.5, 0), (0, 0.2), (-0.5, 0.1))]  # fmt: skip
+    comb = [bead(on(bird.skull, bird.head, 0, 0.95 + lift, z), [0.04, 0.09, 0.07], segments=8)
+        for z, lift in ((0.5, 0), (0, 0.2), (-0.5, 0.1))]  # fmt: skip
     wattle = bead(on(bird.skull, bird.head, 0, -0.95, 0.85), [0.045, 0.09, 0.05], segments=8)
     return varied(rng, **bird.solids, crest=comb, wattle=wattle)
 

@@ -334,11 +334,11 @@ def scarecrow(rng: Rng, traits: Traits) -> Part:
     solids, head, top, hand = figure.solids, figure.head, figure.top, figure.hand
     pole = limb([[0, -rng.uniform(0.25, 0.5), -0.14], [0, top[1], -0.14]], [0.06, 0.06], segments=8)
     bar = limb([top - [hand[0] + 0.1, 0.1, 0.1], top + [hand[0] + 0.1, -0.1, -0.1]], [0.05, 0.05], segments=8)
-    tuft = [limb([hand, hand + [0.2, dy, dz]], [0.05, 0.02], segments=6, samples=1) for dy,
-        dz in ((0.1, 0), (-0.1, 0.05), (0, -0.1), (-0.02, 0.12))]  # fmt: skip
+    tuft = [limb([hand, hand + [0.2, dy, dz]], [0.05, 0.02], segments=6, samples=1)
+        for dy, dz in ((0.1, 0), (-0.1, 0.05), (0, -0.1), (-0.02, 0.12))]  # fmt: skip
     foot = np.abs(solids["foot"][0].verts).mean(0)
-    straw = [limb([foot + [0, 0.06, 0], foot + [dx, -0.14, dz]], [0.06, 0.025], segments=6, samples=1) for dx,
-        dz in ((0.08, 0), (-0.08, 0.03), (0, 0.1))]  # fmt: skip
+    straw = [limb([foot + [0, 0.06, 0], foot + [dx, -0.14, dz]], [0.06, 0.025], segments=6, samples=1)
+        for dx, dz in ((0.08, 0), (-0.08, 0.03), (0, 0.1))]  # fmt: skip
     brim = rng.uniform(1.6, 2.1) * head
     hat = lathe([(0.3, 0.0), (brim, -0.05), (brim, 0.03), (0.98 * head, 0.06), (0.75 * head, 0.75 * head),
         (0.05, 0.85 * head)], segments=18)  # fmt: skip
@@ -399,8 +399,8 @@ def fairy(rng: Rng, traits: Traits) -> Part:
     figure = figure_of(rng, traits, build)
     wings, hand = sized(rng, traits, "wings", 0.81, by=1.9), figure.hand
     fold, back = rng.uniform(10, 35), figure.top + [0.03, -0.15, -0.6 * figure.wide]
-    blades = [turned(turned(turned(petal(long, 0.62 * long), -90, "x"), deg, "z"), fold, "y") for long,
-        deg in ((wings, 38), (0.72 * wings, -32))]  # fmt: skip
+    blades = [turned(turned(turned(petal(long, 0.62 * long), -90, "x"), deg, "z"), fold, "y")
+        for long, deg in ((wings, 38), (0.72 * wings, -32))]  # fmt: skip
     tip = hand + [0, 0.26, 0.14]
     angle = 2 * np.pi * np.arange(10) / 10
     star = 0.11 * np.where(np.arange(10) % 2, 0.45, 1.0)
