@@ -9,7 +9,7 @@ import numpy as np
 
 from meshdeform.nouns.families.animals import at
 from meshdeform.nouns.families.drawing import Family, bead, bent_limb, kind, near, on, sized, varied
-from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, plate, turned
+from meshdeform.nouns.families.parts import Array, Part, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["crow", "eagle", "flamingo", "goose", "hummingbird", "ostrich", "parrot", "peacock", "pelican", "pigeon",
@@ -93,7 +93,7 @@ def _head(
     thin = min(0.7 * head, 0.6 * girth)
     solids["neck"] = [bent_limb(path, [0.65 * girth, 1.15 * thin, thin, thin], segments=12, samples=4)]
     skull = path[-1] + [0, 0.2 * head, 0.25 * head]
-    solids["head"] = [ellipsoid(skull, [0.9 * head, 0.95 * head, 1.05 * head], rings=10)]
+    solids["head"] = [bead(skull, head * np.array([0.9, 0.95, 1.05]), segments=18, rings=9)]
     solids["eye"] = pair(bead(on(skull, head, 0.66, 0.25, 0.5), 0.22 * head))
     beak, root = sized(rng, traits, "beak", build.beak), on(skull, head, 0, -0.1, 0.7)
     way = 0.3 * head + beak * np.array([(0, 0.05 * build.hook, 0.55), (0, -0.9 * build.hook, 1 - 0.3 * build.hook)])

@@ -78,8 +78,8 @@ def figure_of(rng: Rng, traits: Traits, build: Build) -> Figure:
     spine = [low, 0.55 * low + 0.45 * top, top - [0, 0.1, 0]]
     skull = top + [0, build.neck + 0.85 * head, 0.4 * head * np.sin(stoop)]
     solids: Solids = {"body": [limb(spine, wide * shares[:, None] * [1, build.deep], segments=16, samples=3)],
-        "neck": [limb([top - [0, 0.06, 0], skull], [0.1, 0.09], segments=10, samples=2)],
-        "head": [ellipsoid(skull, head * np.array([0.92, 1.05, 0.97]), rings=10)],
+        "neck": [limb([top - [0, 0.06, 0], skull], [0.1, 0.09], segments=8, samples=1)],
+        "head": [bead(skull, head * np.array([0.92, 1.05, 0.97]), segments=18, rings=9)],
         "eye": pair(bead(on(skull, head, 0.36, 0.12, 0.84), 0.15 * head, segments=8, rings=5)),
         "nose": [bead(skull + [0, -0.12 * head, 0.96 * head], [0.14 * head, 0.18 * head, 0.2 * head],
         segments=8)]}  # fmt: skip
@@ -90,7 +90,7 @@ def figure_of(rng: Rng, traits: Traits, build: Build) -> Figure:
     hand = elbow + 0.5 * arms * (way + [0, 0, 0.25])
     path = [shoulder, elbow, hand]
     solids["arm"] = pair(limb(path, thick * np.array([1.15, 0.95, 0.85]), segments=10, samples=2))
-    solids["hand"] = pair(bead(hand, 1.2 * thick))
+    solids["hand"] = pair(bead(hand, 1.2 * thick, segments=8))
     if build.robe:
         hem, rim = build.hem * hips, build.robe * hips
         profile = [(0.7 * rim, hem + 0.05), (rim, hem), (0.55 * rim + 0.45 * wide, 0.55 * hips + 0.45 * hem)]
@@ -220,7 +220,7 @@ def skeleton(rng: Rng, traits: Traits) -> Part:
         girth = share * wide * np.array([0.9, 0.6])
         loop = np.stack([girth[0] * np.sin(turn), top[1] - 0.1 - 0.15 * trunk * k - 0.04 * np.cos(turn),
             girth[1] * np.cos(turn)], 1)  # fmt: skip
-        ribs.append(limb(loop, [0.032] * 15, segments=6, samples=1))
+        ribs.append(limb(loop, [0.032] * 15, segments=5, samples=1))
     pelvis = pair(bead([0.4 * wide, hips + 0.02, 0], [0.45 * wide, 0.13, 0.14], segments=12))
     knobs = []
     for part in ("arm", "leg"):
@@ -360,13 +360,13 @@ def mummy(rng: Rng, traits: Traits) -> Part:
     for share in (0.25, 0.5, 0.75):
         bands += pair(moved(_band(0.145, 0.145, rng), [leg[:, 0].mean(), share * figure.hips, 0]))
     ends = [bent_limb([hand, hand - [0, 0.2, 0.02], hand - [0, rng.uniform(0.35, 0.5), 0.08]], [[0.02, 0.06]] * 3,
-        segments=8)]  # fmt: skip
+        segments=6, samples=2)]  # fmt: skip
     return varied(rng, **{**solids, "nose": []}, band=bands, strap=[*ends, *pair(moved(ends[0], [0, 0, -0.22]))])
 
 
 def _band(wide: float, deep: float, rng: Rng) -> Part:
     """Return a tilted level band about the origin, a little wider than what it is wound about."""
-    ring = lathe([(0.5, -0.035), (1.06, -0.045), (1.06, 0.045), (0.5, 0.035)], segments=14)
+    ring = lathe([(0.5, -0.035), (1.06, -0.045), (1.06, 0.045), (0.5, 0.035)], segments=11)
     return turned(ring._replace(verts=ring.verts * [wide, 1, deep]), rng.uniform(-10, 10), "z")
 
 
@@ -382,7 +382,7 @@ def demon(rng: Rng, traits: Traits) -> Part:
     rump, high = np.array([0, figure.hips, -0.15]), hand[1] + rng.uniform(0.6, 0.9)
     path = rump + np.array([(0, 0, 0), (0, -0.25, -0.3), (0.1, -0.2, -0.6), (0.1, 0.1, -0.75)])
     arrow = moved(blade([(0, 0.18), (-0.13, -0.05), (0.13, -0.05)], 1.0, across="x", thick=0.05), path[-1])
-    fork = [moved(limb([[x, high - 0.08, 0], [1.3 * x, high + 0.2, 0]], [0.03, 0.01], segments=7, samples=2),
+    fork = [moved(limb([[x, high - 0.08, 0], [1.3 * x, high + 0.2, 0]], [0.03, 0.01], segments=5, samples=1),
         hand * [1, 0, 1] + [0, 0, 0.05]) for x in (-0.12, 0, 0.12)]  # fmt: skip
     fork.append(limb(hand * [1, 0, 1] + [[-0.14, high - 0.08, 0.05], [0.14, high - 0.08, 0.05]], [0.03, 0.03],
         segments=7))  # fmt: skip

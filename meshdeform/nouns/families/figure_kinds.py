@@ -202,7 +202,7 @@ def upright_dragon(rng: Rng, traits: Traits) -> Part:
         horn=pair(limb([root, on(root, head, 0.3, 0.8, -0.5)], [0.07, 0.02], segments=8)),
         arm=pair(bent_limb([shoulder, shoulder + [0.14, -0.16, 0.1], shoulder + [0.1, -0.16, 0.3]], [0.1, 0.08, 0.07])),
         tail=bent_limb(path, [0.3, 0.2, 0.11, 0.03], segments=12),
-        leg=pair(bead(hip, [0.22, 0.3, 0.26], segments=12, rings=8)),
+        leg=pair(bead(hip, [0.22, 0.3, 0.26], segments=10, rings=6)),
         foot=pair(bead(hip * [1, 0, 1] + [0.04, 0.08, 0.2], [0.16, 0.09, 0.28], segments=12)))  # fmt: skip
 
 

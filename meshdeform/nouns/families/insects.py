@@ -29,7 +29,7 @@ def legs_of(
 ) -> list[Part]:
     """Return pairs of legs that rise to a knee and stand on the ground, one at each of the spots (z, angle ahead)."""
     path = [[inner, y, 0], [inner + 0.5 * reach, y + lift * reach, 0], [inner + reach, thick, 0]]
-    leg = limb(path, thick * np.array([1.25, 1.0, 0.65]), segments=7, samples=1)
+    leg = limb(path, thick * np.array([1.25, 1.0, 0.65]), segments=6, samples=1)
     return [side for z, deg in spots for side in pair(moved(turned(leg, -deg, "y"), [0, 0, z]))]
 
 
@@ -43,7 +43,7 @@ def claw_of(palm: Array, size: float, gape: float = 0.45) -> list[Part]:
     """Return both claws: a palm on the right and two bent tips ahead of it."""
     tips = [[on(palm, size, side * out, 0.1, z) for out, z in ((gape, 0.45), (1.8 * gape, 1.3), (0.08, 2.0))]
         for side in (1, -1)]  # fmt: skip
-    tip = [bent_limb(path, [0.4 * size, 0.32 * size, 0.06 * size], segments=8) for path in tips]
+    tip = [bent_limb(path, [0.4 * size, 0.32 * size, 0.06 * size], segments=8, samples=2) for path in tips]
     return pairs([bead(palm, size * np.array([0.8, 0.6, 1.0]), segments=12), *tip])
 
 

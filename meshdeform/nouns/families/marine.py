@@ -119,7 +119,7 @@ def pufferfish(rng: Rng, traits: Traits) -> Part:
     side = turned(blade([(0.1, 0.3), (-0.6, 0.9), (-1, 0.3), (-0.9, -0.5), (0.1, -0.3)], fins), -55, "y")
     upper = blade([(0.4, 0), (0, 1), (-0.7, 1.1), (-0.5, 0)], 0.8 * fins)
     return varied(rng, body=ellipsoid([0, 0, 0], [0.96, tall, 1.0], rings=12), tail=tail,
-        spike=[limb([0.93 * way, (1 + spikes) * way], [0.07, 0.012], segments=6, samples=1) for way in out],
+        spike=[limb([0.93 * way, (1 + spikes) * way], [0.07, 0.012], segments=5, samples=1) for way in out],
         fin=[*pair(moved(side, [0.9, -0.05, 0.2])), moved(upper, [0, 0.95 * tall, -0.35])],
         mouth=bead([0, -0.08, 0.98], [0.2, 0.13, 0.14]), eye=pair(bead([0.5, 0.3 * tall, 0.72], 0.22)))  # fmt: skip
 
@@ -221,8 +221,8 @@ def lobster(rng: Rng, traits: Traits) -> Part:
     palm = wrist + [0.0, 0, claws]
     return varied(rng, body=body,
         tail=[*(bead(place, [girth * (0.95 - 0.35 * k), 0.8 * girth * (1 - 0.35 * k), 0.14 * max(tail, 0.7)],
-        segments=10) for place, k in zip(row, t, strict=True)), *_tail_fan(row[-1], 0.42, -8)],
-        arm=pair(limb([shoulder, [0.5, y + 0.02, 0.52], wrist], [0.07, 0.07, 0.06], segments=8, samples=2)),
+        segments=8) for place, k in zip(row, t, strict=True)), *_tail_fan(row[-1], 0.42, -8)],
+        arm=pair(limb([shoulder, [0.5, y + 0.02, 0.52], wrist], [0.07, 0.07, 0.06], segments=7, samples=1)),
         claw=claw_of(palm, claws, 0.36), feeler=feelers_of(np.array([0.08, y + 0.05, 0.55]),
         feelers * np.array([0.5, 0.55, 0.5])),
         leg=legs_of(0.38, y - 0.05, ((0.3, 30), (0.14, 10), (-0.02, -10), (-0.18, -30)), lift=0.3, inner=0.12),

@@ -24,19 +24,19 @@ def centaur(rng: Rng, traits: Traits) -> Part:
     rump = np.array([0, horse.height + 0.1, -horse.length - 0.8 * radius])
     tail = bent_limb([rump, rump + [0, -0.05, -0.18], rump + [0, -0.55, -0.25]], [0.07, 0.1, 0.05])
     solids = {part: own for part, own in figure.solids.items() if part != "foot"}
-    hair = bead(on(figure.skull, figure.head, 0, 0.3, -0.35), 1.02 * figure.head, segments=14)
+    hair = bead(on(figure.skull, figure.head, 0, 0.3, -0.35), 1.02 * figure.head, segments=12)
     return varied(rng, **{**solids, "body": [barrel, *solids["body"]], "leg": legs}, tail=tail, hair=hair)
 
 
 def slime(rng: Rng, traits: Traits) -> Part:
     """Draw a slime: a drop that spreads on the ground, lobes at its rim, large eyes and a mouth."""
-    eyes = sized(rng, traits, "eyes", 0.145, by=1.7)
+    eyes = sized(rng, traits, "eyes", 0.18, by=1.7)
     wide, tall, peak = rng.uniform(0.7, 0.9), rng.uniform(0.75, 1.05), rng.uniform(0.0, 0.35)
     t = np.linspace(0, 1, 14)
     radius = wide * (np.sqrt(np.clip(1 - t**2.2, 0, 1)) * (1 - peak * t) + 0.16 * (1 - t) ** 6)
     lobes = [bead(place + [0, 0.06, 0], [0.24, rng.uniform(0.08, 0.18), 0.24], segments=12)
         for place in circle(wide, 7)]  # fmt: skip
-    face = np.array([0.34 * wide, 0.48 * tall, 0.82 * wide * np.sqrt(1 - 0.2 - 0.3 * peak)])
+    face = np.array([0.27 * wide, 0.48 * tall, 0.82 * wide * np.sqrt(1 - 0.2 - 0.3 * peak)])
     mouth = bead(face * [0, 1, 1] - [0, 0.26 * tall, -0.1 * wide], [0.2, 0.05 + rng.uniform(0, 0.07), 0.08],
         segments=12)  # fmt: skip
     return varied(rng, body=[lathe(np.stack([radius, tall * t], 1), segments=24), *lobes], mouth=mouth,
