@@ -94,7 +94,8 @@ def figure_of(rng: Rng, traits: Traits, build: Build) -> Figure:
     if build.robe:
         hem, rim = build.hem * hips, build.robe * hips
         profile = [(0.7 * rim, hem + 0.05), (rim, hem), (0.55 * rim + 0.45 * wide, 0.55 * hips + 0.45 * hem)]
-        waist = [(build.hips * wide, hips), (0.6 * build.waist * wide, hips + 0.2 * trunk)]
+        over_legs = 0.48 * wide + 1.35 * thick if build.hem else 0.0
+        waist = [(max(build.hips * wide, over_legs), hips), (0.6 * build.waist * wide, hips + 0.2 * trunk)]
         solids["skirt"] = [lathe([*profile, *waist], segments=20)]
     if not build.robe or build.hem:
         foot = np.array([rng.uniform(0.5, 0.75) * wide, 0.09, 0])

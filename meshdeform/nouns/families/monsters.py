@@ -31,11 +31,11 @@ def centaur(rng: Rng, traits: Traits) -> Part:
 def slime(rng: Rng, traits: Traits) -> Part:
     """Draw a slime: a drop that spreads on the ground, lobes at its rim, large eyes and a mouth."""
     eyes = sized(rng, traits, "eyes", 0.18, by=1.7)
-    wide, tall, peak = rng.uniform(0.7, 0.9), rng.uniform(0.75, 1.05), rng.uniform(0.0, 0.35)
+    wide, tall, peak = rng.uniform(0.65, 0.85), rng.uniform(0.9, 1.3), rng.uniform(0.0, 0.45)
     t = np.linspace(0, 1, 14)
-    radius = wide * (np.sqrt(np.clip(1 - t**2.2, 0, 1)) * (1 - peak * t) + 0.16 * (1 - t) ** 6)
-    lobes = [bead(place + [0, 0.06, 0], [0.24, rng.uniform(0.08, 0.18), 0.24], segments=12)
-        for place in circle(wide, 7)]  # fmt: skip
+    radius = wide * (np.sqrt(np.clip(1 - t**2.2, 0, 1)) * (1 - peak * t) + 0.12 * (1 - t) ** 6)
+    lobes = [bead(place + [0, 0.06, 0], [0.26, rng.uniform(0.1, 0.2), 0.26], segments=12)
+        for place in circle(0.92 * wide, 7)]  # fmt: skip
     face = np.array([0.27 * wide, 0.48 * tall, 0.82 * wide * np.sqrt(1 - 0.2 - 0.3 * peak)])
     mouth = bead(face * [0, 1, 1] - [0, 0.26 * tall, -0.1 * wide], [0.2, 0.05 + rng.uniform(0, 0.07), 0.08],
         segments=12)  # fmt: skip
