@@ -26,7 +26,8 @@ def _words(text: str) -> frozenset[str]:
 _COUNTS_WITH = _table("""
     foot heel sole: leg shaft
     hand claw: arm
-    eye fang mouth tooth cheek wattle crest: head body
+    eye fang mouth tooth cheek wattle crest beard hair halo hat visor: head body
+    shield staff weapon: hand arm body
     finger thumb cuff: hand arm body
     button knob key pedal peg line text seal lock hole bridge cut cross boss belt pocket collar bow: body
     panel plank band hoop door window drawer book shelf tap lamp bumper exhaust plough finder jewel rim: body

@@ -194,11 +194,14 @@ LAYOUTS: dict[str, str] = {
 """The parts of the solids of each noun, in the order in which its family joins them."""
 
 _CARRIES = {
-    "arm": "claw hand",
+    "arm": "claw hand shield staff weapon",
     "axle": "sail",
     "body": "bridge hole tower wick",
     "door": "knob",
-    "head": "beak cheek crest ear eye fang feeler flame horn jaw mane mouth nose peg plume tooth trunk tusk wattle",
+    "head": (
+        "beak beard cheek crest ear eye fang feeler flame hair halo hat horn jaw mane mouth nose peg plume tooth trunk"
+        " tusk visor wattle"
+    ),
     "icing": "candle",
     "leg": "foot heel sole",
     "neck": "head lid",

@@ -23,8 +23,9 @@ __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animals beasts buildings clothing creatures dungeon figures food furniture household kitchen movers "
-    "plants rooms small swimmers things tools vehicles wheeled winged"
+    "animal_kinds animals beasts birds buildings characters clothing creatures dungeon figure_kinds figures food "
+    "furniture household insects kitchen marine monsters movers plants rooms small swimmers things tools vehicles "
+    "wheeled winged"
 )
 
 

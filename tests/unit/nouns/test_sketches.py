@@ -7,8 +7,8 @@ from meshdeform.nouns.families import FAMILIES, Part, Traits
 from meshdeform.nouns.families.sketches import SKETCHED_KINDS, read
 from meshdeform.nouns.forms import drawn
 from meshdeform.nouns.labels import solids_of
-from meshdeform.nouns.solids import parts_of
-from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.solids import parts_of
 from tests.cases import each_case
 from tests.unit.nouns.test_families import border_edges, volume
 

@@ -71,7 +71,6 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a dog and a cat", [], ["a dog", "a cat"]),
         ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
         ("Albert Einstein", ["albert", "einstein"], ["a mushroom", "a vase", "a rabbit"]),
-        ("a gnome", ["gnome"], ["a snowman", "a dragon"]),
         ("a chair with legs", ["legs"], ["a chair with short legs", "a chair with long legs"]),
         ("a tall short vase", [], ["a tall vase", "a short vase"]),
         ("a vase with long ears", ["ears"], ["a vase"]),
