@@ -22,8 +22,8 @@ __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animals beasts buildings clothing creatures dungeon figures food furniture household kitchen movers "
-    "plants rooms small swimmers things tools vehicles wheeled winged"
+    "aircraft animals beasts buildings cars carts clothing creatures cycles dungeon figures food furniture household kitchen machines movers "
+    "plants rooms ships small spacecraft street swimmers things tools vehicles wheeled winged"
 )
 
 
