@@ -41,7 +41,7 @@ _COUNTS_WITH = _table("""
     guard: handle
     flap: body
     stand fork clapper roller: body
-    cabin load: body
+    cabin load ladder: body
 """)
 """The parts that are too small for maps of their own, and what they count with: the first that the noun has."""
 
