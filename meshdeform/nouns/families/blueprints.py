@@ -2,16 +2,20 @@
 
 ::
 
-    taxi < saloon: w=.4~.45 r=wheels:.2 n=#2~4 a=?.3    numbers: drawn between two, by the size that a prompt asks
-    car/old-timer: ...                                  for, an integer, and 1 in 30 of 100 members, else 0
+    # of the town                                       a remark
+    taxi < car/saloon: w=.4~.45 r=wheels:.2 n=#2~4 a=?.3
+    car/old-timer: ...                                  a kind of car
       body box 0,.5w+.1,0 2w,.3,1; ?a lamp drum .1 .05 w,.4,1/-1 z
         =1,2,1                                          deeper lines go on with the one above
 
-A line of solids is a part, a solid with its numbers (`_SOLIDS`), and what is done with it: `^x20` turned about an axis,
-`*4y` four copies around an axis, `@x,y,z` moved, `=x,y,z` stretched, `<.2` narrower above, `>.5` narrower ahead. A
-place may be several, `-1/1` or `-1:1:5` for five from one to the other. What is beside the middle is drawn on both
-sides, unless `|` stands behind it. `?a` and `!a` before a part: of members whose number a is, or is not, above 0. A
-blueprint that is based on another (`<`) has its numbers and its solids, and those of its own after them.
+A number is drawn between two (`w`), is the usual size of a part that a prompt can set (`r`), an integer (`n`), or 1 in
+30 of 100 members and else 0 (`a`; 50 where it is a mere `?`). It may build on those before it: `.5w+.1`, `2*w*h`.
+
+A solid is the part that it is, its shape with its numbers (`_SOLIDS`, `_PLACED`), and what is done with it in turn:
+`^x20` turned about an axis, `*4y` four copies around one, `@x,y,z` moved, `=x,y,z` stretched, `<.2` narrower above,
+`>.5` narrower ahead. A place may be several, `-1/1` or `-1:1:5` for five from one to the other. What is beside the
+middle is drawn on both sides, unless `|` stands behind it. `?a` and `!a` before a part: of members whose number a is,
+or is not, above 0. A blueprint based on another (`<`) has its numbers, some of them redefined, and its solids first.
 """
 
 from __future__ import annotations
@@ -63,8 +67,6 @@ _SIZES = (0.4, 0.55), (0.95, 1.05), (1.6, 1.8)
 _BESIDE = 0.004
 """How far from the middle is beside it."""
 _TERM = re.compile(r"([+-]?)(\d*\.?\d*)\*?([a-z]*)((?:\*[a-z]+)*)")
-
-Numbers = Mapping[str, float]
 
 
 class _Draw:

@@ -34,9 +34,9 @@ def drum(radius: float, half: float, axis: str = "x", segments: int = 16) -> Par
 
 def wheel(radius: float, half: float) -> Part:
     """Return a tyre about a sunk rim with a hub, its axle along X."""
-    dish = np.array([(0.0, 0.75), (0.22, 0.75), (0.28, 0.45), (0.55, 0.5), (0.62, 1.0), (0.86, 1.0), (1.0, 0.55)])
+    dish = np.array([(0.0, 0.75), (0.22, 0.75), (0.3, 0.45), (0.62, 1.0), (0.86, 1.0), (1.0, 0.55)])
     outer = dish * [radius, half]
-    return turned(lathe(np.concatenate([outer * [1, -1], outer[::-1]]), segments=18), 90, "z")
+    return turned(lathe(np.concatenate([outer * [1, -1], outer[::-1]]), segments=16), 90, "z")
 
 
 def spoked(radius: float, half: float, spokes: int) -> list[Part]:
