@@ -42,7 +42,7 @@ _COUNTS_WITH = _table("""
     guard: handle
     flap: body
     stand fork clapper roller: body
-    cabin load: body
+    cabin load ladder: body
     bellows cone land needle ring stick string trigger: body head
     page: cover body
     step: frame body

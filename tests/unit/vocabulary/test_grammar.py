@@ -65,7 +65,7 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a squirrel beside a house", ["squirrel", "beside"], ["a house"]),
         ("a squirrel", ["squirrel"], ["a mouse", "a hedgehog", "a rabbit"]),
         ("a tall throne", ["throne"], ["a tall armchair", "a tall chair", "a tall castle"]),
-        ("two canoes", ["two", "canoes"], ["a boat"]),
+        ("two schooners", ["two", "schooners"], ["a boat"]),
         ("a sandal", ["sandal"], ["a boot"]),
         ("a bote", ["bote"], ["a bottle"]),
         ("a dog and a cat", [], ["a dog", "a cat"]),
@@ -99,12 +99,12 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
     assert {"tall", "short/long neck"} <= set(error.extra["attributes"])
     # It asks what was meant only where something is near.
     for prompt, nearest, begins in (
-        ("a kayak made quickly", ["boat"], "Did you mean 'a boat'? "),
+        ("a schooner made quickly", ["boat"], "Did you mean 'a boat'? "),
         ("democracy", None, "Try 'a mushroom', 'a vase' or 'a rabbit'. "),
     ):
         with pytest.raises(VocabularyError) as caught:
             parse(prompt)
-        assert caught.value.extra["nearest"].get("kayak") == nearest
+        assert caught.value.extra["nearest"].get("schooner") == nearest
         assert caught.value.advice_text.startswith(begins)
     with pytest.raises(VocabularyError, match="negative prompt") as caught:
         parse_negative("blurry", "a vase")
