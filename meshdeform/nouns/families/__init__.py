@@ -13,9 +13,8 @@ from types import ModuleType
 import numpy as np
 
 from meshdeform.nouns.deformed import deformed
-from meshdeform.nouns.families.blueprints import BLUEPRINTS
 from meshdeform.nouns.families.parts import Part
-from meshdeform.nouns.families.sketches import SKETCHED_KINDS, SKETCHES
+from meshdeform.nouns.families.sketches import SKETCHES
 from meshdeform.nouns.families.traits import Traits
 from meshdeform.vocabulary.grammar import Attribute
 
@@ -36,14 +35,21 @@ def _kinds_of(module: ModuleType) -> Mapping[str, tuple[Family, ...]]:
 
 
 _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
-_WRITTEN: dict[str, Family] = {name: getattr(module, name) for module in _MODULES for name in module.__all__}
-_BY_BLUEPRINT = {title: each for title, each in BLUEPRINTS.items() if "/" not in title}
-FAMILIES: dict[str, Family] = dict(sorted((_WRITTEN | SKETCHES | _BY_BLUEPRINT).items()))
+_DRAWN: dict[str, Family] = {
+    **{name: getattr(module, name) for module in _MODULES for name in module.__all__},
+    **{
+        f"{noun}/{draw.__name__.replace('_', '-')}": draw
+        for module in _MODULES
+        for noun, kinds in _kinds_of(module).items()
+        for draw in kinds
+    },
+    **SKETCHES,
+}
+"""All families by `noun` or `noun/kind`."""
+FAMILIES: dict[str, Family] = {noun: _DRAWN[noun] for noun in sorted(_DRAWN) if "/" not in noun}
 """The family of each noun that has one, by the alphabet."""
 KINDS: dict[str, dict[str, Family]] = {
-    noun: {draw.__name__.replace("_", "-"): draw for module in _MODULES for draw in _kinds_of(module).get(noun, ())}
-    | {kind: draw for (of, kind), draw in SKETCHED_KINDS.items() if of == noun}
-    | {title.split("/")[1]: each for title, each in BLUEPRINTS.items() if title.startswith(f"{noun}/")}
+    noun: {title.split("/")[1]: draw for title, draw in _DRAWN.items() if title.startswith(f"{noun}/")}
     for noun in FAMILIES
 }
 """Other kinds of a noun, by name: a `steam-train` is a kind of train. A module lists its kinds in its own `KINDS`."""

@@ -11,9 +11,9 @@ from meshdeform.nouns.families.traits import Rng, Traits
 __all__ = ["bone", "column", "crate", "crown", "crystal", "gravestone", "log", "scroll", "skull", "torch"]
 
 
-def around(part: Part, count: int, start: float = 0.0) -> list[Part]:
-    """Return copies of a part evenly around +Y."""
-    return [turned(part, start + 360.0 * k / count, "y") for k in range(count)]
+def around(part: Part, count: int, start: float = 0.0, axis: str = "y") -> list[Part]:
+    """Return copies of a part evenly around an axis, +Y unless another is given."""
+    return [turned(part, start + 360.0 * k / count, axis) for k in range(count)]
 
 
 def _dented(part: Part, centre: ArrayLike, radii: ArrayLike, push: ArrayLike) -> Part:

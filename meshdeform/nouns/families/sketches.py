@@ -1,30 +1,45 @@
-"""Draw the families that are sketched in tables, `sketched/*.txt`: simple things, each a few solids of few sizes.
+"""Draw the families that are sketched in tables, `sketched/*.txt`: things that are a few solids of few sizes.
 
 A sketch is a line with the name of a noun, or `noun/kind` for another kind of it, and its sizes; then lines of solids::
 
     toaster: w 1 1.3, h .62 .85, a=handle .1 .2
       body box 0 .5h 0, w h .6, .3; foot drum .36w 0 .2, .07 .06 | quad
+    toaster/wide-toaster < toaster: w 1.5 1.8, n chance .3
+      knob ball .5w .3h .1, .05 | if n
 
-A size is a letter with its range; `a=handle` is the one that a prompt sets by the handle. A number is a sum of products
-of numbers and sizes: `.5h+.1`, `-2wh`. A solid is the name of its part (of several, as in `families.parts.divided`),
-its shape, and groups of numbers; behind bars, what is done to it in turn. A line that ends with a comma goes on:
+A size is a letter with its range; `a=handle` is the one that a prompt sets by the handle. `n whole 2 4` is 2, 3 or 4,
+`n chance .3` is 1 in 30 of 100 members and else 0, and `x 2w+.1` is that. A number is a sum of products of numbers and
+sizes before it: `.5h+.1`, `-2wh`. A solid is the name of its part (of several, as in `families.parts.divided`), its
+shape, and groups of numbers; behind bars, what is done to it in turn. A line that ends with a comma goes on. A sketch
+`< another` has its sizes, some of them its own, and its solids first; a name with a star is only such a base.
 
 ==================================  ==========================================================================
-box X Y Z, W H D, R                 a box about a point; R: its rounding, .2 if left out; `brick` has fewer faces
+box X Y Z, W H D, R                 a box about a point; R: its rounding, .2 if left out; `brick` has fewer faces,
+                                    `board` few and a rounding of .12
 drum X Y Z, R H                     a cylinder H to both sides of a point, along Y; `drumx`, `drumz`
 ball X Y Z, R [RY RZ]               an ellipsoid
 hoop X Y Z, R T [TALL]              a ring of thickness T in the plane of X and Y, TALL times as high as wide
-rod X Y Z R [D], X Y Z R [D], ...   straight rods through points; R: half its width along X, D: half its other one
+rod X Y Z R [D], X Y Z [R [D]] ...  straight rods through points; R: half its width along X, D: half its other one;
+                                    those of the point before if left out
 tube X Y Z R, X Y Z R, ...          the same, bent smoothly
 lathe R Y, R Y, ...                 a surface of revolution; `turn`: of a smooth profile; `lathe6`: of six sides
 cup WALL FLOOR, R Y, R Y, ...       a vessel that is hollow down to FLOOR; `vase`: of a smooth profile; `cup4` ...
 plate T [PUFF], X Y, X Y, ...       a plate of thickness T that faces +Z; `blob`: of a smooth outline
+side W [BEVEL], Z Y, Z Y, ...       a solid W wide with a side view; its bevel is .06 of W if left out
+  X Y R FROM TO                     in an outline: an arc about a point, between two angles in degrees
 keys X Y Z, ROWS COLUMNS, W D H     rows of keys about a point
+wheel X Y Z, R H                    a wheel along X; `spoked X Y Z, R H N` has N spokes right across
+cab W NARROW POSTS, Z Y, Z Y, ...   a `cabin` with a `window` all around, narrower above by a share
+wing SPAN CHORD SWEEP TAPER T RISE  a left wing, its root's front edge at the origin, its tip SWEEP behind, RISE degrees
+hull L B D, BOW STERN SHEER KEEL    a hull, half its length and beam, deck at D; by what shares it narrows; its rise
+shell L B D, RISE STERN             the same of a boat that is open; pointed behind unless STERN is 1
 pair, flip, quad                    with its mirror image in x, in z, in both
-around N [DEGREES]                  N of them evenly around Y
-row N X Y Z                         N of them, each moved on by as much
+around N [DEGREES]                  N of them evenly around Y; `aroundx`, `aroundz`
+row N X Y Z                         N of them, each moved on by as much; `row N, X Y Z, X Y Z`: from place to place
 x, y, z DEGREES                     turned about an axis
-at X Y Z; by X Y Z                  moved; stretched
+at X Y Z; by X Y Z                  moved, to each of several places if more follow; stretched
+taper SHARE; taperz SHARE           narrower along X, above or ahead
+if A; unless A                      only of members whose size A is, or is not, above 0
 ==================================  ==========================================================================
 """
 
@@ -34,216 +49,146 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.resources import files
-from itertools import pairwise
 
 import numpy as np
 
 from meshdeform.nouns.families.dungeon import around
-from meshdeform.nouns.families.kitchen import vessel
-from meshdeform.nouns.families.parts import (
-    Array,
-    Part,
-    box,
-    curved,
-    divided,
-    ellipsoid,
-    extrude,
-    join,
-    lathe,
-    limb,
-    moved,
-    named,
-    pair,
-    stretched,
-    turned,
-)
+from meshdeform.nouns.families.parts import Part, divided, join, moved, named, pair, stretched, turned
+from meshdeform.nouns.families.sketch_solids import Groups, solid, tapered
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["SKETCHED_KINDS", "SKETCHES", "read"]
-
-Groups = list[list[float]]
+__all__ = ["SKETCHES", "read"]
 
 _TERM = re.compile(r"([+-]?)(\d*\.?\d*)([a-z]*)")
 
 
 def _number(text: str, sizes: dict[str, float]) -> float:
     """Return a sum of products of numbers and sizes."""
-    terms = [
+    terms = [term for term in _TERM.findall(text) if any(term[1:])]
+    if not terms or "".join(map("".join, terms)) != text:
+        raise ValueError("not a number")
+    return sum(
         (-1 if sign == "-" else 1) * float(factor or 1) * float(np.prod([sizes[letter] for letter in letters]))
-        for sign, factor, letters in _TERM.findall(text)
-        if factor or letters
-    ]
-    return sum(terms)
+        for sign, factor, letters in terms
+    )
 
 
-def _drum(axis: str, groups: Groups) -> Part:
-    centre, (radius, half) = groups
-    cut = 0.25 * min(radius, half)
-    side = lathe([(radius - cut, -half), (radius, cut - half), (radius, half - cut), (radius - cut, half)], segments=20)
-    return moved(turned(side, 0 if axis == "y" else 90, "z" if axis == "x" else "x"), centre)
+def _groups(words: Sequence[str], sizes: dict[str, float]) -> Groups:
+    """Return the numbers of words; a comma ends a group."""
+    groups: Groups = [[]]
+    for word in words:
+        groups[-1].append(_number(word.rstrip(","), sizes))
+        if word.endswith(","):
+            groups.append([])
+    return groups
 
 
-def _hoop(groups: Groups) -> Part:
-    centre, (radius, thick, *tall) = groups
-    turn = np.linspace(0, 2 * np.pi, 21)
-    ring = np.c_[radius * np.sin(turn), (tall or [1.0])[0] * radius * np.cos(turn), 0 * turn]
-    return moved(limb(ring, np.full(21, thick), segments=8, samples=1), centre)
-
-
-def _rod(smooth: bool, groups: Groups) -> Part:
-    knots = np.array([[*group, group[3]] if len(group) == 4 else group for group in groups])
-    if smooth:
-        knots = curved(knots, samples=3)
-    way = knots[1, :3] - knots[0, :3]
-    if abs(way[2]) > 0.9 * np.linalg.norm(way):  # there `limb` takes the radius along Y first
-        knots = knots[:, [0, 1, 2, 4, 3]]
-    return limb(knots[:, :3], np.maximum(knots[:, 3:], 0.01), segments=10, samples=1 if smooth else 2)
-
-
-def _profile(smooth: bool, groups: Groups) -> Array:
-    """Return (radius, height) along a profile; a smooth one keeps its ends."""
-    points: Array = curved(groups, samples=3) if smooth else np.asarray(groups, float)
-    return np.maximum(points, [0.004 if smooth else 0.0, -np.inf])
-
-
-def _plate(smooth: bool, groups: Groups) -> Part:
-    rim: Array = np.asarray(groups[1:], float)
-    if smooth:
-        rim = curved(np.concatenate([rim[-2:], rim, rim[:3]]), samples=4)[8:-12]
-    after = np.roll(rim, -1, axis=0)
-    clockwise = float((rim[:, 0] * after[:, 1] - rim[:, 1] * after[:, 0]).sum()) < 0
-    return extrude(rim[::-1] if clockwise else rim, groups[0][0], bevel=0.15, puff=(*groups[0], 0.0)[1])
-
-
-def _keys(groups: Groups) -> Part:
-    centre, (rows, columns), (wide, deep, high) = groups
-    x, z = (np.arange(count) / count + 0.5 / count - 0.5 for count in (columns, rows))
-    size = [0.75 * wide / columns, high, 0.75 * deep / rows]
-    key = box(centre, size, round_by=0.0, cells=1)
-    return join([moved(key, [wide * a, 0, deep * b]) for b in z for a in x])
-
-
-def _box(cells: int, groups: Groups) -> Part:
-    return box(groups[0], groups[1], round_by=groups[2][0] if len(groups) > 2 else 0.2, cells=cells)
-
-
-_SHAPES: dict[str, Callable[[Groups], Part]] = {
-    "ball": lambda groups: ellipsoid(*groups, rings=8),
-    "blob": partial(_plate, True),
-    "box": partial(_box, 4),
-    "brick": partial(_box, 2),
-    "drum": partial(_drum, "y"),
-    "drumx": partial(_drum, "x"),
-    "drumz": partial(_drum, "z"),
-    "hoop": _hoop,
-    "keys": _keys,
-    "plate": partial(_plate, False),
-    "rod": partial(_rod, False),
-    "tube": partial(_rod, True),
-}
-
-
-def _shape(name: str, groups: Groups) -> Part:
-    form, sides = name.rstrip("0123456789"), name.lstrip("abcdefghijklmnopqrstuvwxyz")
-    if form in ("lathe", "turn"):
-        return _of_sides(lathe(_profile(form == "turn", groups), segments=24), sides)
-    if form in ("cup", "vase"):
-        wall, floor = groups[0]
-        return _of_sides(vessel(_profile(form == "vase", groups[1:]), wall, floor, segments=24), sides)
-    return _SHAPES[name](groups)
-
-
-def _of_sides(part: Part, sides: str) -> Part:
-    """Press a surface of revolution flat on as many sides as are given; a corner is at +Z."""
-    if not sides:
-        return part
-    x, y, z = part.verts.T
-    half = np.pi / int(sides)
-    flat = np.cos(half) / np.cos(np.arctan2(x, z) % (2 * half) - half)
-    return part._replace(verts=np.stack([x * flat, y, z * flat], 1))
+def _size(words: Sequence[str], part: str, sizes: dict[str, float], rng: Rng, traits: Traits) -> float:
+    """Draw a size by its words, or by what the prompt says of a part."""
+    kind = words[0] if words[0] in ("whole", "chance") else ""
+    least, most = ([_number(word, sizes) for word in words[bool(kind) :]] * 2)[:2]
+    if kind:
+        return float(rng.integers(int(least), int(most) + 1) if kind == "whole" else rng.random() < least)
+    if part:
+        return traits.draw(rng, part, (0.3 * least, 0.42 * least), (least, most), (1.7 * most, 2.0 * most))
+    return rng.uniform(least, most) if len(words) > 1 else least
 
 
 def _flipped(part: Part) -> Part:
     return part._replace(verts=part.verts * [1, 1, -1], faces=part.faces[:, ::-1].copy())
 
 
-def _changed(parts: list[Part], name: str, numbers: Sequence[float]) -> list[Part]:
-    """Return parts after one of the words behind bars."""
-    if name in ("flip", "quad"):
-        parts = [each for part in parts for each in (part, _flipped(part))]
-    if name in ("pair", "quad"):
-        return [each for part in parts for each in pair(part)]
-    if name == "around":
-        return [each for part in parts for each in around(part, int(numbers[0]), *numbers[1:])]
-    if name == "row":
-        step = np.asarray(numbers[1:])
-        return [moved(part, number * step) for part in parts for number in range(int(numbers[0]))]
-    if name in ("x", "y", "z"):
-        return [turned(part, numbers[0], name) for part in parts]
-    if name == "at":
-        return [moved(part, numbers) for part in parts]
-    return [stretched(part, *numbers) for part in parts] if name == "by" else parts
+def _around(axis: str, part: Part, groups: Groups) -> list[Part]:
+    return around(part, int(groups[0][0]), (*groups[0], 0.0)[1], axis)
 
 
-def _solid(text: str, sizes: dict[str, float]) -> dict[str, list[Part]]:
-    """Return the solids of one entry by the name of their part."""
-    first, *changes = (piece.split() for piece in text.split("|"))
-    part, shape = first[:2]
-    groups: Groups = [[]]
-    for word in first[2:]:
-        groups[-1].append(_number(word.rstrip(","), sizes))
-        if word.endswith(","):
-            groups.append([])
-    solid = _shape(shape, groups)
-    parts = [divided(solid, part)] if "/" in part else [solid]
+def _turned(axis: str, part: Part, groups: Groups) -> list[Part]:
+    return [turned(part, groups[0][0], axis)]
+
+
+def _row(part: Part, groups: Groups) -> list[Part]:
+    count = int(groups[0][0])
+    if len(groups) > 1:
+        return [moved(part, place) for place in np.linspace(groups[1], groups[2], count)]
+    return [moved(part, number * np.asarray(groups[0][1:])) for number in range(count)]
+
+
+_CHANGES: dict[str, Callable[[Part, Groups], list[Part]]] = {
+    "around": partial(_around, "y"),
+    "aroundx": partial(_around, "x"),
+    "aroundz": partial(_around, "z"),
+    "at": lambda part, groups: [moved(part, place) for place in groups],
+    "by": lambda part, groups: [stretched(part, *groups[0])],
+    "flip": lambda part, _: [part, _flipped(part)],
+    "if": lambda part, groups: [part] if groups[0][0] > 0 else [],
+    "pair": lambda part, _: pair(part),
+    "quad": lambda part, _: [each for own in (part, _flipped(part)) for each in pair(own)],
+    "row": _row,
+    "taper": lambda part, groups: [tapered(part, 1, groups[0][0])],
+    "taperz": lambda part, groups: [tapered(part, 2, groups[0][0])],
+    "unless": lambda part, groups: [] if groups[0][0] > 0 else [part],
+    **{axis: partial(_turned, axis) for axis in "xyz"},
+}
+"""What the words behind bars make of a solid."""
+
+
+def _entry(text: str, sizes: dict[str, float]) -> list[Part]:
+    """Return the solids of one entry with the labels of their parts."""
+    (part, shape, *numbers), *changes = (piece.split() for piece in text.split("|"))
+    first = solid(shape, _groups(numbers, sizes))
+    parts = [divided(first, part) if "/" in part else named(**{part: first})]
     for name, *words in changes:
-        parts = _changed(parts, name, [_number(word, sizes) for word in words])
-    return {part: parts}
+        groups = _groups(words, sizes)
+        parts = [each for one in parts for each in _CHANGES[name](one, groups)]
+    return parts
 
 
-def _family(head: str, body: Sequence[str]) -> Callable[[Rng, Traits], Part]:
-    """Return the family of a sketch."""
-    ranges = [piece.split() for piece in head.split(",") if piece.strip()]
-    entries = "\n".join(body).replace(",\n", ", ").replace("\n", ";").split(";")
+class _Sketch:
+    """The family of a sketch: its sizes by their letters, and the texts of its solids."""
 
-    def draw(rng: Rng, traits: Traits) -> Part:
+    def __init__(self, name: str, sizes: dict[str, tuple[str, list[str]]], entries: list[str]) -> None:
+        self.name, self.sizes, self.entries = name, sizes, entries
+
+    def __call__(self, rng: Rng, traits: Traits) -> Part:
         """Draw a member: each size from its range, by the prompt or at random, then the solids."""
         sizes: dict[str, float] = {}
-        for letter, low, high in ranges:
-            least, most, (name, _, part) = float(low), float(high), letter.partition("=")
-            lesser, greater = (0.3 * least, 0.42 * least), (1.7 * most, 2.0 * most)
-            sizes[name] = traits.draw(rng, part, lesser, (least, most), greater) if part else rng.uniform(least, most)
-        return join([named(**_solid(entry, sizes)) for entry in entries])
-
-    return draw
+        text = ""
+        try:
+            for text, (part, words) in self.sizes.items():
+                sizes[text] = _size(words, part, sizes, rng, traits)
+            solids = []
+            for text in self.entries:
+                solids += _entry(text, sizes)
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            raise ValueError(f"{self.name}: {text.strip()}: {error}") from error
+        return join(solids)
 
 
 def read(text: str) -> dict[str, Callable[[Rng, Traits], Part]]:
     """Return the families of a table by `noun` or `noun/kind`.
 
-    Raises
-    ------
-    KeyError, ValueError
-        As they are drawn: a shape or a part that there is not, or groups of too few numbers.
+    A family raises ValueError with its name where its text means nothing: a shape, a part or a size that there is not,
+    or groups of other numbers.
     """
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    starts = [k for k, line in enumerate(lines) if not line.startswith(" ")] + [len(lines)]
-    sketches = {}
-    for start, end in pairwise(starts):
-        name, _, head = lines[start].partition(":")
-        sketches[name] = _family(head, lines[start + 1 : end])
-    return sketches
+    sketches: dict[str, _Sketch] = {}
+    name = ""
+    for line in re.sub(r",\n\s*", ", ", re.sub(r"(?m)^#.*", "", text)).splitlines():
+        if line.startswith(" "):
+            sketches[name].entries += line.split(";")
+        elif line:
+            title, _, head = line.partition(":")
+            name, _, base = (each.strip() for each in title.partition("<"))
+            basis = sketches[base] if base else _Sketch("", {}, [])
+            own = (piece.split() for piece in head.split(",") if piece.strip())
+            sizes = {word.split("=")[0]: (word.partition("=")[2], words) for word, *words in own}
+            sketches[name] = _Sketch(name, basis.sizes | sizes, [*basis.entries])
+    return {name: sketch for name, sketch in sketches.items() if not name.startswith("*")}
 
 
-_ALL = {
+SKETCHES = {
     name: family
     for path in sorted(files(__package__).joinpath("sketched").iterdir(), key=str)
     if path.name.endswith(".txt")
     for name, family in read(path.read_text(encoding="utf-8")).items()
 }
-SKETCHES = {name: family for name, family in _ALL.items() if "/" not in name}
-"""The families that are sketched, by noun."""
-SKETCHED_KINDS = {
-    (noun, kind): _ALL[f"{noun}/{kind}"] for noun, _, kind in (name.partition("/") for name in _ALL) if kind
-}
-"""Other kinds of nouns, by noun and kind."""
+"""The families that are sketched, by `noun` or `noun/kind`."""
