@@ -30,18 +30,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.kinds import is_built, is_living
+from meshdeform.exemplar.kinds import is_built, is_living, is_turned
 from meshdeform.exemplar.pieces import pieces_of
 from meshdeform.exemplar.posture import Posture, held_like, postures, unlikeness
 from meshdeform.exemplar.shapes import Shape, Wish
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
 from meshdeform.nouns.limbs import LIMB_OF_PART, LIMBS, NO_LIMB, limb_codes, limb_of
 from meshdeform.nouns.solids import PART_NAMES
-from meshdeform.priors.builtin.vocabulary import TURNED
 from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_member, form_of, pose_of
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.words.in_use import like_of
 
 __all__ = ["AFLOAT", "Exemplar", "exemplars", "nearest_of"]
 
@@ -156,7 +156,7 @@ class _Chooser:
         self._asset, self._wish, self._cache = asset, wish, cache
         whole = any(attribute.part == "whole" for attribute in wish.attributes)
         self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
-        self._afloat = wish.noun in AFLOAT
+        self._afloat = like_of(wish.noun) in AFLOAT
 
     @cached_property
     def _bank(self) -> Bank:
@@ -175,7 +175,7 @@ class _Chooser:
     def graded(self) -> list[_Graded]:
         """All members by the tables, the best first."""
         asset, bank = self._asset, self._bank
-        turns = (0.0,) if asset.has_parts or self._wish.noun in TURNED else _QUARTERS
+        turns = (0.0,) if asset.has_parts or is_turned(self._wish.noun) else _QUARTERS
         other = self._others()
         result = []
         for turn_deg in turns:

@@ -1,8 +1,12 @@
-"""What kind of thing a noun is: whether it lives, is built of level boards, or is turned on a lathe."""
+"""What kind of thing a noun is: whether it lives, is built of level boards, or is turned on a lathe.
+
+A word of somebody's own is what the noun is that it is like.
+"""
 
 from __future__ import annotations
 
 from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
+from meshdeform.words.in_use import like_of
 
 __all__ = ["is_boxed", "is_built", "is_figure", "is_living", "is_tower", "is_turned"]
 
@@ -15,29 +19,29 @@ _BOXED = frozenset(NOUN_GROUPS["furniture"]) - {"lamp", "pillow"}
 
 def is_living(noun: str) -> bool:
     """Return whether a noun is an animal or a figure, whose limbs turn and bend."""
-    return noun in _LIVING
+    return like_of(noun) in _LIVING
 
 
 def is_figure(noun: str) -> bool:
     """Return whether a noun stands upright, as people do."""
-    return noun in NOUN_GROUPS["figures"]
+    return like_of(noun) in NOUN_GROUPS["figures"]
 
 
 def is_built(noun: str) -> bool:
     """Return whether what is level and upright of a noun stays so."""
-    return noun in (_BUILT | _ALSO_BUILT) - _SWELLING
+    return like_of(noun) in (_BUILT | _ALSO_BUILT) - _SWELLING
 
 
 def is_boxed(noun: str) -> bool:
     """Return whether a noun is furniture of boards and boxes."""
-    return noun in _BOXED
+    return like_of(noun) in _BOXED
 
 
 def is_turned(noun: str) -> bool:
     """Return whether a noun is alike from all four sides."""
-    return noun in TURNED
+    return like_of(noun) in TURNED
 
 
 def is_tower(noun: str) -> bool:
     """Return whether a noun is a tall body about one upright axis, known by its outline and not by its parts."""
-    return noun in ("lighthouse", "rocket")
+    return like_of(noun) in ("lighthouse", "rocket")

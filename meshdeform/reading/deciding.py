@@ -24,6 +24,7 @@ import numpy as np
 from meshdeform.nouns.labels import Floats
 from meshdeform.priors.builtin.vocabulary import TURNED
 from meshdeform.reading.choice import Frame, Surface, facing, nearness
+from meshdeform.words.in_use import like_of, own_word
 
 __all__ = ["FRONTS", "PROPOSED", "Decision", "decide"]
 
@@ -64,12 +65,14 @@ def decide(
 ) -> Decision:
     """Return what an asset is and where it faces.
 
-    `nouns`: what it may be, with probabilities; a single one is what it is. `named`: nouns that its file tells,
-    `near`: those near to words in it; `front_deg`: the azimuth of its front if that is known; `folder` as in `banks`.
+    `nouns`: what it may be, with probabilities; a single one is what it is, and words of somebody's own all count.
+    `named`: nouns that its file tells, `near`: those near to words in it; `front_deg`: the azimuth of its front if that
+    is known; `folder` as in `banks`.
     """
     frames = _Frames(surface, front_deg)
     told = {**dict.fromkeys(near, _NEAR), **dict.fromkeys(named, _NAMED)} if len(nouns) > 1 else {}
-    first = sorted(nouns, key=lambda noun: -nouns[noun])[:PROPOSED]
+    ours = [noun for noun in nouns if own_word(noun) is None]
+    first = sorted(ours, key=lambda noun: -nouns[noun])[:PROPOSED] + [noun for noun in nouns if own_word(noun)]
     graded = {noun: frames.graded(noun, folder) for noun in dict.fromkeys([*first, *told])}
     factors = {noun: _factor(nouns.get(noun, 0.0), told.get(noun)) for noun in graded}
     grades = {noun: min(own for _, own, _ in fronts) for noun, fronts in graded.items()}
@@ -110,8 +113,8 @@ class _Frames:
 
     def of(self, noun: str) -> list[Frame]:
         """Return those in which a noun may stand, as it would by convention first."""
-        upright = self._upright[:1] if noun in TURNED else self._upright
-        return upright + self._lying if noun in _HELD else upright
+        upright = self._upright[:1] if like_of(noun) in TURNED else self._upright
+        return upright + self._lying if like_of(noun) in _HELD else upright
 
     def graded(self, noun: str, folder: Path | None) -> list[tuple[float, float, Frame]]:
         """Return both grades (`nearness`) in the best two frames, the best first."""

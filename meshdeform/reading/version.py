@@ -18,6 +18,7 @@ _OF_MEMBERS = (
     "priors/builtin/grammar.py",
     "priors/builtin/teaching/deformed.py",
     "priors/builtin/vocabulary.py",
+    "words/members.py",
 )
 SOURCES = ("reading", *_OF_MEMBERS)
 """Folders and modules of the package on which readings depend."""

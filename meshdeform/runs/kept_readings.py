@@ -183,5 +183,6 @@ def key_of(digest: str, suffix: str, params: ResolvedParams, *, subdivided: bool
         given_noun(params),
         None if front is None else front % 360.0,
         subdivided,
+        *([sorted(params.words.items())] if params.words else []),
     ]
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()

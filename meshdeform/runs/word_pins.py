@@ -64,7 +64,6 @@ def pinned(request: JobRequest, words: Iterable[Word]) -> tuple[JobRequest, byte
     params = request.params
     pins = {noun: word.sha256 for noun, word in sorted(chosen.items())}
     guidance = params.guidance.model_copy(update={"words": pins})
-    guidance.__pydantic_fields_set__.add("words")
     request = request.model_copy(update={"params": params.model_copy(update={"guidance": guidance})})
     return request, joined(chosen.values())
 
