@@ -40,9 +40,10 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "scalars"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "scalars", "words"]
 """Contents of a file: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, or values at points."""
+in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, values at
+points, or words of somebody's own."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -170,6 +171,7 @@ def main(arguments: list[str] | None = None) -> int:
         "lesson": _read_lesson,
         "weights": _read_weights,
         "scalars": _read_scalars,
+        "words": _read_words,
     }.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
@@ -276,6 +278,15 @@ def _read_weights(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     except ModelError as error:
         raise AssetFormatError(error.detail, advice=error.advice_text) from error
     return asdict(AssetSummary("safetensors", 0, 0, meshes=len(lessons)))
+
+
+def _read_words(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    limits.check_bytes(path.stat().st_size)
+    from meshdeform.words.file import read_words
+
+    words = [word.checked() for word in read_words(path.read_bytes())]
+    return asdict(AssetSummary("safetensors", 0, sum(sum(word.faces) for word in words), meshes=len(words)))
 
 
 def has_area(surface: Surface) -> bool:

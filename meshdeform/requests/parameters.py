@@ -420,13 +420,6 @@ class WordParams(Parameters):
         "prompt that describes it (`a fat dog`) is a change of it. Default: recognised ([Parts](parts.md)).",
         examples=["dog"],
     )
-    words: dict[_Noun, _Sha256] = Field(
-        default_factory=dict,
-        max_length=MAX_WORDS,
-        description="The words of your own that the prompts name, each with the SHA-256 of its content, which goes "
-        "with the job ([Words](words.md)). Filled in when the job is accepted.",
-        examples=[{}],
-    )
 
 
 class PromptParams(WordParams, ModelParams, SilhouetteParams):
@@ -493,6 +486,13 @@ class TargetParams(PlacementParams):
 class ExemplarParams(PlacementParams, WordParams, PictureParams):
     """The parameters of a fit to what a noun stands for, or to meshes that are sent."""
 
+    words: dict[_Noun, _Sha256] = Field(
+        default_factory=dict,
+        max_length=MAX_WORDS,
+        description="The words of your own that the prompts name, each with the SHA-256 of its content, which goes "
+        "with the job ([Words](words.md)). Filled in when the job is accepted.",
+        examples=[{}],
+    )
     strength: float = Field(
         1.0,
         ge=0.0,

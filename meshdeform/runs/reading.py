@@ -30,6 +30,7 @@ from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_n
 from meshdeform.runs.parted import given_parts
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.support.recent import Recent
+from meshdeform.words import words_in_use
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -65,6 +66,9 @@ _EVIDENCE = tuple(Path(plain.__file__).with_name(name) for name in ("evidence.py
 
 _CLEARLY = 0.5
 """Probability from which a figure is another than a person."""
+
+_OF_OWN = 0.3
+"""Probability of a word of somebody's own before shapes count: nobody has counted how often it is meant."""
 
 _log = logging.getLogger(__name__)
 _last: Recent[Reading] = Recent(8)
@@ -190,7 +194,11 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
         return {given: 1.0}
     nouns = _judged(points, body.faces)
     figure = any(nouns[noun] >= _CLEARLY for noun in nouns.keys() & NOUN_GROUPS["figures"])
-    return {"person": 1.0} if nouns and not figure and is_person(joint.name for joint in body.joints) else nouns
+    if not nouns:
+        return {}
+    if not figure and is_person(joint.name for joint in body.joints):
+        nouns = {"person": 1.0}
+    return {**nouns, **{word.noun: _OF_OWN for word in words_in_use()}}
 
 
 def _judged(points: Floats, faces: Index) -> Mapping[str, float]:

@@ -31,6 +31,7 @@ from meshdeform.requests.groups import PLACES
 from meshdeform.requests.parameters import (
     SILHOUETTE_PARTS,
     TARGET_PARTS,
+    WORDS_PART,
     Silhouette,
     active_prompts,
     prompt_words,
@@ -48,6 +49,7 @@ from meshdeform.runs.base import (
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
 from meshdeform.runs.exemplar_kind import check_exemplar, steps_of
 from meshdeform.runs.outlook import outlook_of
+from meshdeform.runs.word_pins import pins_of
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -132,7 +134,7 @@ def check(
 
 def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
-    from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
+    from meshdeform.priors.builtin.grammar import known_here
 
     check_exemplar(request, params, targets)
     if targets:
@@ -143,7 +145,7 @@ def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collec
         _check_source_noun(params, BUILTIN_MODEL)
         return
     try:
-        _check_vocabulary(_filled(_prompts(request)), params, BUILTIN_WORDS)
+        _check_vocabulary(_filled(_prompts(request)), params, known_here())
     except VocabularyError as error:
         refuse_unread_change(request.prompt, error)
         raise
@@ -311,9 +313,12 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
 
 def _check_source_noun(params: ResolvedParams, model: str) -> None:
     """Refuse a noun of the source that a builtin model does not know; sent weights may teach any."""
+    from meshdeform.priors.builtin.grammar import known_here
     from meshdeform.priors.builtin.taught import known_words
 
-    if not is_sent(params.model):
+    if params.guidance is GuidanceKind.EXEMPLAR:
+        _check_given(params, known_here())
+    elif not is_sent(params.model):
         _check_given(params, known_words(model))
 
 
@@ -518,6 +523,7 @@ def _uses(request: JobRequest) -> list[str]:
         *targets.get(params.kind, ()),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
         *weights,
+        *([WORDS_PART] if pins_of(request) else []),
     ]
 
 
@@ -565,6 +571,13 @@ TEXT_DEFORM = Kind(
             for number, name in enumerate(SILHOUETTE_PARTS, 1)
         ),
         WEIGHTS_FILE,
+        FilePart(
+            WORDS_PART,
+            "The words of your own that `words` pins, as `meshdeform words export` writes them; the service adds them.",
+            required=False,
+            media_types=("application/octet-stream",),
+            content="words",
+        ),
     ),
     params=DeformParams,
     check=_check,

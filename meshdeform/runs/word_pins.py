@@ -6,15 +6,16 @@ content. What becomes of a word later changes no job that has it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from meshdeform.errors import ParameterError
 from meshdeform.priors.builtin.grammar import named_nouns
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.parameters import MAX_WORDS, WORDS_PART, WordParams
+from meshdeform.requests.parameters import MAX_WORDS, WORDS_PART, ExemplarParams
+from meshdeform.runs.base import ArtifactData, JobRun, StepReport
 from meshdeform.words import Word, in_use, joined, read_words
 
-__all__ = ["pinned", "pins_of", "words_named", "words_of"]
+__all__ = ["KnowingRun", "pinned", "pins_of", "words_named", "words_of"]
 
 _PLACE = ["params", "guidance", "words"]
 
@@ -22,13 +23,13 @@ _PLACE = ["params", "guidance", "words"]
 def pins_of(request: JobRequest) -> dict[str, str]:
     """Return the SHA-256 of each word that a request pins, by noun; none of a kind of job that has no words."""
     guidance = getattr(request.params, "guidance", None)
-    return dict(guidance.words) if isinstance(guidance, WordParams) else {}
+    return dict(guidance.words) if isinstance(guidance, ExemplarParams) else {}
 
 
 def words_named(request: JobRequest, words: Iterable[Word]) -> list[Word]:
     """Return those of an owner's words that a request names: in its prompts, or as what the asset is."""
     guidance = getattr(request.params, "guidance", None)
-    if not isinstance(guidance, WordParams):
+    if not isinstance(guidance, ExemplarParams):  # no model knows them
         return []
     own = {word.noun: word for word in words}
     texts = [request.prompt, *(each.prompt for each in guidance.prompts), guidance.source_noun or ""]
@@ -87,3 +88,41 @@ def words_of(pins: Mapping[str, str], data: bytes | None) -> list[Word]:
             _PLACE, detail, f"Send all words that it pins as the part `{WORDS_PART}`, and no others."
         )
     return words
+
+
+class KnowingRun(JobRun):
+    """A run that knows words of somebody's own at each of its steps, and no other code does in between."""
+
+    def __init__(self, run: JobRun, words: Sequence[Word]) -> None:
+        super().__init__(run.total_steps, run.first_step, run.log)
+        self.step = run.step
+        self._run, self._words = run, words
+
+    def __iter__(self) -> Iterator[StepReport]:
+        """Run the remaining steps."""
+        steps = iter(self._run)
+        while True:
+            with in_use(self._words):
+                report = next(steps, None)
+            if report is None:
+                return
+            self.step = report.step
+            yield report
+
+    def _steps(self) -> Iterator[dict[str, float]]:
+        raise NotImplementedError  # its iterator is that of the run
+
+    def checkpoint(self) -> bytes:
+        """Return the complete state of the run; call only between two steps."""
+        with in_use(self._words):
+            return self._run.checkpoint()
+
+    def snapshot(self) -> ArtifactData:
+        """Return the asset with its current shape; call only between two steps."""
+        with in_use(self._words):
+            return self._run.snapshot()
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Return the results, by artifact name."""
+        with in_use(self._words):
+            return self._run.finish()
