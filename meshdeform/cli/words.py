@@ -197,7 +197,8 @@ def _made(offered: dict[str, Any], paths: dict[str, Path]) -> Word:
     from meshdeform.assets import Limits
     from meshdeform.assets.bundle import read_with_files
     from meshdeform.runs.kept_readings import FolderReadings
-    from meshdeform.runs.word_making import WordOffer, make_word
+    from meshdeform.runs.word_making import make_word
+    from meshdeform.words import WordOffer
 
     settings = load_settings()
     limits = Limits.from_settings(settings)

@@ -30,8 +30,8 @@ from meshdeform.priors.builtin.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.requests.choices import GuidanceKind, PartsAs, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.kept_readings import Readings
-from meshdeform.runs.questions import Question, answer_task
-from meshdeform.runs.read_questions import ask_about, loaded
+from meshdeform.runs.questions import Question
+from meshdeform.runs.read_questions import answer_about, ask_about, loaded
 from meshdeform.words import words_in_use
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def parts_of(
 
 def main(arguments: list[str] | None = None) -> int:
     """Carry out the task in a file of JSON: print which part is missing, or all parts and what becomes of them."""
-    return answer_task(_answer, arguments)
+    return answer_about(_answer, arguments)
 
 
 def _answer(task: dict[str, Any]) -> dict[str, Any]:

@@ -59,9 +59,10 @@ class Readings(Protocol):
 
 
 class Unkept:
-    """Keeps nothing."""
+    """Keeps nothing, or only samples of nouns, in a folder."""
 
-    samples = None
+    def __init__(self, samples: Path | None = None) -> None:
+        self.samples = samples
 
     def get(self, key: str) -> bytes | None:
         """Return None."""

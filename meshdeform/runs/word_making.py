@@ -1,13 +1,12 @@
 """Make a word of one's own of meshes. Without torch, but where nobody says what the meshes are like.
 
 All files are read before anything is made, so that what is wrong with any of them is told at once. What the first mesh
-is like, the judge and the reading say; if they are sure, the parts of all are read as that noun's.
+is like, the judge and the reading say; if that is likely, the parts of all are read as that noun's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits, load_asset
@@ -21,34 +20,16 @@ from meshdeform.runs.kept_readings import Readings, Unkept
 from meshdeform.runs.reading import Source as ReadSource
 from meshdeform.runs.reading import corrected
 from meshdeform.runs.word_shapes import Parted, parted, shape_of, turn_between
-from meshdeform.words import MAX_SHAPES, Shape, Source, Word, write_word
+from meshdeform.words import MAX_SHAPES, Shape, Source, Word, WordOffer, write_word
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
     from meshdeform.plain.body import Body
 
-__all__ = ["WordOffer", "make_word"]
+__all__ = ["make_word"]
 
-
-@dataclass(frozen=True)
-class WordOffer:
-    """What a word is to be.
-
-    `noun`, `synonyms` and `like` as `words.read_name` returns them; `like`: the noun of ours as whose parts its are
-    read, or empty, where the first mesh tells. `front_deg`: where all meshes face, from +Z toward +X; `fronts`: where
-    some do, by the names of their files. `licence`: of the meshes, in a few words.
-    """
-
-    noun: str
-    synonyms: tuple[str, ...] = ()
-    like: str = ""
-    front_deg: float | None = None
-    fronts: Mapping[str, float] = field(default_factory=dict)
-    licence: str = ""
-
-    def front_of(self, name: str) -> float | None:
-        """Return where the mesh of a file faces, if that is said."""
-        return self.fronts.get(name, self.front_deg)
+_LIKELY = 0.5
+"""Probability of its noun from which the first mesh says what all are like."""
 
 
 def make_word(
@@ -81,7 +62,9 @@ def make_word(
     shapes = {name: shape_of(mesh, numbers) for name, mesh in meshes.items()}
     _check_fronts(shapes, meshes, offer)
     sources = [Source(name, sha256_hex(data), offer.licence) for name, data in files.items()]
-    return write_word(offer.noun, [*shapes.values()], sources, parts=[*numbers], synonyms=offer.synonyms, like=like)
+    return write_word(
+        offer.noun, [*shapes.values()], sources, parts=[*numbers], synonyms=tuple(offer.synonyms), like=like
+    )
 
 
 def _loaded(files: Mapping[str, bytes], limits: Limits) -> dict[str, Asset]:
@@ -128,7 +111,7 @@ def _parted(
     first, *others = assets
     body = body_of(first, offer.like)
     reading = body.reader.reading
-    like = offer.like or (reading.noun if reading is not None and reading.sure else "")
+    like = offer.like or (reading.noun if reading is not None and reading.probability >= _LIKELY else "")
     bodies = {first: body} | {name: body_of(name, like) for name in others}
     return like, {
         name: parted(each, each.reader.reading if like else None, offer.front_of(name)) for name, each in bodies.items()

@@ -9,6 +9,7 @@ from meshdeform.words.file import Shape, Source, Word, joined, read_words, write
 from meshdeform.words.in_use import in_use, like_of, own_word, words_in_use
 from meshdeform.words.limits import MAX_FACES, MAX_SHAPES, MAX_WORD_BYTES, MAX_WORDS
 from meshdeform.words.names import check_names, read_name
+from meshdeform.words.offer import WordOffer
 from meshdeform.words.store import WordFolder
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "Source",
     "Word",
     "WordFolder",
+    "WordOffer",
     "check_names",
     "in_use",
     "joined",
