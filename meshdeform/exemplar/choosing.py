@@ -17,7 +17,8 @@ quarter turn is taken if it is 13 % nearer.
 
 Seeds other than 0 take others that are still near and unlike each other: the near ones are divided among centres, each
 the one farthest from the centres before it (Gonzalez 1985, Clustering to minimize the maximum intercluster distance),
-and a seed takes those of one centre.
+and a seed takes those of one centre. Of a word of somebody's own with few shapes, each seed takes one, the nearest
+first.
 """
 
 from __future__ import annotations
@@ -136,6 +137,8 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
     """
     asset = _Asset(source)
     chooser = _Chooser(asset, wish, cache)
+    if chooser.few:
+        return chooser.drawn([chooser.few[wish.seed % len(chooser.few)]])
     nearest = chooser.drawn(chooser.graded[: max(_FINALISTS, 2 * count)])[:count]
     if wish.seed == 0:
         return nearest
@@ -144,9 +147,9 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
 
 def nearest_of(source: Shape, noun: str) -> Exemplar:
     """Return the nearest of a few members of a noun, drawn without a table: to tell how near the noun is at all."""
-    few = range(_SKETCHED)
+    some = range(_SKETCHED)
     chooser = _Chooser(_Asset(source), Wish(noun))
-    return chooser.drawn(_Graded(number, 0.0, 0.0, 0.0) for number in few)[0]
+    return chooser.drawn(_Graded(number, 0.0, 0.0, 0.0) for number in some)[0]
 
 
 class _Chooser:
@@ -161,6 +164,16 @@ class _Chooser:
     @cached_property
     def _bank(self) -> Bank:
         return bank_of(self._wish.noun, self._cache, self._wish.attributes)
+
+    @cached_property
+    def few(self) -> list[_Graded]:
+        """All members, each as it is nearest, the best first, where there are few: seeds take them in turn."""
+        if len(self._bank) >= _LEAST_NEAR:
+            return []
+        nearest: dict[int, _Graded] = {}
+        for one in self.graded:
+            nearest.setdefault(one.number, one)
+        return list(nearest.values())
 
     def cell(self, taken: Set[object]) -> list[_Graded]:
         """Return the members that a seed other than 0 takes, none of those that 0 does."""

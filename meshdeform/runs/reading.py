@@ -67,9 +67,6 @@ _EVIDENCE = tuple(Path(plain.__file__).with_name(name) for name in ("evidence.py
 _CLEARLY = 0.5
 """Probability from which a figure is another than a person."""
 
-_OF_OWN = 0.3
-"""Probability of a word of somebody's own before shapes count: nobody has counted how often it is meant."""
-
 _log = logging.getLogger(__name__)
 _last: Recent[Reading] = Recent(8)
 
@@ -198,7 +195,7 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
         return {}
     if not figure and is_person(joint.name for joint in body.joints):
         nouns = {"person": 1.0}
-    return {**nouns, **{word.noun: _OF_OWN for word in words_in_use()}}
+    return {**nouns, **{word.noun: 0.0 for word in words_in_use()}}
 
 
 def _judged(points: Floats, faces: Index) -> Mapping[str, float]:
