@@ -44,19 +44,24 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
     """
     if len(synonyms) > MAX_SYNONYMS:
         raise ParameterError.at(["synonyms"], f"A word has at most {MAX_SYNONYMS} synonyms.", "Leave some out.")
-    ours = noun_of(noun, BUILTIN_WORDS)
-    if ours is not None and not replace:
-        named = f"{noun!r} is a noun of ours" if noun == ours else f"{noun!r} is read as our {ours!r}"
-        raise ParameterError.at(["noun"], f"{named}.", "Choose another noun, or replace ours for yourself: --replace.")
+    if noun_of(noun, BUILTIN_WORDS) is not None and not replace:
+        advice = "Choose another noun, or replace ours for yourself: --replace."
+        raise ParameterError.at(["noun"], _ours(noun), advice)
     for name in synonyms:
-        if (taken := noun_of(name, BUILTIN_WORDS)) is not None and taken != noun:
-            raise ParameterError.at(["synonyms"], f"{name!r} is read as our {taken!r}.", "Leave this synonym out.")
+        if noun_of(name, BUILTIN_WORDS) not in (None, noun):
+            raise ParameterError.at(["synonyms"], _ours(name), "Leave this synonym out.")
     for other in others:
         if other.noun == noun:
             if replace:
                 continue
             raise ParameterError.at(["noun"], f"You have the word {noun!r}.", "Choose another noun, or use --replace.")
         _check_apart(noun, synonyms, other)
+
+
+def _ours(name: str) -> str:
+    """Return a sentence about a name that is read as a noun of ours."""
+    noun = noun_of(name, BUILTIN_WORDS)
+    return f"{name!r} is a noun of ours." if name == noun else f"{name!r} is read as our {noun!r}."
 
 
 def _check_apart(noun: str, synonyms: Sequence[str], other: Word) -> None:
