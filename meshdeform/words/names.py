@@ -45,7 +45,7 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
     if len(synonyms) > MAX_SYNONYMS:
         raise ParameterError.at(["synonyms"], f"A word has at most {MAX_SYNONYMS} synonyms.", "Leave some out.")
     if noun_of(noun, BUILTIN_WORDS) is not None and not replace:
-        advice = "Choose another noun, or replace ours for yourself: --replace."
+        advice = "Choose another noun, or replace ours for yourself (--replace)."
         raise ParameterError.at(["noun"], _ours(noun), advice)
     for name in synonyms:
         if noun_of(name, BUILTIN_WORDS) not in (None, noun):
@@ -54,7 +54,7 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
         if other.noun == noun:
             if replace:
                 continue
-            raise ParameterError.at(["noun"], f"You have the word {noun!r}.", "Choose another noun, or use --replace.")
+            raise ParameterError.at(["noun"], f"You have the word {noun!r}.", "Choose another noun, or replace it (--replace).")
         _check_apart(noun, synonyms, other)
 
 
