@@ -487,7 +487,7 @@ class ExemplarParams(PlacementParams, WordParams, PictureParams):
     """The parameters of a fit to what a noun stands for, or to meshes that are sent."""
 
     words: dict[_Noun, _Sha256] = Field(
-        default_factory=dict,
+        {},
         max_length=MAX_WORDS,
         description="The words of your own that the prompts name, each with the SHA-256 of its content, which goes "
         "with the job ([Words](words.md)). Filled in when the job is accepted.",
