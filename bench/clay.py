@@ -20,7 +20,7 @@ from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.shapes import Wish
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUNS
 
 _PER_SHEET = 20
 _TILE, _LINE, _COLUMNS = 108, 16, 12

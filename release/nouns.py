@@ -30,7 +30,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUNS
 
 __all__ = ["Things", "kin", "main"]
 

@@ -21,7 +21,7 @@ from typing import Any
 from bench.keep.assets import SPLITS, Pair, pairs
 from bench.keep.runs import KINDS, ROOT, Code, ran, verdict
 from bench.parts.assets import files
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.vocabulary.nouns import NOUN_GROUPS
 
 DEFAULT = "default"
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from bench.parts import assets
 from bench.parts.assets import Listed
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.vocabulary.nouns import NOUN_GROUPS
 
 SPLITS = ("tuned", "last", "fresh")
 DISTANCES = ("near", "far")

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.keep.assets import DISTANCES, SPLITS, group_of
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.vocabulary.nouns import NOUN_GROUPS
 
 GRADES = Path(__file__).with_name("grades.json")
 KEPT = 3

@@ -147,12 +147,12 @@ def _store() -> WordFolder:
 
 def _ours(like: str | None) -> str:
     """Return the noun of ours that a text means; empty for none."""
-    from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, noun_of
+    from meshdeform.priors.builtin.grammar import WORDS, noun_of
     from meshdeform.words import read_name
 
     if like is None:
         return ""
-    found = noun_of(read_name(like), BUILTIN_WORDS)
+    found = noun_of(read_name(like), WORDS)
     if found is None:
         raise typer.BadParameter(
             f"{like!r} is no noun of ours; meshdeform models builtin lists them", param_hint="--like"

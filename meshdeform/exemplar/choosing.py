@@ -42,9 +42,10 @@ from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.vocabulary.nouns import AFLOAT
 from meshdeform.words.in_use import like_of
 
-__all__ = ["AFLOAT", "Exemplar", "exemplars", "nearest_of"]
+__all__ = ["Exemplar", "exemplars", "nearest_of"]
 
 _EASE = 1.15
 _FEW, _DENSE = 220, 2500
@@ -57,8 +58,6 @@ _QUARTERS, _TURNED_IF = (0.0, 90.0, 180.0, -90.0), 1.13
 _STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.25, 10, 40
 """Ratio to the best merit up to which members are near; how many are at least, and at most."""
 _CENTRES = 8
-AFLOAT = frozenset(("airplane", "balloon", "butterfly", "dolphin", "fish", "helicopter", "shark", "submarine", "whale"))
-"""What does not stand on the ground: its middle is the asset's."""
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,15 @@ A word of somebody's own is what the noun is that it is like.
 
 from __future__ import annotations
 
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND, nouns_with
 from meshdeform.words.in_use import like_of
 
 __all__ = ["is_boxed", "is_built", "is_figure", "is_living", "is_tower", "is_turned"]
 
 _LIVING = frozenset((*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]))
-_BUILT = frozenset((*NOUN_GROUPS["vehicles"], *NOUN_GROUPS["furniture"], *NOUN_GROUPS["buildings"]))
-_ALSO_BUILT = frozenset(("anvil", "camera", "chest", "cone", "crate", "guitar", "scroll"))
-_SWELLING = frozenset(("balloon", "pillow"))
-_BOXED = frozenset(NOUN_GROUPS["furniture"]) - {"lamp", "pillow"}
+_BUILT = nouns_with("built")
+_BOXED = nouns_with("boxed")
+_TOWERS = nouns_with("tower")
 
 
 def is_living(noun: str) -> bool:
@@ -29,7 +28,7 @@ def is_figure(noun: str) -> bool:
 
 def is_built(noun: str) -> bool:
     """Return whether what is level and upright of a noun stays so."""
-    return like_of(noun) in (_BUILT | _ALSO_BUILT) - _SWELLING
+    return like_of(noun) in _BUILT
 
 
 def is_boxed(noun: str) -> bool:
@@ -39,9 +38,9 @@ def is_boxed(noun: str) -> bool:
 
 def is_turned(noun: str) -> bool:
     """Return whether a noun is alike from all four sides."""
-    return like_of(noun) in TURNED
+    return like_of(noun) in ROUND
 
 
 def is_tower(noun: str) -> bool:
     """Return whether a noun is a tall body about one upright axis, known by its outline and not by its parts."""
-    return like_of(noun) in ("lighthouse", "rocket")
+    return like_of(noun) in _TOWERS

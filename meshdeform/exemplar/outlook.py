@@ -31,8 +31,8 @@ from meshdeform.exemplar.shapes import Shape, Wish
 from meshdeform.nouns.labels import Floats
 from meshdeform.nouns.solids import PART_NAMES, part_label
 from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, nearest
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS, PARTS
 from meshdeform.reading.result import GROUND
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS
 
 __all__ = ["Outlook", "outlook"]
 

@@ -22,7 +22,7 @@ from meshdeform.exemplar.alike import MANY, TWO_SIDED, grows_from, large_parts, 
 from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.nouns.labels import Flags, Floats, Index
-from meshdeform.nouns.solids import LAYOUTS, PART_NAMES
+from meshdeform.nouns.solids import PART_NAMES, usual_parts_of
 from meshdeform.reading.result import NO_PART
 from meshdeform.reading.samples import spread
 
@@ -202,11 +202,9 @@ def _middles(shape: Shape, pieces: Pieces) -> Floats:
 def _completed(shape: Shape) -> Shape:
     """Return a shape whose unknown faces are of the one large part of its noun that was not found, if it is one."""
     unknown = shape.labels == NO_PART
-    if shape.noun not in LAYOUTS or is_living(shape.noun) or not unknown.any():
+    if is_living(shape.noun) or not unknown.any():
         return shape
-    lines = [line.replace("/", " ").replace("*", " ").split() for line in LAYOUTS[shape.noun].split("|")]
-    usual = set(PART_NAMES).intersection(*lines)
-    missing = large_parts(usual) - _parts(shape)
+    missing = large_parts(usual_parts_of(shape.noun)) - _parts(shape)
     if len(missing) != 1:
         return shape
     labels = np.where(unknown, PART_NAMES.index(missing.pop()), shape.labels)

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
-from meshdeform.nouns.families import Part, Traits
+from meshdeform.nouns.families import KINDS, Part, Traits
 from meshdeform.nouns.families.traits import Rng
-from meshdeform.nouns.labels import LabelledMember, labelled_member, labelled_solids, solids_of
-from meshdeform.nouns.solids import LAYOUTS, Piece
+from meshdeform.nouns.labels import LabelledMember, labelled, labelled_member, labelled_solids, solids_of
+from meshdeform.nouns.solids import Piece
 from meshdeform.nouns.upright import on_hind_legs, two_legged
 from meshdeform.nouns.variants import (
     desk_chair,
@@ -27,7 +28,7 @@ from meshdeform.nouns.variants import (
 )
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUNS, TABLE
 
 __all__ = ["FORMS", "GENERAL", "drawn", "is_able", "own_forms"]
 
@@ -43,23 +44,21 @@ _DRAWN: dict[str, tuple[Callable[[Rng, Traits], Part], str]] = {
     "standing-rabbit": (standing_rabbit, "body head nose ear ear arm arm leg leg foot foot tail"),
 }
 
-FORMS: dict[str, tuple[str, ...]] = {
-    **{
-        noun: (noun, "quadruped") if line.startswith("body leg*4") and noun != "bathtub" else (noun,)
-        for noun, line in LAYOUTS.items()
-    },
+_KINDS = {kind: (noun, draw) for noun, kinds in KINDS.items() for kind, draw in kinds.items()}
+
+_FORMS: dict[str, tuple[str, ...]] = {
+    **{noun: (noun, "quadruped") if "four-legged" in row.traits else (noun,) for noun, row in TABLE.items()},
     "bear": ("standing-bear", "quadruped", "bear"),
     "bird": ("bird", "standing-bird"),
     "cat": ("cat", "standing-cat", "great-cat", "quadruped"),
     "chair": ("chair", "office-chair", "armchair", "stool", "desk-chair"),
     "chicken": ("chicken", "standing-bird"),
-    "dragon": ("dragon",),
     "duck": ("duck", "standing-bird"),
     "lion": ("lion", "great-cat", "quadruped"),
-    "sheep": ("sheep", "quadruped"),
     "van": ("van", "truck"),
 }
-"""The families and forms of which the members of each noun may be."""
+FORMS: dict[str, tuple[str, ...]] = {noun: (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()}
+"""The families, forms and kinds of which the members of each noun may be."""
 
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""
@@ -84,14 +83,14 @@ _ALSO = {
     "cat": ("standing-cat", "upright-cat"),
     "dragon": ("two-legged-dragon",),
     "rabbit": ("standing-rabbit",),
-} | {noun: (form,) for form, noun in _UPRIGHT.items() if noun in LAYOUTS}
+} | {noun: (form,) for form, noun in _UPRIGHT.items()}
 """Forms that look like a noun, and by which assets are not read."""
 
 
 def own_forms(noun: str, attributes: Iterable[Attribute]) -> tuple[str, ...]:
     """Return the family and the forms whose members look like a noun and can have the attributes."""
     wanted = tuple(attributes)
-    own = [form for form in FORMS[noun] if form in _DRAWN and form not in GENERAL]
+    own = [form for form in FORMS[noun] if form in _KINDS or (form in _DRAWN and form not in GENERAL)]
     return (noun, *(form for form in (*own, *_ALSO.get(noun, ())) if is_able(form, wanted)))
 
 
@@ -99,7 +98,17 @@ def is_able(form: str, attributes: Iterable[Attribute]) -> bool:
     """Return whether members of a family or a form have attributes with which they are drawn."""
     base = _base(form)
     parts = {attribute.part for attribute in attributes} - {"whole"}
+    if form in _KINDS:
+        return parts <= _settable(form)
     return parts <= set(_TRAITS.get(base, ()) if base in _DRAWN else NOUNS[base])
+
+
+@cache
+def _settable(kind: str) -> set[str]:
+    """Return the parts whose size a kind draws."""
+    traits = Traits()
+    _KINDS[kind][1](np.random.default_rng(0), traits)
+    return traits.asked
 
 
 def _base(form: str) -> str:
@@ -112,6 +121,9 @@ def drawn(form: str, attributes: Iterable[Attribute], rng: np.random.Generator) 
     base = _base(form)
     if base != form:
         return _stood(form, base, wanted, rng)
+    if form in _KINDS:
+        noun, family = _KINDS[form]
+        return replace(labelled(noun, deformed(family(rng, Traits(wanted)), wanted, rng)), noun=form)
     if form not in _DRAWN:
         return labelled_member(form, wanted, rng)
     draw, names = _DRAWN[form]

@@ -1,6 +1,7 @@
 """Members with a part's name on every face.
 
-The solids of a member are its connected components, in order; `solids.LAYOUTS` names them. A solid that is made of
+The solids of a member are its connected components, in order; its family names their faces, or `solids.LAYOUTS` does
+by their order. A solid that is made of
 several parts, such as a bottle, is divided between two of its rings. A neck ends where it enters the head: its faces
 inside the head, or nearer to it than 0.03 of its least extent, are the head's.
 """
@@ -18,6 +19,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.nouns.families import FAMILIES, Part, Traits
+from meshdeform.nouns.families.parts import rings_of
 from meshdeform.nouns.solids import PART_NAMES, carrier, layout
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
@@ -101,6 +103,8 @@ def labelled_member(noun: str, attributes: Iterable[Attribute], rng: np.random.G
 def labelled(noun: str, shape: Part) -> LabelledMember:
     """Name the faces of a shape that the family of a noun has drawn."""
     solids = solids_of(shape)
+    if shape.labels is not None:
+        return _named(noun, shape, shape.labels, solids)
     counts = np.bincount(solids[shape.faces[:, 0]])
     return labelled_solids(noun, shape, layout(noun, counts.tolist()), solids)
 
@@ -114,11 +118,22 @@ def labelled_solids(
     own = solids.copy()
     for number, parts in enumerate(pieces):
         rows = np.flatnonzero(of_face == number)
-        rings = _rings(shape.faces[rows]) if len(parts) > 1 else np.zeros(len(rows), np.int64)
+        rings = rings_of(shape.faces[rows]) if len(parts) > 1 else np.zeros(len(rows), np.int64)
         for piece, (first, part) in enumerate(parts):
             labels[rows[rings >= first]] = code(part)
             if piece:
                 own[np.unique(shape.faces[rows[rings >= first]])] = own.max() + 1
+    member = LabelledMember(noun, shape.verts, shape.faces, own, labels)
+    return replace(member, labels=_head_over_neck(member))
+
+
+def _named(noun: str, shape: Part, labels: Index, solids: Index) -> LabelledMember:
+    """Return a member whose family has named its faces: a solid of several parts counts as several."""
+    own, of_face = solids.copy(), solids[shape.faces[:, 0]]
+    firsts: dict[int, int] = {}
+    for number, label in np.unique(np.stack([of_face, labels], 1), axis=0):
+        if firsts.setdefault(int(number), int(label)) != label:
+            own[np.unique(shape.faces[(of_face == number) & (labels == label)])] = own.max() + 1
     member = LabelledMember(noun, shape.verts, shape.faces, own, labels)
     return replace(member, labels=_head_over_neck(member))
 
@@ -128,14 +143,6 @@ def solids_of(shape: Part) -> Index:
     edges = np.concatenate([shape.faces[:, :2], shape.faces[:, 1:]])
     graph = sparse.csr_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(len(shape.verts),) * 2)
     return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
-
-
-def _rings(faces: Index) -> Index:
-    """Return the ring (F,) of each face of a solid that consists of rings between two poles."""
-    first = int(faces.min())
-    around = int((faces == first).any(1).sum())
-    ring = np.where(faces == first, 0, (faces - first - 1) // around + 1)
-    return np.asarray(ring.min(1))
 
 
 def _head_over_neck(member: LabelledMember) -> Index:

@@ -14,32 +14,29 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from meshdeform.nouns.families import KINDS
 from meshdeform.nouns.labels import Flags, Floats, Index, LabelledMember
+from meshdeform.vocabulary.nouns import TABLE
 
 __all__ = ["POSES", "head_and_neck", "hind_and_front", "limbs", "posed", "throat", "top_of", "turn"]
 
-_BEASTS = "camel cow deer dog elephant fox giraffe horse lion pig rhino sheep wolf quadruped"
-_HUNTERS = "dog fox lion wolf quadruped"
-_GRAZERS = "camel cow deer horse pig sheep"
 _UPRIGHT = (
     "standing-rabbit upright-bear upright-cat upright-cow upright-deer upright-dog upright-elephant upright-fox"
     " upright-horse upright-lion upright-pig upright-wolf"
 )
-_NAMES: dict[str, str] = {
-    "walking": f"{_BEASTS} dinosaur dragon two-legged-dragon person robot standing-bear great-cat standing-cat",
-    "sitting": f"{_HUNTERS} person robot standing-bear great-cat",
-    "lying": f"{_HUNTERS} {_GRAZERS} standing-bear great-cat standing-cat",
-    "turned": (
-        f"{_BEASTS} bear bird cat chicken dinosaur dragon duck monkey mouse owl penguin person rabbit robot snowman"
-        " swan turtle standing-bear great-cat standing-cat standing-bird"
-    ),
-    "T": f"person robot {_UPRIGHT}",
-    "A": "person robot",
-    "hanging": "person robot",
-    "swimming": "penguin",
-    "spread": "bird butterfly chicken dragon two-legged-dragon duck owl penguin standing-bird swan",
-    "folded": "bird dragon two-legged-dragon swan",
+_OF_FORMS: dict[str, str] = {
+    "walking": "quadruped two-legged-dragon standing-bear great-cat standing-cat",
+    "sitting": "quadruped standing-bear great-cat",
+    "lying": "quadruped standing-bear great-cat standing-cat",
+    "turned": "quadruped standing-bear great-cat standing-cat standing-bird",
+    "T": _UPRIGHT,
+    "A": "",
+    "hanging": "",
+    "swimming": "",
+    "spread": "two-legged-dragon standing-bird",
+    "folded": "two-legged-dragon",
 }
+"""The forms of `forms` that take each pose; the traits of a noun tell which it takes."""
 
 _TOUCHING = 0.01
 _TOP = 0.1
@@ -295,7 +292,11 @@ _MOVES: dict[str, Callable[[LabelledMember, np.random.Generator], Floats]] = {
 }
 
 POSES: dict[str, tuple[str, ...]] = {
-    noun: tuple(pose for pose, nouns in _NAMES.items() if noun in nouns.split())
-    for noun in sorted({noun for nouns in _NAMES.values() for noun in nouns.split()})
+    form: tuple(pose for pose in _OF_FORMS if pose in row.traits)
+    for noun, row in TABLE.items()
+    for form in (noun, *KINDS.get(noun, ()))
+} | {
+    form: tuple(pose for pose, forms in _OF_FORMS.items() if form in forms.split())
+    for form in sorted({form for forms in _OF_FORMS.values() for form in forms.split()})
 }
-"""The poses of each noun, and of each form of `forms`, besides the one in which it is drawn."""
+"""The poses of each noun, of its kinds, and of each form of `forms`, besides the one in which it is drawn."""

@@ -1,6 +1,7 @@
 """Name the closed solids of which the members of each family consist.
 
-A family joins its solids always in the same order, and so one line a noun names them all::
+A family names its solids as it draws them (`families.parts.named`), or joins them always in the same order, and then
+one line a noun names them all::
 
     name       one solid                 body/9/neck    one solid whose faces from its 9th ring on are a neck
     name*4     the next four             name*          the next ones as long as they have as many faces as the first
@@ -16,7 +17,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-__all__ = ["CARRIED_BY", "LAYOUTS", "PART_NAMES", "Piece", "carrier", "layout", "part_label"]
+from meshdeform.vocabulary.nouns import TABLE
+
+__all__ = [
+    "CARRIED_BY",
+    "LAYOUTS",
+    "PART_NAMES",
+    "Piece",
+    "carrier",
+    "layout",
+    "part_label",
+    "parts_of",
+    "pieces_of",
+    "usual_parts_of",
+]
 
 _ON_LEGS = "body leg*4"
 
@@ -248,23 +262,41 @@ def _fitted(words: Sequence[str], face_counts: Sequence[int]) -> list[tuple[Piec
         if star and not times:
             rest = face_counts[len(pieces) :]
             count = next((k for k, faces in enumerate(rest) if faces != rest[0]), len(rest))
-        pieces += [_pieces(name)] * count
+        pieces += [pieces_of(name)] * count
     return pieces if len(pieces) == len(face_counts) else None
 
 
-def _pieces(word: str) -> tuple[Piece, ...]:
+def pieces_of(word: str) -> tuple[Piece, ...]:
+    """Return the pieces of one solid: `base/4/stem` is a base, and a stem from its 4th ring on."""
     names, rings = word.split("/")[::2], word.split("/")[1::2]
     return tuple(Piece(int(ring), name) for ring, name in zip(["0", *rings], names, strict=True))
 
 
-PART_NAMES: tuple[str, ...] = tuple(
-    sorted(
-        {
-            piece.part
-            for line in LAYOUTS.values()
-            for word in line.replace("|", " ").split()
-            for piece in _pieces(word.partition("*")[0])
-        }
-    )
-)
+_NAMES: dict[str, list[frozenset[str]]] = {
+    noun: [
+        frozenset(piece.part for word in line.split() for piece in pieces_of(word.partition("*")[0]))
+        for line in lines.split("|")
+    ]
+    for noun, lines in LAYOUTS.items()
+} | {
+    noun: [
+        frozenset(name.rstrip("?") for name in row.solids),
+        frozenset(name for name in row.solids if not name.endswith("?")),
+    ]
+    for noun, row in TABLE.items()
+    if row.solids
+}
+"""The parts of members of each noun, by the ways in which they differ."""
+PART_NAMES: tuple[str, ...] = tuple(sorted(frozenset().union(*(names for own in _NAMES.values() for names in own))))
 """Every part, by the alphabet; labels of faces are places in this list."""
+
+
+def parts_of(noun: str) -> frozenset[str]:
+    """Return the parts that members of a noun have; none if there is no such noun."""
+    return frozenset().union(*_NAMES.get(noun, []))
+
+
+def usual_parts_of(noun: str) -> frozenset[str]:
+    """Return the parts that all members of a noun have; none if there is no such noun."""
+    own = _NAMES.get(noun, [])
+    return own[0].intersection(*own) if own else frozenset()

@@ -25,7 +25,7 @@ from meshdeform.plain.read_parts import TOLD_APART, ReadParts
 from meshdeform.plain.vocabulary import PART_NAMES, PART_OF
 from meshdeform.plain.wording import one_off
 from meshdeform.plain.words import part_and_sides
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
+from meshdeform.vocabulary.nouns import NOUN_GROUPS
 
 _INSIDE, _HALF = 0.5, 0.501
 _FEWEST = 6

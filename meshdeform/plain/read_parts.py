@@ -7,7 +7,6 @@ torn off.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from meshdeform.nouns.solids import CARRIED_BY, LAYOUTS, PART_NAMES
+from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES, parts_of
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
 from meshdeform.plain.carried import NEAR, carried_by, contacts, on_ground, touching
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece
@@ -84,7 +83,7 @@ class ReadParts:
     @cached_property
     def of_noun(self) -> frozenset[str]:
         """The parts that things of its noun have; empty if it was not read."""
-        return frozenset(re.findall("[a-z]+", LAYOUTS.get(self.noun, "")))
+        return parts_of(self.noun)
 
     @cached_property
     def _coded(self) -> tuple[Index, tuple[str, ...]]:

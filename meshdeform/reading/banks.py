@@ -29,10 +29,10 @@ from meshdeform.nouns.labels import Floats, LabelledMember
 from meshdeform.nouns.limbs import limb_codes
 from meshdeform.nouns.poses import POSES, posed
 from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
 from meshdeform.reading.samples import spread
 from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.support.files import write_files
+from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from meshdeform.words.in_use import own_word
 from meshdeform.words.members import word_member
 

@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.nouns.labels import Floats
-from meshdeform.priors.builtin.vocabulary import TURNED
 from meshdeform.reading.choice import Frame, Surface, facing, nearness
+from meshdeform.vocabulary.nouns import HELD, ROUND
 from meshdeform.words.in_use import like_of, own_word
 
 __all__ = ["FRONTS", "PROPOSED", "Decision", "decide"]
@@ -39,9 +39,6 @@ _LEAST, _LEAST_NAMED, _NAMED, _NEAR = 1e-4, 0.01, 300.0, 8.0
 _OWN_GRADES, _OWN_LEAST = (0.05, 0.085), 0.02
 _CONVENTION = 0.03
 """By which share other fronts must be better than +Z, which is where assets face by glTF's convention."""
-_HELD_NAMES = "axe banana bone bottle candle carrot corn dumbbell guitar hammer pan rocket shield sword torch umbrella"
-_HELD = frozenset(_HELD_NAMES.split())
-"""Nouns of things that may lie, or stand on their heads."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +121,8 @@ class _Frames:
 
     def of(self, noun: str) -> list[Frame]:
         """Return those in which a noun may stand, as it would by convention first."""
-        upright = self._upright[:1] if like_of(noun) in TURNED else self._upright
-        return upright + self._lying if like_of(noun) in _HELD else upright
+        upright = self._upright[:1] if like_of(noun) in ROUND else self._upright
+        return upright + self._lying if like_of(noun) in HELD else upright
 
     def graded(self, noun: str, folder: Path | None) -> list[tuple[float, float, Frame]]:
         """Return both grades (`nearness`) in the best two frames, the best first."""

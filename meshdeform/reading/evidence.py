@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from meshdeform.nouns.labels import Flags, Floats, Index, code
-from meshdeform.nouns.solids import LAYOUTS, PART_NAMES, carrier
+from meshdeform.nouns.solids import PART_NAMES, carrier, parts_of
 from meshdeform.priors.builtin.grammar import nearest, noun_of
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
 from meshdeform.reading.cells import Cells
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 from meshdeform.words.in_use import like_of
 
 __all__ = ["Evidence", "nouns_named", "weighed"]
@@ -67,7 +67,7 @@ _MOVED = 0.5
 _LACKING = 0.2
 """Probability, on what joints of a class move, under which the members lack its parts."""
 _PARTS_OF_GROUP: dict[str, frozenset[str]] = {
-    noun: frozenset(part for other in nouns for part in PART_NAMES if re.search(rf"\b{part}\b", LAYOUTS[other]))
+    noun: frozenset(part for other in nouns for part in parts_of(other))
     for nouns in NOUN_GROUPS.values()
     for noun in nouns
 }

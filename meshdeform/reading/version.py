@@ -15,10 +15,12 @@ __all__ = ["MEMBERS_VERSION", "SOURCES", "VERSION"]
 
 _OF_MEMBERS = (
     "nouns",
+    "vocabulary",
     "priors/builtin/grammar.py",
     "priors/builtin/teaching/deformed.py",
     "priors/builtin/vocabulary.py",
     "words/members.py",
+    "words/sizes.py",
 )
 SOURCES = ("reading", *_OF_MEMBERS)
 """Folders and modules of the package on which readings depend."""
@@ -27,7 +29,7 @@ SOURCES = ("reading", *_OF_MEMBERS)
 def _texts(place: Traversable, name: str) -> dict[str, bytes]:
     """Return the sources below a folder, or that of a module, by their names."""
     if place.is_file():
-        return {name: place.read_bytes()} if name.endswith(".py") else {}
+        return {name: place.read_bytes()} if name.endswith((".py", ".txt")) else {}
     return {path: text for inner in place.iterdir() for path, text in _texts(inner, f"{name}/{inner.name}").items()}
 
 

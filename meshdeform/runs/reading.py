@@ -23,13 +23,13 @@ from meshdeform.errors import ModelError, ShapeError
 from meshdeform.plain.evidence import read_body
 from meshdeform.plain.joints import is_person
 from meshdeform.plain.reader import Reader
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS
 from meshdeform.reading import Reading
 from meshdeform.reading.result import UP_TURNS
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
 from meshdeform.runs.parted import given_parts
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.support.recent import Recent
+from meshdeform.vocabulary.nouns import NOUN_GROUPS
 from meshdeform.words import words_in_use
 
 if TYPE_CHECKING:

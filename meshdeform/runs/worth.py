@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.priors.builtin.grammar import Attribute, ParsedPrompt, parse
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, TURNED
 from meshdeform.runs.recognition import CROOKED
 from meshdeform.runs.verdict import broken
 from meshdeform.verdicts import Verdict
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND
 
 if TYPE_CHECKING:
     from meshdeform.exemplar.outlook import Outlook
@@ -140,7 +140,7 @@ def of_noun(
 def _excused(reading: ParsedPrompt, source: Source) -> set[str]:
     """Return what of a shape does not count: what is asked to be crooked, and what clay may do."""
     crooked = any(attribute.degree in CROOKED for attribute in reading.attributes)
-    clay = source.convex or (source.round and reading.noun in TURNED)
+    clay = source.convex or (source.round and reading.noun in ROUND)
     return {*(["asymmetry", "flatness"] if crooked else []), *(["flatness", "swollen"] if clay else [])}
 
 

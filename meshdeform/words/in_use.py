@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from meshdeform.nouns.solids import part_label
 from meshdeform.priors.builtin.grammar import knowing
-from meshdeform.priors.builtin.vocabulary import PARTS
+from meshdeform.vocabulary.nouns import PARTS
 from meshdeform.words.file import Word
 from meshdeform.words.names import vocabulary
 

@@ -1,4 +1,4 @@
-"""Members of a word of one's own, as fits and readings take them: its shapes, with the attributes of the whole."""
+"""Members of a word of one's own, as fits and readings take them: its shapes, with attributes."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 
 from meshdeform.nouns.families import Part
 from meshdeform.nouns.labels import Index, LabelledMember, code, solids_of
-from meshdeform.nouns.solids import PART_NAMES
+from meshdeform.nouns.solids import PART_NAMES, part_label
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
 from meshdeform.words.file import Word
+from meshdeform.words.sizes import sized
 
 __all__ = ["word_member"]
 
@@ -25,8 +26,14 @@ def word_member(word: Word, number: int, attributes: Iterable[Attribute] = ()) -
     codes = np.array([*(code(name if name in PART_NAMES else "body") for name in word.parts), code("body")])
     labels = codes[shape.labels]
     verts, faces = _parted(shape.verts, shape.faces, labels)
-    part = deformed(Part(verts, faces), tuple(attributes), np.random.default_rng([number, 72]))
-    return LabelledMember(word.noun, part.verts, part.faces, solids_of(part), labels)
+    solids = solids_of(Part(verts, faces))
+    member = LabelledMember(word.noun, verts, faces, solids, labels)
+    wanted = tuple(attributes)
+    for each in wanted:
+        if each.part != "whole":
+            member = sized(member, part_label(each.part), each.degree)
+    whole = deformed(Part(member.verts, faces), wanted, np.random.default_rng([number, 72]))
+    return member.moved(whole.verts)
 
 
 def _parted(verts: np.ndarray, faces: Index, labels: Index) -> tuple[np.ndarray, Index]:

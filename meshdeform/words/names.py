@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from meshdeform.errors import ParameterError
-from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, Words, is_adjective, noun_of
-from meshdeform.priors.builtin.vocabulary import FILLERS, NOUNS
+from meshdeform.priors.builtin.grammar import WORDS, Words, is_adjective, noun_of
+from meshdeform.priors.builtin.vocabulary import FILLERS
 from meshdeform.words.file import NAME, Word
 from meshdeform.words.limits import MAX_NAME, MAX_SYNONYMS
 
@@ -44,23 +44,25 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
     """
     if len(synonyms) > MAX_SYNONYMS:
         raise ParameterError.at(["synonyms"], f"A word has at most {MAX_SYNONYMS} synonyms.", "Leave some out.")
-    if noun_of(noun, BUILTIN_WORDS) is not None and not replace:
+    if noun_of(noun, WORDS) is not None and not replace:
         advice = "Choose another noun, or replace ours for yourself (--replace)."
         raise ParameterError.at(["noun"], _ours(noun), advice)
     for name in synonyms:
-        if noun_of(name, BUILTIN_WORDS) not in (None, noun):
+        if noun_of(name, WORDS) not in (None, noun):
             raise ParameterError.at(["synonyms"], _ours(name), "Leave this synonym out.")
     for other in others:
         if other.noun == noun:
             if replace:
                 continue
-            raise ParameterError.at(["noun"], f"You have the word {noun!r}.", "Choose another noun, or replace it (--replace).")
+            raise ParameterError.at(
+                ["noun"], f"You have the word {noun!r}.", "Choose another noun, or replace it (--replace)."
+            )
         _check_apart(noun, synonyms, other)
 
 
 def _ours(name: str) -> str:
     """Return a sentence about a name that is read as a noun of ours."""
-    noun = noun_of(name, BUILTIN_WORDS)
+    noun = noun_of(name, WORDS)
     return f"{name!r} is a noun of ours." if name == noun else f"{name!r} is read as our {noun!r}."
 
 
@@ -82,6 +84,6 @@ def _check_apart(noun: str, synonyms: Sequence[str], other: Word) -> None:
 def vocabulary(words: Iterable[Word], parts_of: dict[str, tuple[str, ...]]) -> Words:
     """Return the nouns of the builtin prior and these words; `parts_of`: whose size a prompt can set, by noun."""
     own = {word.noun: word for word in words}
-    synonyms = {name: noun for name, noun in BUILTIN_WORDS.synonyms.items() if name not in own}
+    synonyms = {name: noun for name, noun in WORDS.synonyms.items() if name not in own}
     synonyms |= {name: word.noun for word in own.values() for name in word.synonyms}
-    return Words({**NOUNS, **{noun: parts_of.get(noun, ()) for noun in own}}, synonyms, BUILTIN_WORDS.tokens)
+    return Words({**WORDS.nouns, **{noun: parts_of.get(noun, ()) for noun in own}}, synonyms, ())

@@ -6,8 +6,9 @@ this needs numpy but no torch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
+from types import ModuleType
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from meshdeform.nouns.families.traits import Traits
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
 
-__all__ = ["FAMILIES", "Family", "Part", "Traits", "member"]
+__all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 
 Family = Callable[[np.random.Generator, Traits], Part]
 
@@ -24,11 +25,23 @@ _SUBJECTS = (
     "animals beasts buildings clothing creatures dungeon figures food furniture household kitchen movers "
     "plants rooms small swimmers things tools vehicles wheeled winged"
 )
+
+
+def _kinds_of(module: ModuleType) -> Mapping[str, tuple[Family, ...]]:
+    kinds: Mapping[str, tuple[Family, ...]] = getattr(module, "KINDS", {})
+    return kinds
+
+
 _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 FAMILIES: dict[str, Family] = dict(
     sorted((name, getattr(module, name)) for module in _MODULES for name in module.__all__)
 )
 """The family of each noun that has one, by the alphabet."""
+KINDS: dict[str, dict[str, Family]] = {
+    noun: {draw.__name__.replace("_", "-"): draw for module in _MODULES for draw in _kinds_of(module).get(noun, ())}
+    for noun in FAMILIES
+}
+"""Other kinds of a noun, by name: a `steam-train` is a kind of train. A module lists its kinds in its own `KINDS`."""
 
 
 def member(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> Part:

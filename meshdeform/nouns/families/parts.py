@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from meshdeform.nouns.solids import PART_NAMES, pieces_of
 from meshdeform.priors.builtin.teaching.deformed import Part as Part
 from meshdeform.priors.builtin.teaching.deformed import normalised as normalised
 
@@ -206,17 +207,22 @@ def turned(part: Part, degrees: float, axis: str) -> Part:
     verts = part.verts.copy()
     verts[:, first] = np.cos(angle) * part.verts[:, first] - np.sin(angle) * part.verts[:, second]
     verts[:, second] = np.sin(angle) * part.verts[:, first] + np.cos(angle) * part.verts[:, second]
-    return Part(verts, part.faces)
+    return part._replace(verts=verts)
 
 
 def moved(part: Part, by: ArrayLike) -> Part:
     """Translate a part."""
-    return Part(part.verts + np.asarray(by, float), part.faces)
+    return part._replace(verts=part.verts + np.asarray(by, float))
 
 
 def mirrored(part: Part) -> Part:
     """Reflect a part in the plane x = 0, keeping it oriented outward."""
-    return Part(part.verts * np.array([-1.0, 1.0, 1.0]), part.faces[:, ::-1].copy())
+    return part._replace(verts=part.verts * np.array([-1.0, 1.0, 1.0]), faces=part.faces[:, ::-1].copy())
+
+
+def stretched(part: Part, x: float, y: float, z: float) -> Part:
+    """Scale a part about the origin by positive factors."""
+    return part._replace(verts=part.verts * np.array([x, y, z]))
 
 
 def pair(part: Part) -> list[Part]:
@@ -225,9 +231,40 @@ def pair(part: Part) -> list[Part]:
 
 
 def join(parts: Sequence[Part]) -> Part:
-    """Join all parts into one mesh."""
+    """Join all parts into one mesh; it has labels if all of them have."""
     offsets = np.cumsum([0, *(len(part.verts) for part in parts[:-1])])
+    labels = [part.labels for part in parts if part.labels is not None]
     return Part(
         np.concatenate([part.verts for part in parts]),
         np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)]),
+        np.concatenate(labels) if len(labels) == len(parts) else None,
     )
+
+
+def named(**solids: Part | Sequence[Part]) -> Part:
+    """Join solids under the names of their parts: `named(seat=box(...), leg=pair(limb(...)))`.
+
+    A solid that has labels already (`divided`) keeps them. Raises ValueError if a name is not in `solids.PART_NAMES`.
+    """
+    joined = []
+    for name, several in solids.items():
+        for part in [several] if isinstance(several, Part) else several:
+            own = np.full(len(part.faces), PART_NAMES.index(name)) if part.labels is None else part.labels
+            joined.append(part._replace(labels=own))
+    return join(joined)
+
+
+def divided(part: Part, pieces: str) -> Part:
+    """Name the faces of a solid of rings (`lathe`, `limb`): `base/4/stem` is a base, then a stem from ring 4 on."""
+    labels = np.zeros(len(part.faces), np.int64)
+    for ring, name in pieces_of(pieces):
+        labels[rings_of(part.faces) >= ring] = PART_NAMES.index(name)
+    return part._replace(labels=labels)
+
+
+def rings_of(faces: Index) -> Index:
+    """Return the ring (F,) of each face of a solid that consists of rings between two poles."""
+    first = int(faces.min())
+    around = int((faces == first).any(1).sum())
+    ring = np.where(faces == first, 0, (faces - first - 1) // around + 1)
+    return np.asarray(ring.min(1))

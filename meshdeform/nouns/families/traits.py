@@ -1,4 +1,4 @@
-"""Turn attributes into sizes of parts; `teaching/deformed.py` deforms whole shapes.
+"""Turn attributes into sizes of parts; `deformed` deforms whole shapes.
 
 Labels are true by construction. The size of a part is drawn from one of three disjoint ranges (lesser, neutral,
 greater), chosen by the label.
@@ -11,17 +11,18 @@ from collections.abc import Iterable
 import numpy as np
 
 from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.vocabulary import PARTS
+from meshdeform.vocabulary.nouns import PARTS
 
 Range = tuple[float, float]
 Rng = np.random.Generator
 
 
 class Traits:
-    """Attributes of one member of a family."""
+    """Attributes of one member of a family; `asked`: the parts whose size has been drawn."""
 
     def __init__(self, attributes: Iterable[Attribute] = ()) -> None:
         self._degrees = {attribute.part: attribute.degree for attribute in attributes if attribute.part != "whole"}
+        self.asked: set[str] = set()
 
     def draw(self, rng: Rng, part: str, lesser: Range, neutral: Range, greater: Range) -> float:
         """Draw the size of a part uniformly from the range that the attributes specify.
@@ -35,6 +36,7 @@ class Traits:
         lesser, neutral, greater : (low, high)
             Disjoint ranges in the family's unit.
         """
+        self.asked.add(part)
         degree = self._degrees.get(part)
         if degree is None:
             return float(rng.uniform(*neutral))

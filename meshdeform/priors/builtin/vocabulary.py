@@ -1,7 +1,8 @@
-"""List the words of the builtin prior: nouns, attributes, parts and their synonyms.
+"""List the nouns that the builtin prior knows, and the words of all prompts: adjectives and synonyms.
 
-`grammar.py` parses prompts with these tables. The order of nouns, adjectives and parts numbers the tokens, so a change
-here requires new weights (a file of weights names its vocabulary).
+`grammar.py` parses prompts with these tables, and with those of `meshdeform.vocabulary.nouns`. The order of `NOUNS`, of
+the adjectives and of the parts of `NOUNS` numbers the tokens, so a change of these requires new weights (a file of
+weights names its vocabulary).
 """
 
 from __future__ import annotations
@@ -157,47 +158,7 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "windmill": ("sail",),
     "wolf": (),
 }
-"""Every noun with the parts whose size a prompt can set."""
-
-NOUN_GROUPS: dict[str, tuple[str, ...]] = {
-    name: tuple(nouns.split())
-    for name, nouns in {
-        "animals": (
-            "bear bird butterfly camel cat chicken cow crab crocodile deer dinosaur dog dolphin duck "
-            "elephant fish fox frog giraffe hedgehog horse lion monkey mouse octopus owl penguin pig "
-            "rabbit rhino shark sheep snail snake spider swan turtle whale wolf"
-        ),
-        "figures": "dragon ghost person robot snowman",
-        "vehicles": (
-            "airplane balloon boat bus car helicopter motorcycle rocket submarine tank tractor train truck van"
-        ),
-        "furniture": (
-            "armchair bathtub bed bench bookcase cabinet chair desk fridge lamp piano pillow sofa stool "
-            "table television toilet"
-        ),
-        "buildings": "castle church column door gravestone house igloo lighthouse skyscraper tent windmill",
-        "plants and food": (
-            "apple banana bread burger cactus cake carrot corn cupcake flower hotdog mushroom palm pear "
-            "pine pineapple pumpkin strawberry tree"
-        ),
-        "rocks and weather": "crystal log",
-        "vessels and tools": (
-            "anvil axe barrel bell bottle bowl bucket camera can candle chest cone crate dumbbell goblet "
-            "guitar hammer jar mug pan plate potion shield sword teapot torch vase"
-        ),
-        "clothes and other things": (
-            "backpack bone boot crown dress glove hat heart helmet scroll shirt skull star trousers umbrella"
-        ),
-    }.items()
-}
-"""The nouns by kind, for people who choose one."""
-
-_TURNED = (
-    "apple balloon barrel bell bottle bowl bucket cactus cake candle carrot corn cupcake goblet lamp lighthouse "
-    "mushroom pear pine pineapple pumpkin rocket stool strawberry table tent tree umbrella vase"
-)
-TURNED = frozenset(_TURNED.split())
-"""The nouns of what is alike from all four sides."""
+"""Every noun of the prior with the parts whose size a prompt can set."""
 
 ADJECTIVES: dict[str, str] = {
     "tall": "stretched upward",
@@ -215,85 +176,6 @@ ADJECTIVES: dict[str, str] = {
 }
 """Attributes of the whole shape, valid for every noun, with their effects."""
 
-LENGTH, SIZE = ("short", "long"), ("small", "big")
-PARTS: dict[str, tuple[str, str]] = {
-    "arms": LENGTH,
-    "back": LENGTH,
-    "beak": LENGTH,
-    "blade": LENGTH,
-    "brim": SIZE,
-    "cap": SIZE,
-    "claws": SIZE,
-    "crown": SIZE,
-    "ears": SIZE,
-    "eyes": SIZE,
-    "fins": SIZE,
-    "gun": LENGTH,
-    "handle": LENGTH,
-    "head": SIZE,
-    "heel": LENGTH,
-    "horns": LENGTH,
-    "humps": SIZE,
-    "leaves": LENGTH,
-    "legs": LENGTH,
-    "lens": LENGTH,
-    "mane": SIZE,
-    "neck": LENGTH,
-    "nose": LENGTH,
-    "roof": SIZE,
-    "sail": SIZE,
-    "shade": SIZE,
-    "shell": SIZE,
-    "sleeves": LENGTH,
-    "spikes": LENGTH,
-    "spout": LENGTH,
-    "stem": LENGTH,
-    "tail": LENGTH,
-    "tower": LENGTH,
-    "trunk": LENGTH,
-    "wheels": SIZE,
-    "wings": SIZE,
-}
-"""Every part with its two degrees, the lesser and the greater."""
-
-NOUN_SYNONYMS = {
-    "aeroplane": "airplane", "plane": "airplane", "jet": "airplane", "aircraft": "airplane", "handbell": "bell",
-    "sailboat": "boat", "ship": "boat", "yacht": "boat", "flask": "bottle", "cup": "mug", "dish": "bowl",
-    "basin": "bowl", "automobile": "car", "kitten": "cat", "kitty": "cat", "seat": "chair", "dino": "dinosaur",
-    "sauropod": "dinosaur", "brontosaurus": "dinosaur", "diplodocus": "dinosaur", "puppy": "dog", "hound": "dog",
-    "duckling": "duck", "goldfish": "fish", "chalice": "goblet", "wineglass": "goblet", "ukulele": "guitar",
-    "sunhat": "hat", "fedora": "hat", "pony": "horse", "foal": "horse", "home": "house", "hut": "house",
-    "cottage": "house", "toadstool": "mushroom", "piglet": "pig", "hog": "pig", "ananas": "pineapple",
-    "bunny": "rabbit", "hare": "rabbit", "spaceship": "rocket", "missile": "rocket", "couch": "sofa",
-    "settee": "sofa", "starfish": "star", "tortoise": "turtle", "parasol": "umbrella", "brolly": "umbrella",
-    "urn": "vase", "recliner": "armchair", "tub": "bathtub", "bath": "bathtub", "bunk": "bed", "cot": "bed",
-    "pew": "bench", "cupboard": "cabinet", "wardrobe": "cabinet", "dresser": "cabinet", "sideboard": "cabinet",
-    "closet": "cabinet", "bureau": "desk", "footstool": "stool", "tv": "television", "monitor": "television",
-    "screen": "television", "coach": "bus", "minibus": "bus", "chopper": "helicopter", "motorbike": "motorcycle",
-    "scooter": "motorcycle", "moped": "motorcycle", "lorry": "truck", "pickup": "truck", "locomotive": "train",
-    "engine": "train", "panzer": "tank", "parrot": "bird", "sparrow": "bird", "robin": "bird", "pigeon": "bird",
-    "crow": "bird", "eagle": "bird", "moth": "butterfly", "dromedary": "camel", "hen": "chicken",
-    "rooster": "chicken", "cock": "chicken", "chick": "chicken", "bull": "cow", "ox": "cow", "calf": "cow",
-    "cattle": "cow", "alligator": "crocodile", "croc": "crocodile", "stag": "deer", "reindeer": "deer", "elk": "deer",
-    "moose": "deer", "porpoise": "dolphin", "toad": "frog", "porcupine": "hedgehog", "lioness": "lion",
-    "ape": "monkey", "chimpanzee": "monkey", "gorilla": "monkey", "rat": "mouse", "rhinoceros": "rhino",
-    "lamb": "sheep", "ram": "sheep", "serpent": "snake", "cobra": "snake", "tarantula": "spider", "goose": "swan",
-    "grizzly": "bear", "teddy": "bear", "phantom": "ghost", "human": "person", "man": "person", "woman": "person",
-    "boy": "person", "girl": "person", "child": "person", "figure": "person", "android": "robot",
-    "fortress": "castle", "chapel": "church", "cathedral": "church", "beacon": "lighthouse", "highrise": "skyscraper",
-    "marquee": "tent", "mill": "windmill", "hamburger": "burger", "cheeseburger": "burger", "maize": "corn",
-    "muffin": "cupcake", "gateau": "cake", "gourd": "pumpkin", "hatchet": "axe", "tomahawk": "axe", "ax": "axe",
-    "cask": "barrel", "keg": "barrel", "pail": "bucket", "barbell": "dumbbell", "mallet": "hammer", "saber": "sword",
-    "kettle": "teapot", "rucksack": "backpack", "knapsack": "backpack", "shoe": "boot", "gown": "dress",
-    "frock": "dress", "mitten": "glove", "tshirt": "shirt", "sweater": "shirt", "jumper": "shirt",
-    "pants": "trousers", "jeans": "trousers", "slacks": "trousers", "sunflower": "flower", "daisy": "flower",
-    "tulip": "flower", "rose": "flower", "fir": "pine", "spruce": "pine", "conifer": "pine", "bookshelf": "bookcase",
-    "loaf": "bread", "baguette": "bread", "tin": "can", "pillar": "column", "box": "crate", "parcel": "crate",
-    "gem": "crystal", "jewel": "crystal", "gate": "door", "refrigerator": "fridge", "freezer": "fridge",
-    "tombstone": "gravestone", "headstone": "gravestone", "frypan": "pan", "skillet": "pan", "cushion": "pillow",
-    "elixir": "potion", "parchment": "scroll", "cranium": "skull", "lavatory": "toilet", "minivan": "van",
-    "ambulance": "van",
-}  # fmt: skip
 ADJECTIVE_SYNONYMS = {
     "high": "tall", "low": "short", "squat": "short", "stubby": "short",
     "slim": "thin", "slender": "thin", "skinny": "thin", "narrow": "thin", "lean": "thin",

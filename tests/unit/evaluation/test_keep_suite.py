@@ -19,7 +19,7 @@ from bench.keep.cost import split, write_dog
 from bench.keep.grades import Row, by_group, by_verdict, parsed, read, saved, share, table
 from bench.keep.runs import CHILD, command, verdict
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.vocabulary import NOUN_GROUPS, NOUNS
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 
 
 class TestList:

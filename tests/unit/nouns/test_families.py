@@ -3,7 +3,7 @@ import pytest
 
 from meshdeform.nouns.families import FAMILIES, Part, member
 from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
+from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.cases import each_case
 
 pytestmark = pytest.mark.training

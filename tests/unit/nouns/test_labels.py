@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from meshdeform.nouns.families import FAMILIES, Traits, member
 from meshdeform.nouns.labels import LabelledMember, code, labelled, labelled_member
-from meshdeform.nouns.solids import CARRIED_BY, LAYOUTS, PART_NAMES, carrier, layout, part_label
+from meshdeform.nouns.solids import CARRIED_BY, PART_NAMES, carrier, layout, part_label, parts_of
 from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
+from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.cases import each_case
 
 NEARLY_ALIKE = {("boat", "sail"): "mast", ("tree", "crown"): "trunk"}
@@ -42,7 +42,7 @@ def test_every_face_has_a_part_of_the_noun_and_labels_change_nothing(noun: str) 
         assert np.array_equal(shape.verts, plain.verts)
         assert np.array_equal(shape.faces, plain.faces)
         assert shape.labels.shape == (len(shape.faces),)
-        assert all(name in LAYOUTS[noun] for name in shape.parts)
+        assert all(name in parts_of(noun) for name in shape.parts)
         assert np.unique(shape.solids).tolist() == list(range(int(shape.solids.max()) + 1))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshdeform.nouns.families import FAMILIES, member
 from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.vocabulary import NOUNS, PARTS
+from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.unit.test_imports import among, loaded_by
 
 EXPECTED = Path(__file__).with_name("members.txt")

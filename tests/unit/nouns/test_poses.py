@@ -8,7 +8,7 @@ from meshdeform.nouns.families import FAMILIES
 from meshdeform.nouns.forms import FORMS, GENERAL, drawn, is_able, own_forms
 from meshdeform.nouns.poses import POSES, limbs, posed
 from meshdeform.priors.builtin.grammar import Attribute
-from meshdeform.priors.builtin.vocabulary import PARTS
+from meshdeform.vocabulary.nouns import PARTS
 from tests.cases import each_case
 
 MOVED = {

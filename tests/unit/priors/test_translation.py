@@ -7,7 +7,8 @@ import pytest
 from meshdeform.errors import VocabularyError
 from meshdeform.priors.builtin import grammar
 from meshdeform.priors.builtin.grammar import parse
-from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES
+from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.cases import each_case
 
 

@@ -15,7 +15,7 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.plain.body import loose_body
 from meshdeform.plain.reader import Reader
-from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS, PARTS
+from meshdeform.priors.builtin.vocabulary import ADJECTIVES
 from meshdeform.reading import NO_PART, Reading
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.groups import grouped
@@ -25,6 +25,7 @@ from meshdeform.runs.believed import is_described
 from meshdeform.runs.changes import asked_changes, check_parts, is_change
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
+from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.cases import each_case
 from tests.unit.plain.shapes import dog, plain_glb
 

@@ -13,7 +13,7 @@ from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.nouns.solids import PART_NAMES
 from meshdeform.priors.builtin.grammar import Attribute, noun_of, parse
 from meshdeform.reading.banks import bank_of, candidate_member
-from meshdeform.words import in_use, like_of, own_word, words_in_use
+from meshdeform.words import Shape, in_use, like_of, own_word, words_in_use
 from tests.unit.words.words import BOX, WEDGE, box, word
 
 
@@ -72,6 +72,29 @@ def test_its_shapes_are_its_members_in_turn() -> None:
     sides, taller = (np.ptp(each.verts, axis=0) for each in (first, tall))
     np.testing.assert_allclose(sides / sides[0], [1, 2, 3], rtol=1e-6)
     assert taller[1] / taller[0] > 2 * 1.3
+
+
+def test_parts_change_their_size_and_stay_where_they_are_joined() -> None:
+    stem, cap = box(1, 2, 1), box(2, 1, 2)
+    verts = np.concatenate([stem.verts, cap.verts + [0, np.ptp(stem.verts[:, 1]) / 2 + np.ptp(cap.verts[:, 1]) / 2, 0]])
+    faces = np.concatenate([stem.faces, cap.faces + len(stem.verts)])
+    shape = Shape(verts / 2, faces, np.repeat([0, 1], 12))
+
+    def sides(prompt: str) -> tuple[np.ndarray, np.ndarray]:
+        asked = parse(prompt)
+        member = candidate_member("toadstool", 0, asked.attributes)
+        own = [member.verts[member.solids == number] for number in (0, 1)]
+        assert own[0][:, 1].max() == pytest.approx(own[1][:, 1].min())  # the cap is on the stem
+        return np.ptp(own[0], axis=0), np.ptp(own[1], axis=0)
+
+    with in_use([word("toadstool", shape, parts=("stem", "cap"))]):
+        stem_sides, cap_sides = sides("a toadstool")
+        beside, bigger = sides("a toadstool with a big cap")
+        assert bigger[0] / beside[0] > 1.2 * cap_sides[0] / stem_sides[0]
+        stems = {degree: sides(f"a toadstool with a {degree} stem") for degree in ("long", "short")}
+    for degree, (stem_now, cap_now) in stems.items():
+        ratio = (stem_now[1] / cap_now[1]) / (stem_sides[1] / cap_sides[1])
+        assert ratio == pytest.approx({"long": 1.6, "short": 0.55}[degree], rel=1e-6)
 
 
 def test_faces_of_no_known_part_are_of_the_body() -> None:
