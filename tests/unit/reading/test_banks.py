@@ -23,13 +23,13 @@ def few_members(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(banks, "MEMBERS", 3)
     monkeypatch.setattr(banks, "_WISHED_WITH_ATTRIBUTES", 4)
     monkeypatch.setattr(banks, "_MOST_FILES", 2)
-    bank_of.cache_clear()
+    banks._bank_of.cache_clear()
     yield
-    bank_of.cache_clear()
+    banks._bank_of.cache_clear()
 
 
 def _again(folder: Path | None, noun: str = _NOUN, attributes: tuple[Attribute, ...] | None = None) -> Bank:
-    bank_of.cache_clear()
+    banks._bank_of.cache_clear()
     return bank_of(noun, folder, attributes)
 
 
