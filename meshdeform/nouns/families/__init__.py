@@ -22,8 +22,9 @@ __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animals beasts buildings clothing creatures dungeon figures food furniture household kitchen movers "
-    "plants rooms small swimmers things tools vehicles wheeled winged"
+    "animals beasts breeds buildings clothing crawlers creatures dungeon figures food furniture hoofed "
+    "household kitchen movers plants prowlers reptiles rooms sitters small swimmers things tools vehicles "
+    "wheeled winged"
 )
 
 
