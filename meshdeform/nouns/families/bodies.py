@@ -96,7 +96,7 @@ class Animal:
 _EARS: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = {
     # root in radii of the head, way to the tip, half widths at root, middle and tip in lengths of the ear
     "pointed": ((0.55, 0.6, -0.1), (0.25, 1.0, 0.0), (0.36, 0.26, 0.05)),
-    "round": ((0.68, 0.62, -0.1), (0.3, 0.5, 0.0), (0.36, 0.44, 0.34)),
+    "round": ((0.68, 0.6, -0.1), (0.3, 0.42, 0.0), (0.34, 0.52, 0.46)),
     "leaf": ((0.45, 0.7, -0.2), (0.22, 1.0, -0.1), (0.1, 0.2, 0.05)),
     "hanging": ((0.8, 0.5, -0.1), (0.4, -0.95, 0.0), (0.2, 0.28, 0.24)),
     "cup": ((0.85, 0.12, -0.1), (0.55, 0.3, 0.0), (0.3, 0.45, 0.36)),
@@ -315,15 +315,15 @@ class Upright(Plan):
 
     def draw(self, animal: Animal) -> None:
         """Add body, arms and hands, legs and feet, head and tail."""
-        rng = animal.rng
-        widths = rng.uniform(0.88, 1.14) * np.array([self.hips, self.belly, self.chest])
+        rng, cartoon = animal.rng, max(animal.rng.uniform(-1.0, 1.0), 0.0)
+        widths = rng.uniform(0.85, 1.18) * np.array([self.hips, self.belly, self.chest])
         hips, _, chest = widths
         leg = animal.sized("legs", self.leg) if self.leg else 0.0
         low = np.array([0.0, leg + 0.75 * hips, 0.0])
-        up = at(90 - self.lean + rng.uniform(-4, 4), self.trunk * rng.uniform(0.88, 1.14))
+        up = at(90 - self.lean + rng.uniform(-5, 7), self.trunk * rng.uniform(0.88, 1.14) * (1 - 0.25 * cartoon))
         animal.girth, animal.height, animal.half = hips, float(low[1]), chest
         animal.add("body", tube([low, low + 0.45 * up, low + 0.85 * up], widths, 0.92 * widths, segments=18))
-        animal.head = animal.sized("head", self.head)
+        animal.head = animal.sized("head", self.head) * (1 + 0.3 * cartoon)
         neck = animal.sized("neck", self.neck) if self.neck else 0.0
         animal.skull = low + up + (0.72 * animal.head + neck) * np.array([0.0, 1.0, 0.12])
         if neck:
@@ -332,7 +332,7 @@ class Upright(Plan):
         if self.reach:
             self._add_arms(animal, low + 0.82 * up + [0.8 * chest, 0, 0])
         self._add_legs(animal)
-        self.add_head(animal)
+        self.add_head(animal, cartoon=0.5 * cartoon)
         self.add_tail(animal)
 
     def _add_arms(self, animal: Animal, shoulder: Array) -> None:
@@ -358,29 +358,23 @@ class Upright(Plan):
         animal.two("foot", limb(toes, thick * np.array([[1.0, 0.9], [1.15, 0.75]]), segments=10, samples=1))
 
 
-def of(plan: Plan, **changes: Any) -> Callable[[Callable[[Animal], None]], Callable[[Rng, Traits], Part]]:
-    """Return a decorator: the family draws a plan with changes, then what the function adds."""
+def breed(
+    name: str, plan: Plan, add: Callable[[Animal], None] | None = None, **changes: Any
+) -> Callable[[Rng, Traits], Part]:
+    """Return a family of this name that draws a plan with changes, then what `add` adds."""
+    own = replace(plan, **changes)
 
-    def family_of(add: Callable[[Animal], None]) -> Callable[[Rng, Traits], Part]:
-        own = replace(plan, **changes)
-
-        def family(rng: Rng, traits: Traits) -> Part:
-            animal = Animal(rng, traits)
-            own.draw(animal)
+    def family(rng: Rng, traits: Traits) -> Part:
+        animal = Animal(rng, traits)
+        own.draw(animal)
+        if add is not None:
             add(animal)
-            return named(**animal.parts)
+        return named(**animal.parts)
 
-        family.__name__, family.__doc__ = add.__name__, add.__doc__
-        return family
-
-    return family_of
+    family.__name__, family.__doc__ = name, add and add.__doc__
+    return family
 
 
-def breed(name: str, plan: Plan, **changes: Any) -> Callable[[Rng, Traits], Part]:
-    """Return a family that draws a plan with changes."""
-
-    def nothing(_: Animal) -> None:
-        return None
-
-    nothing.__name__ = name
-    return of(plan, **changes)(nothing)
+def of(plan: Plan, **changes: Any) -> Callable[[Callable[[Animal], None]], Callable[[Rng, Traits], Part]]:
+    """Return a decorator that makes a family of what a function adds to a plan with changes."""
+    return lambda add: breed(add.__name__, plan, add, **changes)

@@ -104,18 +104,6 @@ def _mane(animal: Animal) -> None:
     animal.add("mane", limb([chest + [0, 0.3 * mane, 0.1], chest - [0, 0.5 * mane, 0]], [0.75 * mane, 0.3 * mane]))
 
 
-@of(_LION)
-def maned_lion(animal: Animal) -> None:
-    """Draw a lion with a full smooth mane and a tuft at the tail's end."""
-    _mane(animal)
-
-
-@of(_LION, length=0.6, leg=0.26, head=0.26, thick=0.09, cartoon=0.6)
-def cartoon_lion(animal: Animal) -> None:
-    """Draw the short lion of a cartoon, most of it head and mane."""
-    _mane(animal)
-
-
 @of(_WOLF, tilt=8, girth=0.24, waist=0.8, slope=0.04)
 def ruffed_wolf(animal: Animal) -> None:
     """Draw a wolf that stalks: a low head, a ruff about its neck, a bushy tail."""
@@ -130,24 +118,6 @@ def _disc(animal: Animal) -> None:
     way = (animal.muzzle - animal.skull) / np.linalg.norm(animal.muzzle - animal.skull)
     flat = disc(0.54 * animal.head, 0.0, 0.35 * animal.head, edge=0.02)
     animal.add("nose", moved(turned(flat, float(np.degrees(np.arctan2(way[2], way[1]))), "x"), animal.muzzle))
-
-
-@of(_PIG, length=0.9, girth=0.3, leg=0.26, ears="hanging", ear=0.24, muzzle=0.7)
-def hog(animal: Animal) -> None:
-    """Draw a long hog with hanging ears."""
-    _disc(animal)
-
-
-@of(_PIG, length=0.5, girth=0.28, head=0.28, leg=0.16, cartoon=0.8)
-def piglet(animal: Animal) -> None:
-    """Draw the round piglet of a cartoon."""
-    _disc(animal)
-
-
-@of(_PIG, girth=0.4, leg=0.1, arch=-0.05, muzzle=0.3)
-def potbelly(animal: Animal) -> None:
-    """Draw a fat pig whose back sags, on very short legs."""
-    _disc(animal)
 
 
 KINDS = {
@@ -190,7 +160,11 @@ KINDS = {
         breed("pony", HORSE, length=0.7, girth=0.28, leg=0.34, neck=0.32, head=0.17, cartoon=0.4),
         breed("cartoon_horse", HORSE, length=0.6, leg=0.4, head=0.2, cartoon=1.0, thick=0.085),
     ),
-    "lion": (maned_lion, cartoon_lion, breed("lioness", GREAT_CAT, girth=0.22, head=0.2, thick=0.08)),
+    "lion": (
+        breed("maned_lion", _LION, _mane),
+        breed("cartoon_lion", _LION, _mane, length=0.6, leg=0.26, head=0.26, thick=0.09, cartoon=0.6),
+        breed("lioness", GREAT_CAT, girth=0.22, head=0.2, thick=0.08),
+    ),
     "monkey": (
         breed("walking_monkey", FourLegged(length=0.6, girth=0.17, leg=0.46, thick=0.055, neck=0.05, head=0.19, paw=1.8,
               muzzle=0.35, snout=_SNOUT, ears="cup", tails="over", tail=1.0, front="arm", brush=(0.045,) * 4)),
@@ -207,10 +181,22 @@ KINDS = {
         breed("cartoon_mouse", Upright(leg=0.2, hips=0.24, belly=0.22, chest=0.15, thick=0.07, muzzle=0.7, ears="round",
               snout=(0.5, 0.22), ear=0.42, tails="over", tail=0.8, brush=(0.035, 0.03, 0.03, 0.02))),
     ),
-    "pig": (hog, piglet, potbelly),
+    "panda": (
+        breed("walking_panda", _BEAR, girth=0.38, hips=1.05, head=0.29, broad=1.12, muzzle=0.6, neck=0.1, tilt=22,
+              ear=0.2, eyes=(0.42, 0.15, 0.86, 0.16)),
+    ),
+    "pig": (
+        breed("hog", _PIG, _disc, length=0.9, girth=0.3, leg=0.26, ears="hanging", ear=0.24, muzzle=0.7),
+        breed("piglet", _PIG, _disc, length=0.5, girth=0.28, head=0.28, leg=0.16, cartoon=0.8),
+        breed("potbelly", _PIG, _disc, girth=0.4, leg=0.1, arch=-0.05, muzzle=0.3),
+    ),
     "sheep": (
         fleece_sheep, ram,
         breed("lamb", _SHEEP, leg=0.38, girth=0.22, head=0.19, muzzle=0.7, ear=0.26, tail=0.3, cartoon=0.5),
+    ),
+    "squirrel": (
+        breed("running_squirrel", SMALL, girth=0.17, leg=0.12, thick=0.045, head=0.16, ears="pointed", ear=0.13,
+              tails="up", tail=0.9, brush=(0.07, 0.16, 0.18, 0.07)),
     ),
     "wolf": (
         ruffed_wolf,

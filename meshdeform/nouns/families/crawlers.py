@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from meshdeform.nouns.families.bodies import Animal, FourLegged, of, strand, tube
+from meshdeform.nouns.families.bodies import Animal, FourLegged, breed, strand, tube
 from meshdeform.nouns.families.parts import (
     Array,
     Part,
@@ -41,44 +43,15 @@ def _plates(animal: Animal) -> None:
         animal.add("spike", limb([top, top + [0, 0.12, -0.05]], [[0.05, 0.09], [0.015, 0.03]], segments=8, samples=2))
 
 
-@of(_CROCODILE)
-def alligator(animal: Animal) -> None:
-    """Draw an alligator: closed broad jaws, a long low body, a strong tail."""
-    _plates(animal)
-
-
-@of(_CROCODILE, snout=(0.7, 0.26), muzzle=3.0, girth=0.2)
-def gharial(animal: Animal) -> None:
-    """Draw a crocodile with a very thin long snout."""
-    _plates(animal)
-
-
-@of(_CROCODILE, length=0.6, girth=0.26, deep=0.95, head=0.25, muzzle=1.4, snout=(0.95, 0.72), tail=0.6, sprawl=0.13)
-def cartoon_crocodile(animal: Animal) -> None:
-    """Draw a crocodile with a short round body, a huge head and short legs."""
-    _plates(animal)
-
-
-def _shell(animal: Animal, dome: float, long: float) -> None:
+def _shell(animal: Animal) -> None:
     """Put a dome with a rim in place of the body."""
     wide, y = 1.45 * animal.girth, animal.height - 0.02
+    dome, long = animal.girth * animal.rng.uniform(1.25, 1.75), animal.half * animal.rng.uniform(1.65, 1.95)
     turn, rim = np.radians(np.linspace(0, 90, 9)), np.linspace(0, 2 * np.pi, 24, endpoint=False)
     profile = [(0.75, -0.16), (0.97, -0.08), *np.stack([np.cos(turn), dome * np.sin(turn)], 1)[:-1], (0.0, dome)]
     edge = plate(1.05 * np.stack([wide * np.cos(rim), long * np.sin(rim)], 1), 0.1, across="y")
     animal.add("shell", moved(stretched(lathe(profile), wide, 1.0, long), [0, y, 0]), moved(edge, [0, y, 0]))
     animal.parts.pop("body")
-
-
-@of(_TORTOISE)
-def tortoise(animal: Animal) -> None:
-    """Draw a tortoise: a high dome on four pillars, a long neck with a small head."""
-    _shell(animal, animal.rng.uniform(0.38, 0.55), animal.rng.uniform(0.5, 0.6))
-
-
-@of(_TORTOISE, length=0.5, girth=0.25, leg=0.12, neck=0.12, tilt=45, head=0.24, muzzle=0.12, tails="level")
-def cartoon_turtle(animal: Animal) -> None:
-    """Draw a turtle with a small round shell, a big head and stubby legs."""
-    _shell(animal, animal.rng.uniform(0.3, 0.42), animal.rng.uniform(0.4, 0.48))
 
 
 def sea_turtle(rng: Rng, traits: Traits) -> Part:
@@ -101,9 +74,8 @@ def sea_turtle(rng: Rng, traits: Traits) -> Part:
     return named(**animal.parts)
 
 
-def _frog(rng: Rng, traits: Traits, wide: float, lift: float, eye: float, squat: float) -> Part:
-    """Draw a frog: `lift` of the chest above the rump, radius of its eyes, hind legs folded wide by `squat`."""
-    animal = Animal(rng, traits)
+def _add_frog(animal: Animal, wide: float, lift: float, eye: float, squat: float) -> None:
+    """Add the solids of a frog."""
     eyes, legs, chest = animal.sized("eyes", eye), animal.sized("legs", 0.5), np.array([0.0, 0.3 + lift, 0.3])
     bulk, skull = wide * np.array([0.7, 1.0, 0.9]), chest + [0, 0.1, 0.2]
     animal.add(
@@ -121,22 +93,18 @@ def _frog(rng: Rng, traits: Traits, wide: float, lift: float, eye: float, squat:
         for side in (-0.5, 0.05, 0.6):
             tip = toe * [1, 0, 1] + reach * np.array([side, 0, 0.9]) + [0, 0.045, 0]
             animal.two("foot", limb([toe, tip], [0.05, 0.055], segments=8, samples=2))
-    return named(**animal.parts)
 
 
-def toad(rng: Rng, traits: Traits) -> Part:
-    """Draw a toad: broad and low, with small eyes and short legs."""
-    return _frog(rng, traits, rng.uniform(0.48, 0.58), rng.uniform(0.0, 0.08), 0.12, 0.12)
+def _frog(name: str, wide: float, lift: float, eye: float, squat: float) -> Callable[[Rng, Traits], Part]:
+    """Return a family of frogs: `lift` of the chest above the rump, radius of the eyes, hind legs folded wide."""
 
+    def family(rng: Rng, traits: Traits) -> Part:
+        animal = Animal(rng, traits)
+        _add_frog(animal, wide * rng.uniform(0.88, 1.12), lift + rng.uniform(-0.05, 0.08), eye, squat)
+        return named(**animal.parts)
 
-def tree_frog(rng: Rng, traits: Traits) -> Part:
-    """Draw a slim frog with large eyes and long legs held out wide."""
-    return _frog(rng, traits, rng.uniform(0.28, 0.36), rng.uniform(0.1, 0.25), 0.17, 0.45)
-
-
-def cartoon_frog(rng: Rng, traits: Traits) -> Part:
-    """Draw a frog that sits upright, with a huge wide head and great eyes on top."""
-    return _frog(rng, traits, rng.uniform(0.44, 0.5), rng.uniform(0.35, 0.5), 0.23, 0.1)
+    family.__name__ = name
+    return family
 
 
 def _snake(animal: Animal, knots: Array, thick: float) -> Part:
@@ -186,8 +154,21 @@ def coiled_snake(rng: Rng, traits: Traits) -> Part:
 
 
 KINDS = {
-    "crocodile": (alligator, gharial, cartoon_crocodile),
-    "frog": (toad, tree_frog, cartoon_frog),
+    "crocodile": (
+        breed("alligator", _CROCODILE, _plates),
+        breed("gharial", _CROCODILE, _plates, snout=(0.7, 0.26), muzzle=3.0, girth=0.2),
+        breed("cartoon_crocodile", _CROCODILE, _plates, length=0.6, girth=0.26, deep=0.95, head=0.25, muzzle=1.4,
+              snout=(0.95, 0.72), tail=0.6, sprawl=0.13),
+    ),
+    "frog": (
+        _frog("toad", 0.53, 0.05, 0.12, 0.12), _frog("tree_frog", 0.32, 0.17, 0.17, 0.45),
+        _frog("cartoon_frog", 0.47, 0.42, 0.23, 0.1),
+    ),
     "snake": (slithering_snake, cobra, coiled_snake),
-    "turtle": (tortoise, sea_turtle, cartoon_turtle),
-}
+    "turtle": (
+        sea_turtle,
+        breed("tortoise", _TORTOISE, _shell),
+        breed("cartoon_turtle", _TORTOISE, _shell, length=0.5, girth=0.25, leg=0.12, neck=0.12, tilt=45, head=0.24,
+              muzzle=0.12, tails="level"),
+    ),
+}  # fmt: skip

@@ -31,6 +31,10 @@ donkey = breed("donkey", HORSE, leg=0.4, neck=0.3, head=0.19, snout=(0.72, 0.6),
 goat = breed(
     "goat", DEER, girth=0.25, leg=0.4, neck=0.24, head=0.16, muzzle=1.3, beard=0.24, horns=(0.42, 0.065, _BACKWARD)
 )
+llama = breed(
+    "llama", HORSE, girth=0.31, deep=1.1, hips=1.05, waist=1.05, leg=0.4, neck=0.66, tilt=82, nape=0.6, head=0.16,
+    cap=0.8, muzzle=0.95, snout=(0.7, 0.55), drop=-15, ear=0.24, tails="over", tail=0.2, brush=(0.07, 0.09, 0.08, 0.04),
+)  # fmt: skip
 zebra = breed(
     "zebra", HORSE, leg=0.48, girth=0.27, head=0.17, ears="round", mane=0.24, brush=_TUFT, tail=0.5, snout=(0.72, 0.56)
 )
@@ -76,14 +80,6 @@ def moose(animal: Animal) -> None:
     rim += [(0.38, 0.52), (0.2, 0.7), (0.2, 0.35), (0.0, 0.12)]
     shovel = turned(plate(animal.sized("horns", 0.62) * np.array(rim), 0.09, across="z"), -35, "x")
     animal.two("horn", moved(turned(shovel, 8, "z"), animal.on_head(0.35, 0.5, -0.2)))
-
-
-@of(HORSE, girth=0.29, deep=1.05, leg=0.44, neck=0.66, tilt=82, nape=0.6, head=0.16, muzzle=0.95, cap=0.65,
-    snout=(0.7, 0.55), drop=-15, ear=0.24, tails="over", tail=0.22, brush=(0.07, 0.09, 0.08, 0.04))  # fmt: skip
-def llama(animal: Animal) -> None:
-    """Draw a llama: a woolly body, a long upright neck, a small head with a blunt muzzle and curved upright ears."""
-    for z in np.linspace(-0.9, 0.7, 4):
-        animal.ball("body", [0.45 * animal.girth, animal.height + 0.1, z * animal.half], 0.22, two=True)
 
 
 @of(CATTLE, hips=0.75, slope=0.05, leg=0.25, thick=0.07, neck=0.05, tilt=2, head=0.25, muzzle=1.5, girth=0.29,
