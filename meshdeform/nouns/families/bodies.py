@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshdeform.nouns.families.animals import at
-from meshdeform.nouns.families.parts import Array, Part, curved, ellipsoid, limb, named, pair, plate
+from meshdeform.nouns.families.parts import Array, Part, curved, ellipsoid, lathe, limb, named, pair, plate
 from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["Animal", "FourLegged", "Plan", "Upright", "breed", "of", "strand", "tube"]
@@ -23,6 +23,7 @@ __all__ = ["Animal", "FourLegged", "Plan", "Upright", "breed", "of", "strand", "
 _FACTORS = {"head": ((0.55, 0.64), (1.5, 1.7)), "eyes": ((0.3, 0.38), (1.6, 1.9))}
 """How much smaller and greater a part becomes that is called so; others as `_USUAL`."""
 _USUAL = ((0.3, 0.42), (1.9, 2.3))
+_POLAR = np.linspace(0.0, np.pi, 8)
 
 
 def tube(path: ArrayLike, wide: ArrayLike, deep: ArrayLike, *, segments: int = 14, samples: int = 3) -> Part:
@@ -37,7 +38,7 @@ def tube(path: ArrayLike, wide: ArrayLike, deep: ArrayLike, *, segments: int = 1
 def strand(root: ArrayLike, steps: ArrayLike, radii: ArrayLike, *, segments: int = 8) -> Part:
     """Return a smooth tube from a root on by steps (N, 3), with N + 1 radii, or pairs of them as in `limb`."""
     places = np.asarray(root, float) + np.concatenate([np.zeros((1, 3)), np.cumsum(np.asarray(steps, float), 0)])
-    knots = curved(np.column_stack([places, np.asarray(radii, float)]), samples=3)
+    knots = curved(np.column_stack([places, np.asarray(radii, float)]), samples=2)
     return limb(knots[:, :3], knots[:, 3] if knots.shape[1] == 4 else knots[:, 3:], segments=segments, samples=1)
 
 
@@ -77,7 +78,8 @@ class Animal:
 
     def ball(self, name: str, centre: ArrayLike, radii: ArrayLike, *, two: bool = False) -> None:
         """Add a small ellipsoid, or two."""
-        solid = ellipsoid(centre, radii, rings=7)
+        unit = lathe(np.stack([np.sin(_POLAR), -np.cos(_POLAR)], 1), segments=14)
+        solid = Part(unit.verts * radii + np.asarray(centre, float), unit.faces)
         self.add(name, *(pair(solid) if two else [solid]))
 
     def on_head(self, *shares: float) -> Array:
@@ -180,7 +182,7 @@ class Plan:
         animal.muzzle = root + at(drop, (0.3 + reach) * radius)
         widths, path = np.array([start, 0.35 * start + 0.65 * end, end]), [(root + animal.muzzle) / 2, animal.muzzle]
         if self.mask == "nose":
-            animal.add("head", ellipsoid(animal.skull, radius * np.array([self.broad, 0.94, 1.0]), rings=9))
+            animal.add("head", ellipsoid(animal.skull, radius * np.array([self.broad, 0.94, 1.0]), rings=8))
             if self.muzzle:
                 animal.add("nose", tube([root, *path], widths * self.broad, 0.9 * widths, segments=12, samples=2))
                 animal.ball("nose", animal.muzzle + at(drop + 50, 0.85 * end), 0.38 * end)
@@ -196,7 +198,7 @@ class Plan:
             steps = np.array([at(angle, 1.0) for angle in angles])
             steps[:, 0] = sway * np.array([0.4, 1.0, -0.6])
             steps *= animal.sized("tail", self.tail) / 3
-            animal.add("tail", strand(animal.rump, steps, self.brush, segments=10))
+            animal.add("tail", strand(animal.rump, steps, self.brush, segments=9))
 
 
 @dataclass(frozen=True)
@@ -240,18 +242,18 @@ class FourLegged(Plan):
         along = np.array([-1.0, -0.6, 0.0, 0.6, 1.0])
         rise = animal.height + self.slope * along + self.arch * (1 - along**2)
         widths = wide * np.array([0.78 * self.hips, self.hips, self.waist, 1.0, 0.85])
-        animal.add("body", tube(np.stack([0 * along, rise, half * along], 1), widths, self.deep * widths))
+        animal.add("body", tube(np.stack([0 * along, rise, half * along], 1), widths, self.deep * widths, samples=2))
         animal.withers = np.array([0.0, rise[3] + 0.95 * tall, 0.6 * half])
         animal.rump = np.array([0.0, rise[0] + 0.45 * tall, -half - 0.55 * widths[0]])
         thick = self.thick * rng.uniform(0.9, 1.1) * (1 + 0.2 * cartoon)
         for name, z, top in (("leg", -0.85 * half, rise[0]), (self.front, 0.85 * half, rise[4])):
             leg = self._splayed if self.sprawl else self._straight
-            animal.two(name, limb(*leg(animal, z, float(top), thick, size), segments=10, samples=1))
+            animal.two(name, limb(*leg(animal, z, float(top), thick, size), segments=8, samples=1))
             if self.paw:
                 end = animal.parts[name][-2].verts[-1] * [1, 0, 1] + [0, 0.5 * thick, 0]
                 toes = [end - [0, 0, 0.1 * thick], end + [0.3 * self.sprawl * thick, 0, self.paw * thick]]
                 flat = thick * np.array([[0.75, 1.1], [0.6, 1.0]])
-                animal.two("foot" if name == "leg" else "hand", limb(toes, flat, segments=8, samples=1))
+                animal.two("foot" if name == "leg" else "hand", limb(toes, flat, segments=6, samples=1))
         animal.head = animal.sized("head", self.head) * (1 + 0.45 * cartoon)
         self._add_neck(animal, float(rise[4]), cartoon)
         self.add_head(animal, cartoon=cartoon)
@@ -322,7 +324,7 @@ class Upright(Plan):
         low = np.array([0.0, leg + 0.75 * hips, 0.0])
         up = at(90 - self.lean + rng.uniform(-5, 7), self.trunk * rng.uniform(0.88, 1.14) * (1 - 0.25 * cartoon))
         animal.girth, animal.height, animal.half = hips, float(low[1]), chest
-        animal.add("body", tube([low, low + 0.45 * up, low + 0.85 * up], widths, 0.92 * widths, segments=18))
+        animal.add("body", tube([low, low + 0.45 * up, low + 0.85 * up], widths, 0.92 * widths))
         animal.head = animal.sized("head", self.head) * (1 + 0.3 * cartoon)
         neck = animal.sized("neck", self.neck) if self.neck else 0.0
         animal.skull = low + up + (0.72 * animal.head + neck) * np.array([0.0, 1.0, 0.12])
@@ -342,20 +344,21 @@ class Upright(Plan):
         hand = shoulder + length * way / np.linalg.norm(way)
         elbow = (shoulder + hand) / 2 + [0.12 * length, 0, -0.08 * length]
         animal.two("arm", limb([shoulder, elbow, hand], self.thick * np.array([1.1, 1.0, 0.9]), segments=10, samples=2))
-        animal.two("hand", limb([hand, hand + 0.1 * way * length], [1.1 * self.thick] * 2, segments=8, samples=1))
+        animal.two("hand", limb([hand, hand + 0.1 * way * length], [1.1 * self.thick] * 2, segments=6, samples=1))
 
     def _add_legs(self, animal: Animal) -> None:
         """Add legs that stand, or lie before a sitting animal, with feet."""
         x, thick = 0.62 * animal.girth, 1.15 * self.thick
         if self.leg:
-            animal.two("leg", limb([[x, animal.height, 0], [1.05 * x, 0.6 * thick, 0]], [1.3 * thick, thick]))
+            pole = [[x, animal.height, 0], [1.05 * x, 0.6 * thick, 0]]
+            animal.two("leg", limb(pole, [1.3 * thick, thick], segments=10))
             toes = [[1.05 * x, 0.55 * thick, -0.05], [1.15 * x, 0.5 * thick, self.foot]]
         else:
             out = animal.girth * animal.rng.uniform(0.75, 0.95)
             hip, heel = [x, 0.5 * animal.girth, 0.15], [out, thick, 1.05 * animal.girth]
             animal.two("leg", limb([hip, heel], [1.45 * thick, 1.05 * thick], segments=10, samples=2))
             toes = [[out, 0.8 * thick, heel[2] + 0.03], [1.08 * out, 0.8 * thick + 0.6 * self.foot, heel[2] + 0.08]]
-        animal.two("foot", limb(toes, thick * np.array([[1.0, 0.9], [1.15, 0.75]]), segments=10, samples=1))
+        animal.two("foot", limb(toes, thick * np.array([[1.0, 0.9], [1.15, 0.75]]), segments=8, samples=1))
 
 
 def breed(

@@ -7,7 +7,7 @@ import numpy as np
 from meshdeform.nouns.families.bodies import Animal, FourLegged, Upright, breed, of, strand
 from meshdeform.nouns.families.hoofed import CATTLE, DEER, HORSE
 from meshdeform.nouns.families.parts import disc, ellipsoid, limb, moved, turned
-from meshdeform.nouns.families.prowlers import GREAT_CAT, SMALL
+from meshdeform.nouns.families.prowlers import SMALL
 
 __all__: list[str] = []
 
@@ -90,7 +90,7 @@ def ram(animal: Animal) -> None:
 def poodle(animal: Animal) -> None:
     """Draw a poodle: puffs of hair about the chest, the ankles, the tail's end and on the head."""
     puff = animal.girth * np.array([1.45, 1.5, 1.4])
-    animal.add("body", ellipsoid([0, animal.height, 0.5 * animal.half], puff, rings=9))
+    animal.ball("body", [0, animal.height, 0.5 * animal.half], puff)
     animal.ball("tail", animal.parts["tail"][0].verts[-1], 0.12)
     for leg in list(animal.parts["leg"]):
         animal.ball("leg", leg.verts[leg.verts[:, 1] < 0.35 * leg.verts[:, 1].max()].mean(0), [0.11, 0.12, 0.11])
@@ -99,7 +99,7 @@ def poodle(animal: Animal) -> None:
 def _mane(animal: Animal) -> None:
     """Add a smooth ruff that falls over the chest."""
     mane = animal.sized("mane", 0.18) + 0.8 * animal.head
-    animal.add("mane", ellipsoid(animal.on_head(0, 0.05, -0.75), [mane, 1.08 * mane, 0.6 * mane], rings=10))
+    animal.add("mane", ellipsoid(animal.on_head(0, 0.05, -0.75), [mane, 1.08 * mane, 0.6 * mane], rings=8))
     chest = animal.on_head(0, -0.6, -0.9) - [0, 0.45 * mane, 0]
     animal.add("mane", limb([chest + [0, 0.3 * mane, 0.1], chest - [0, 0.5 * mane, 0]], [0.75 * mane, 0.3 * mane]))
 
@@ -107,10 +107,10 @@ def _mane(animal: Animal) -> None:
 @of(_WOLF, tilt=8, girth=0.24, waist=0.8, slope=0.04)
 def ruffed_wolf(animal: Animal) -> None:
     """Draw a wolf that stalks: a low head, a ruff about its neck, a bushy tail."""
-    animal.add("mane", ellipsoid((animal.withers + animal.skull) / 2 - [0, 0.1, 0], 1.15 * animal.girth, rings=8))
+    animal.ball("mane", (animal.withers + animal.skull) / 2 - [0, 0.1, 0], 1.15 * animal.girth)
     for low in (0.0, -0.4):
         tuft = [animal.on_head(0.6, low, -0.2), animal.on_head(1.35, low - 0.5, -0.55)]
-        animal.two("mane", limb(tuft, [0.1, 0.015], segments=10))
+        animal.two("mane", limb(tuft, [0.1, 0.015], segments=8, samples=2))
 
 
 def _disc(animal: Animal) -> None:
@@ -129,7 +129,7 @@ KINDS = {
     ),
     "cat": (
         breed("kitten", _CAT, length=0.5, leg=0.22, head=0.25, cartoon=0.8, tail=0.45),
-        breed("bushy_cat", _CAT, girth=0.22, tail=0.65, brush=(0.06, 0.12, 0.13, 0.05), tails="level", head=0.21),
+        breed("bushy_cat", _CAT, girth=0.22, tail=0.65, brush=(0.06, 0.12, 0.13, 0.05), tails="up", head=0.21),
         breed("loaf_cat", _CAT, leg=0.01, girth=0.26, thick=0.07, neck=0.05, tails="level", tail=0.5),
         breed("slim_cat", _CAT, girth=0.13, leg=0.44, neck=0.22, head=0.16, ear=0.24, muzzle=0.35, tail=0.75),
     ),
@@ -150,7 +150,7 @@ KINDS = {
         breed("bulldog", _DOG, girth=0.29, hips=0.75, leg=0.24, thick=0.09, neck=0.08, tilt=30, head=0.25, muzzle=0.3,
               snout=(0.8, 0.75), ear=0.14, tail=0.1),
         breed("greyhound", _DOG, length=0.85, girth=0.19, waist=0.66, deep=1.35, leg=0.62, thick=0.05, neck=0.36,
-              head=0.14, muzzle=2.0, ears="hanging", ear=0.12, tails="hanging", tail=0.6),
+              head=0.15, muzzle=1.6, ears="hanging", ear=0.14, tails="hanging", tail=0.6),
         breed("puppy", _DOG, length=0.55, leg=0.24, head=0.25, muzzle=0.8, ears="hanging", ear=0.26, cartoon=0.9),
         poodle,
     ),
@@ -163,7 +163,6 @@ KINDS = {
     "lion": (
         breed("maned_lion", _LION, _mane),
         breed("cartoon_lion", _LION, _mane, length=0.6, leg=0.26, head=0.26, thick=0.09, cartoon=0.6),
-        breed("lioness", GREAT_CAT, girth=0.22, head=0.2, thick=0.08),
     ),
     "monkey": (
         breed("walking_monkey", FourLegged(length=0.6, girth=0.17, leg=0.46, thick=0.055, neck=0.05, head=0.19, paw=1.8,

@@ -40,7 +40,7 @@ def _plates(animal: Animal) -> None:
     for z in np.linspace(0.8 * animal.half, places[:, 2].min() + 0.2, 9):
         near = places[np.abs(places[:, 2] - z).argsort()[:24]]
         top = near[near[:, 1].argmax()] - [0, 0.02, 0]
-        animal.add("spike", limb([top, top + [0, 0.12, -0.05]], [[0.05, 0.09], [0.015, 0.03]], segments=8, samples=2))
+        animal.add("spike", limb([top, top + [0, 0.12, -0.05]], [[0.05, 0.09], [0.015, 0.03]], segments=6, samples=1))
 
 
 def _shell(animal: Animal) -> None:
@@ -70,7 +70,7 @@ def sea_turtle(rng: Rng, traits: Traits) -> Part:
     animal.two("leg", moved(front, [0.6 * wide, 0, 0.36]), moved(rear, [0.3 * wide, -0.02, -0.8 * long]))
     animal.add("neck", tube([np.array([0, 0, 0.4]), skull], [0.16, 0.11], [0.13, 0.1]))
     animal.add("head", ellipsoid(skull, head * np.array([0.85, 0.8, 1.15]), rings=9))
-    animal.add("tail", limb([[0, 0, -long], [0, -0.02, -long - 0.16]], [0.07, 0.03], segments=8))
+    animal.add("tail", limb([[0, 0, -long], [0, -0.02, -long - 0.16]], [0.07, 0.03], segments=8, samples=2))
     return named(**animal.parts)
 
 
@@ -92,7 +92,7 @@ def _add_frog(animal: Animal, wide: float, lift: float, eye: float, squat: float
     for toe, reach in ((np.array(ankle), 0.34), (hand, 0.2)):
         for side in (-0.5, 0.05, 0.6):
             tip = toe * [1, 0, 1] + reach * np.array([side, 0, 0.9]) + [0, 0.045, 0]
-            animal.two("foot", limb([toe, tip], [0.05, 0.055], segments=8, samples=2))
+            animal.two("foot", limb([toe, tip], [0.05, 0.055], segments=6, samples=1))
 
 
 def _frog(name: str, wide: float, lift: float, eye: float, squat: float) -> Callable[[Rng, Traits], Part]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.nouns.families.bodies import Animal, FourLegged, breed, of, strand, tube
-from meshdeform.nouns.families.parts import ellipsoid, moved, plate, turned
+from meshdeform.nouns.families.parts import moved, plate, turned
 
 __all__ = ["antelope", "bison", "boar", "donkey", "goat", "hippo", "llama", "mammoth", "moose", "unicorn", "zebra"]
 
@@ -110,4 +110,4 @@ def mammoth(animal: Animal) -> None:
     animal.two("tusk", strand(animal.on_head(0.45, -0.45, 0.55), curl, [0.085, 0.08, 0.07, 0.055, 0.02], segments=10))
     for z in (-1.0, -0.33, 0.33, 1.0):
         shag = [0, 0.72 * animal.height + 0.05 * z, 0.8 * z * animal.half]
-        animal.add("body", ellipsoid(shag, [0.36, 0.3, 0.3], rings=8))
+        animal.ball("body", shag, [0.36, 0.3, 0.3])

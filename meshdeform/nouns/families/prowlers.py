@@ -11,7 +11,7 @@ __all__ = [
     "anteater", "armadillo", "hamster", "hyena", "leopard", "mole", "otter", "platypus", "raccoon", "skunk", "tiger",
 ]  # fmt: skip
 
-GREAT_CAT = FourLegged(
+_GREAT_CAT = FourLegged(
     length=1.0, girth=0.2, waist=0.86, leg=0.4, thick=0.075, neck=0.22, tilt=35, nape=0.9, head=0.18, broad=1.05,
     muzzle=0.35, snout=(0.6, 0.48), drop=-25, ears="round", ear=0.12, tails="swung", tail=0.9,
     brush=(0.05, 0.045, 0.045, 0.05),
@@ -36,16 +36,16 @@ def _tufts(animal: Animal, long: float, *lows: float) -> None:
     for low in lows:
         root = animal.on_head(0.68, low, 0.0)
         way = animal.head * long * np.array([0.7, -0.4, -0.2])
-        animal.two("cheek", limb([root, root + way], [0.42 * animal.head, 0.015], segments=10))
+        animal.two("cheek", limb([root, root + way], [0.42 * animal.head, 0.015], segments=8, samples=2))
 
 
-@of(GREAT_CAT, girth=0.23, thick=0.09, head=0.22, snout=(0.66, 0.56), ear=0.13)
+@of(_GREAT_CAT, girth=0.23, thick=0.09, head=0.22, snout=(0.66, 0.56), ear=0.13)
 def tiger(animal: Animal) -> None:
     """Draw a tiger: a great cat with a heavy head, a ruff of tufts on its cheeks and a long tail."""
     _tufts(animal, 0.9, 0.0, -0.35, -0.7)
 
 
-@of(GREAT_CAT, girth=0.18, waist=0.78, deep=1.2, head=0.155, tilt=20, tail=1.15, leg=0.44, thick=0.06)
+@of(_GREAT_CAT, girth=0.18, waist=0.78, deep=1.2, head=0.155, tilt=20, tail=1.15, leg=0.44, thick=0.06)
 def leopard(animal: Animal) -> None:
     """Draw a leopard: a low slim cat with a small head, shoulders that stand out and a very long tail."""
     animal.ball("body", [0.1, animal.withers[1] - 0.08, 0.8 * animal.half], [0.08, 0.16, 0.14], two=True)
@@ -83,9 +83,9 @@ def hamster(animal: Animal) -> None:
 def armadillo(animal: Animal) -> None:
     """Draw an armadillo: an arched shell of bands, a long pointed head, upright ears, a tail that tapers."""
     shell, t = animal.sized("shell", 1.0), np.linspace(-1, 1, 2 * int(animal.rng.integers(4, 7)) + 7)
-    wide = (0.3 * np.sqrt(1 - 0.75 * t**2) + 0.02 * (np.arange(len(t)) % 2)) * (0.6 + 0.4 * shell)
-    path = np.stack([0 * t, animal.height - 0.02 + 0.08 * (1 - t**2), t * 0.46 * (0.7 + 0.3 * shell)], 1)
-    animal.add("shell", limb(path, wide, segments=20, samples=1))
+    wide = (1.35 * np.sqrt(1 - 0.7 * t**2) + 0.09 * (np.arange(len(t)) % 2)) * (0.5 + 0.5 * shell) * animal.girth
+    path = np.stack([0 * t, animal.height + 0.07 * (1 - t**2), t * (animal.half + 0.18) * (0.7 + 0.3 * shell)], 1)
+    animal.add("shell", limb(path, wide, segments=18, samples=1))
 
 
 @of(SMALL, length=0.8, girth=0.2, hips=0.95, arch=0, leg=0.32, thick=0.08, neck=0.16, tilt=0, nape=0.7, head=0.12,
@@ -113,7 +113,7 @@ def mole(animal: Animal) -> None:
     for turn in np.radians([-30, 5, 40, 75]):
         way = np.array([np.sin(turn), -0.2, np.cos(turn)])
         claw = [palm + 0.12 * way, palm + (0.15 + size) * way]
-        animal.two("claw", limb(claw, [0.05, 0.02], segments=8, samples=2))
+        animal.two("claw", limb(claw, [0.05, 0.02], segments=6, samples=1))
 
 
 @of(SMALL, girth=0.25, hips=1.0, length=0.7, deep=0.8, arch=0.02, leg=0.04, sprawl=0.06, thick=0.065, neck=0.05,

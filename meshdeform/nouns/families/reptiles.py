@@ -63,7 +63,9 @@ def stegosaurus(animal: Animal) -> None:
         animal.add("spike", moved(plate(size * shape, 0.075, across="x"), [0.05 * (-1) ** k, high - 0.03, z]))
     for z in (0.12, 0.28):
         root = animal.parts["tail"][0].verts[-1] + [0, 0.02, z]
-        animal.two("spike", limb([root, root + spikes * np.array([0.7, 0.55, -0.45])], [0.045, 0.012], segments=8))
+        animal.two(
+            "spike", limb([root, root + spikes * np.array([0.7, 0.55, -0.45])], [0.045, 0.012], segments=8, samples=2)
+        )
 
 
 def _on_two_legs(animal: Animal, lean: float, leg: float, head: float, arms: float, stout: float) -> None:
@@ -92,7 +94,7 @@ def _on_two_legs(animal: Animal, lean: float, leg: float, head: float, arms: flo
         animal.two("foot", toe)
     shoulder = chest + [0.65 * girth, -0.3 * girth, 0.12]
     arm = shoulder + arms * np.array([[0, 0, 0], [0.1, -0.65, 0.0], [0.12, -0.55, 0.75]])
-    animal.two("arm", limb(arm, [0.075, 0.055, 0.045], segments=8))
+    animal.two("arm", limb(arm, [0.075, 0.055, 0.045], segments=8, samples=2))
 
 
 def _hunter(rng: Rng, traits: Traits, long: float, deep: float, **sizes: float) -> Part:
@@ -139,7 +141,9 @@ def ankylosaur(animal: Animal) -> None:
     for x, y in ((0.5, 0.45), (0.95, 0.07)):
         for z in np.linspace(-0.95, 0.95, 5) * animal.half:
             root = np.array([x * animal.girth, animal.height + y * animal.girth, z])
-            animal.two("spike", limb([root, root + [0.16 * x, 0.2 - 0.14 * x, -0.05]], [0.075, 0.02], segments=8))
+            animal.two(
+                "spike", limb([root, root + [0.16 * x, 0.2 - 0.14 * x, -0.05]], [0.075, 0.02], segments=6, samples=1)
+            )
 
 
 KINDS = {

@@ -16,7 +16,7 @@ __all__ = [
 
 def _patches(animal: Animal, wide: float, high: float, slant: float) -> None:
     """Add a flat patch about each eye, in radii of the head."""
-    flat = ellipsoid([0, 0, 0], animal.head * np.array([wide, high, 0.1]), rings=7)
+    flat = ellipsoid([0, 0, 0], animal.head * np.array([wide, high, 0.1]), rings=5)
     animal.two("cheek", moved(turned(turned(flat, slant, "z"), 24, "y"), animal.on_head(0.45, 0.16, 0.83)))
 
 
@@ -52,7 +52,8 @@ def kangaroo(animal: Animal) -> None:
     """Draw a kangaroo: a pear of a body on great folded legs with long feet, a thick tail, small arms, tall ears."""
     animal.parts["leg"], animal.parts["foot"], y = [], [], animal.height
     hip, knee, ankle = [0.24, y + 0.06, -0.02], [0.3, 0.84 * y, 0.3], [0.28, 0.1, -0.16]
-    animal.two("leg", limb([hip, knee], [[0.2, 0.24], [0.12, 0.13]]), limb([knee, ankle], [0.11, 0.065], segments=10))
+    animal.two("leg", limb([hip, knee], [[0.2, 0.24], [0.12, 0.13]], segments=12))
+    animal.two("leg", limb([knee, ankle], [0.11, 0.065], segments=8))
     animal.two("foot", limb([[0.28, 0.07, -0.16], [0.3, 0.05, 0.38]], [[0.06, 0.08], [0.05, 0.09]], segments=10))
     steps = np.array([[0, -0.75 * animal.rump[1], -0.3], [0, -0.1, -0.35], [0, 0.04, -0.4]])
     steps[:, 2] *= animal.sized("tail", 1.05)
@@ -96,7 +97,7 @@ def sloth(rng: Rng, traits: Traits) -> Part:
         animal.two(name, limb([hip, knee, hold + [0.05, -0.06, 0]], [0.11, 0.09, 0.075], segments=10))
         for along in (-0.07, 0.0, 0.07):
             steps = size * np.array([[-0.35, 0.7, 0], [-0.5, 0.1, 0], [-0.15, -0.35, 0]])
-            animal.two("claw", strand(hold + [0.06, 0, along], steps, [0.04, 0.035, 0.03, 0.012], segments=6))
+            animal.two("claw", strand(hold + [0.06, 0, along], steps, [0.04, 0.035, 0.03, 0.012], segments=5))
     _patches(animal, 0.36, 0.16, -25)
     return named(**animal.parts)
 
@@ -161,7 +162,9 @@ def bat(animal: Animal) -> None:
     rim = [(0, 0.12), (0.3, 0.3), (0.52, 0.36), (0.8, 0.2), (1.0, -0.12), (0.78, -0.06), (0.68, -0.3), (0.5, -0.14)]
     rim += [(0.38, -0.36), (0.22, -0.16), (0.0, -0.25)]
     wing = [plate(span * np.array(rim), 0.05, across="z")]
-    wing.append(limb(span * np.array([[0, 0.1, 0], [0.5, 0.34, 0], [1, -0.1, 0]]), [0.04, 0.035, 0.015], segments=8))
+    wing.append(
+        limb(span * np.array([[0, 0.1, 0], [0.5, 0.34, 0], [1, -0.1, 0]]), [0.04, 0.035, 0.015], segments=8, samples=2)
+    )
     fingers = span * np.array([[[0.5, 0.34, 0], [x, -0.28, 0]] for x in (0.38, 0.68)])
     wing += [limb(finger, [0.028, 0.015], segments=6) for finger in fingers]
     root = [0.1, animal.height + 0.2, -0.03]
