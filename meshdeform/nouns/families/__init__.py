@@ -22,7 +22,7 @@ __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animals beasts breeds buildings clothing crawlers creatures dungeon figures food furniture hoofed "
+    "animals beasts breeds buildings clothing creatures dungeon figures food furniture hoofed "
     "household kitchen movers plants prowlers reptiles rooms sitters small swimmers things tools vehicles "
     "wheeled winged"
 )

@@ -18,7 +18,7 @@ from meshdeform.nouns.families.animals import at
 from meshdeform.nouns.families.parts import Array, Part, curved, ellipsoid, lathe, limb, named, pair, plate
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["Animal", "FourLegged", "Plan", "Upright", "breed", "of", "strand", "tube"]
+__all__ = ["Animal", "FourLegged", "Upright", "breed", "of", "strand", "tube"]
 
 _FACTORS = {"head": ((0.55, 0.64), (1.5, 1.7)), "eyes": ((0.3, 0.38), (1.6, 1.9))}
 """How much smaller and greater a part becomes that is called so; others as `_USUAL`."""
@@ -79,7 +79,7 @@ class Animal:
     def ball(self, name: str, centre: ArrayLike, radii: ArrayLike, *, two: bool = False) -> None:
         """Add a small ellipsoid, or two."""
         unit = lathe(np.stack([np.sin(_POLAR), -np.cos(_POLAR)], 1), segments=14)
-        solid = Part(unit.verts * radii + np.asarray(centre, float), unit.faces)
+        solid = Part(unit.verts * np.asarray(radii, float) + np.asarray(centre, float), unit.faces)
         self.add(name, *(pair(solid) if two else [solid]))
 
     def on_head(self, *shares: float) -> Array:
@@ -117,7 +117,7 @@ _TAILS: dict[str, tuple[float, ...]] = {
 
 
 @dataclass(frozen=True)
-class Plan:
+class _Head:
     """Proportions of a head and a tail.
 
     `broad`, `muzzle`, `snout` (half widths at the muzzle's root and tip), `eyes` (a place and a radius) and `cap` (of
@@ -141,10 +141,6 @@ class Plan:
     tails: str = "hanging"
     tail: float = 0.45
     brush: tuple[float, ...] = (0.06, 0.055, 0.05, 0.045)
-
-    def draw(self, animal: Animal) -> None:
-        """Add the solids of a member."""
-        raise NotImplementedError
 
     def add_head(self, animal: Animal, *, cartoon: float = 0.0) -> None:
         """Add all of a head whose place and radius are known."""
@@ -202,7 +198,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class FourLegged(Plan):
+class FourLegged(_Head):
     """Proportions of an animal on four legs; lengths in a unit in which many bodies are 0.8 from hips to shoulders.
 
     `girth` is half of the chest's width, to which `hips`, `waist` and `nape` (the neck's root) are relative; `deep` the
@@ -293,7 +289,7 @@ class FourLegged(Plan):
 
 
 @dataclass(frozen=True)
-class Upright(Plan):
+class Upright(_Head):
     """Proportions of an animal that sits or stands upright: half widths of its body at hips, belly and chest.
 
     `leg` 0: it sits with its feet before it. `reach`: the arms' length; `lift`: their angle from straight down; `hold`:
@@ -362,7 +358,7 @@ class Upright(Plan):
 
 
 def breed(
-    name: str, plan: Plan, add: Callable[[Animal], None] | None = None, **changes: Any
+    name: str, plan: FourLegged | Upright, add: Callable[[Animal], None] | None = None, **changes: Any
 ) -> Callable[[Rng, Traits], Part]:
     """Return a family of this name that draws a plan with changes, then what `add` adds."""
     own = replace(plan, **changes)
@@ -378,6 +374,8 @@ def breed(
     return family
 
 
-def of(plan: Plan, **changes: Any) -> Callable[[Callable[[Animal], None]], Callable[[Rng, Traits], Part]]:
+def of(
+    plan: FourLegged | Upright, **changes: Any
+) -> Callable[[Callable[[Animal], None]], Callable[[Rng, Traits], Part]]:
     """Return a decorator that makes a family of what a function adds to a plan with changes."""
     return lambda add: breed(add.__name__, plan, add, **changes)

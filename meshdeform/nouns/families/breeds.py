@@ -50,15 +50,6 @@ def highland_cow(animal: Animal) -> None:
     animal.ball("body", [0, 0.75 * animal.height, 0], [animal.girth, 0.24, animal.half + 0.1])
 
 
-@of(CATTLE, leg=0.38, horns=(0.2, 0.05, ((0.6, 0.3, 0.1), (0.1, 0.6, 0.1))))
-def dairy_cow(animal: Animal) -> None:
-    """Draw a cow with a level back, an udder with teats and short horns."""
-    udder = np.array([0.0, animal.height - animal.girth, -0.45 * animal.half])
-    animal.ball("body", udder, [0.17, 0.15, 0.19])
-    for z in (-0.07, 0.08):
-        animal.two("body", limb([udder + [0.08, -0.1, z], udder + [0.08, -0.2, z]], [0.035, 0.025], segments=6))
-
-
 @of(DEER, girth=0.25, tilt=42, leg=0.48, nape=0.9)
 def reindeer(animal: Animal) -> None:
     """Draw a sturdy deer with long antlers that sweep back and up, with many points."""
@@ -84,16 +75,6 @@ def ram(animal: Animal) -> None:
     path = animal.head * np.stack([np.linspace(0.45, 1.5, 10), size * np.cos(turn), -size * np.sin(turn)], 1)
     widths = np.linspace(0.42, 0.1, 10) * animal.head
     animal.two("horn", strand(animal.on_head(0, -0.1, -0.15) + path[0], np.diff(path, axis=0), widths))
-
-
-@of(_DOG, leg=0.46, girth=0.18, neck=0.3, muzzle=1.3, ears="hanging", ear=0.25, cap=0.9)
-def poodle(animal: Animal) -> None:
-    """Draw a poodle: puffs of hair about the chest, the ankles, the tail's end and on the head."""
-    puff = animal.girth * np.array([1.45, 1.5, 1.4])
-    animal.ball("body", [0, animal.height, 0.5 * animal.half], puff)
-    animal.ball("tail", animal.parts["tail"][0].verts[-1], 0.12)
-    for leg in list(animal.parts["leg"]):
-        animal.ball("leg", leg.verts[leg.verts[:, 1] < 0.35 * leg.verts[:, 1].max()].mean(0), [0.11, 0.12, 0.11])
 
 
 def _mane(animal: Animal) -> None:
@@ -136,7 +117,7 @@ KINDS = {
     "cow": (
         breed("bull", CATTLE, girth=0.37, hips=0.74, waist=0.82, slope=0.06, tilt=5, neck=0.14, nape=1.0, ear=0.16,
               horns=(0.36, 0.075, ((0.75, 0.05, 0.1), (0.25, 0.4, 0.3), (-0.05, 0.4, 0.1)))),
-        highland_cow, dairy_cow,
+        highland_cow,
         breed("calf", CATTLE, cartoon=1.0, girth=0.27, length=0.7, horns=(0.13, 0.05, ((0.3, 0.5, 0), (0.1, 0.5, 0)))),
     ),
     "deer": (
@@ -152,7 +133,6 @@ KINDS = {
         breed("greyhound", _DOG, length=0.85, girth=0.19, waist=0.66, deep=1.35, leg=0.62, thick=0.05, neck=0.36,
               head=0.15, muzzle=1.6, ears="hanging", ear=0.14, tails="hanging", tail=0.6),
         breed("puppy", _DOG, length=0.55, leg=0.24, head=0.25, muzzle=0.8, ears="hanging", ear=0.26, cartoon=0.9),
-        poodle,
     ),
     "horse": (
         breed("maned_horse", HORSE, neck=0.46, mane=0.18, brush=(0.05, 0.11, 0.13, 0.04)),
