@@ -81,7 +81,8 @@ HELD = nouns_with("held")
 
 LENGTH, SIZE = ("short", "long"), ("small", "big")
 _LENGTHS = (
-    "arms back beak blade gun handle heel horns leaves legs lens neck nose sleeves spikes spout stem tail tower trunk tusks"
+    "arms back beak blade gun handle heel horns leaves legs lens neck nose sleeves spikes spout stem tail tower trunk "
+    "tusks"
 )
 _SIZES = "brim cap claws crown ears eyes fins head humps mane roof sail shade shell wheels wings"
 PARTS: dict[str, tuple[str, str]] = dict(
