@@ -140,7 +140,7 @@ def ankylosaur(animal: Animal) -> None:
     """Draw an armoured dinosaur: a low broad body with rows of spikes, a club at the end of its tail."""
     animal.ball("tail", animal.parts["tail"][0].verts[-1], [0.17, 0.1, 0.14])
     for x, y in ((0.5, 0.45), (0.95, 0.07)):
-        for z in np.linspace(-0.95, 0.95, 5) * animal.half:
+        for z in np.linspace(-0.9, 0.9, 4) * animal.half:
             root = np.array([x * animal.girth, animal.height + y * animal.girth, z])
             animal.two(
                 "spike", limb([root, root + [0.16 * x, 0.2 - 0.14 * x, -0.05]], [0.075, 0.02], segments=6, samples=1)

@@ -81,7 +81,7 @@ def meerkat(animal: Animal) -> None:
 
 
 def sloth(rng: Rng, traits: Traits) -> Part:
-    """Draw a sloth with a small round head, a flat face and long limbs with three claws: it hangs from a branch."""
+    """Draw a sloth with a small round head, a flat face and long limbs with two claws: it hangs from a branch."""
     animal = Animal(rng, traits)
     animal.head, reach, size = animal.sized("head", 0.22), animal.sized("arms", 0.75), animal.sized("claws", 0.16)
     girth, sag, long, y = rng.uniform(0.22, 0.28), rng.uniform(0.0, 0.12), rng.uniform(0.4, 0.5), 0.62 * reach
@@ -94,8 +94,8 @@ def sloth(rng: Rng, traits: Traits) -> Part:
     for name, z in (("leg", -1.0), ("arm", 1.0)):
         hip, hold = [0.55 * girth, -0.72 * y, 0.75 * z * long], np.array([0.06, -0.05, z * (long + 0.05)])
         knee = [girth + 0.12, -0.45 * y, z * (long + 0.12)]
-        animal.two(name, limb([hip, knee, hold + [0.05, -0.06, 0]], [0.11, 0.09, 0.075], segments=10))
-        for along in (-0.07, 0.0, 0.07):
+        animal.two(name, limb([hip, knee, hold + [0.05, -0.06, 0]], [0.11, 0.09, 0.075], segments=10, samples=3))
+        for along in (-0.05, 0.05):
             steps = size * np.array([[-0.35, 0.7, 0], [-0.5, 0.1, 0], [-0.15, -0.35, 0]])
             animal.two("claw", strand(hold + [0.06, 0, along], steps, [0.04, 0.035, 0.03, 0.012], segments=5))
     _patches(animal, 0.36, 0.16, -25)
