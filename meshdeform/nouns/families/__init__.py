@@ -22,8 +22,9 @@ __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animals beasts buildings cases clothing creatures dungeon figures food furniture homes household kitchen monuments movers "
-    "plants rooms seats small swimmers things tools towers vehicles wheeled winged yards"
+    "animals beasts buildings cases clothing creatures dungeon figures food furniture homes household kitchen "
+    "landmarks lights monuments movers plants rooms seats small swimmers things tools towers vehicles wheeled winged "
+    "yards"
 )
 
 

@@ -20,8 +20,16 @@ def block(base: ArrayLike, size: ArrayLike, soft: float = 0.05, cells: int = 2) 
 
 
 def bar(start: ArrayLike, end: ArrayLike, thick: float, segments: int = 8) -> Part:
-    """Return a straight round bar of radius `thick` between two points."""
-    return limb([start, end], [thick, thick], segments=segments, samples=1)
+    """Return a straight round bar of radius `thick` between two points, beyond which its blunt ends reach."""
+    foot, way = np.asarray(start, float), np.subtract(end, start)
+    length, blunt = float(np.linalg.norm(way)), 0.7 * thick
+    rod = lathe(
+        [(blunt, -blunt), (thick, 0), (thick, length / 2), (thick, length), (blunt, length + blunt)], segments=segments
+    )
+    up = way / length
+    side = np.cross([0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0], up)
+    side /= np.linalg.norm(side)
+    return Part(foot + rod.verts @ np.stack([-side, up, np.cross(up, side)]), rod.faces)
 
 
 def roundel(centre: ArrayLike, radius: float, thick: float, axis: str = "z", segments: int = 20) -> Part:
@@ -100,7 +108,8 @@ def case(
 
 def slats(half: float, low: float, high: float, z: float, count: int, thick: float, lean: float = 0.0) -> list[Part]:
     """Return upright bars side by side from -half to half, whose tops lie `lean` farther back."""
-    return [bar([x, low, z], [x, high, z - lean], thick, 6) for x in spread(half, count)]
+    one = bar([0, low, z], [0, high, z - lean], thick, 6)
+    return [moved(one, [x, 0, 0]) for x in spread(half, count)]
 
 
 def chair_of(

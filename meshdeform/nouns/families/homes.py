@@ -87,7 +87,7 @@ def garage(rng: Rng, traits: Traits) -> Part:
     leaves = [block([x, 0, front], [wide, tall, 0.1], 0.1) for x in spread(0.43 * width * (doors - 1) / 1.8, doors)]
     lines = [block([leaf.verts[:, 0].mean(), y, front + 0.04], [0.94 * wide, 0.17 * tall, 0.08], 0.3, 3)
              for leaf in leaves for y in tall * np.array([0.03, 0.27, 0.51, 0.75])]  # fmt: skip
-    window = panes(width, depth, 0.3 * wall, 0.95 * wall, 2, 1, sides="left right")
+    window = panes(width, depth, 0.3 * wall, 0.95 * wall, 2, 1, sides=(90, 270))
     roof = roof_of(str(rng.choice(["flat", "front", "side", "hip"])), width, depth, rise, wall, 0.1)
     return named(
         body=block([0, 0, 0], [width, wall, depth], 0.03, 4), roof=roof, door=leaves, line=lines, window=window
@@ -160,7 +160,7 @@ def shop(rng: Rng, _: Traits) -> Part:
     ]
     sign = block([0, 0.76 if floors == 1 else 0.73, front + 0.02], [0.7 * width, 0.22, 0.14], 0.15)
     glass = block([-0.14 * width, 0.16, front], [0.56 * width, 0.4, 0.08], 0.15)
-    windows = [glass] if floors == 1 else [glass, *panes(width, depth, 0.85, wall, 3, 1, sides="front back left right")]
+    windows = [glass] if floors == 1 else [glass, *panes(width, depth, 0.85, wall, 3, 1)]
     door = block([0.31 * width, 0, front], [0.24, 0.54, 0.1], 0.15)
     roof = roof_of(kind, width, depth, 0.3, wall, 0.06)
     return named(

@@ -40,11 +40,11 @@ def throne(rng: Rng, traits: Traits) -> Part:
     rear, arm, level = -depth / 2 + 0.08, 0.3, leg + 0.1
     seat = [
         block([0, level, 0], [width, 0.16, depth], 0.15, 3),
-        block([0, level + 0.14, 0.05], [width - 0.3, 0.12, depth - 0.22], 0.45, 4),
+        block([0, level + 0.14, 0.05], [width - 0.3, 0.12, depth - 0.22], 0.4, 4),
     ]
     back = [
         block([0, level, rear], [width, rise, 0.16], 0.06, 3),
-        block([0, level + 0.2, rear + 0.07], [width - 0.26, rise - 0.4, 0.1], 0.3, 3),
+        block([0, level + 0.2, rear + 0.07], [width - 0.26, 0.7 * rise, 0.1], 0.3, 3),
     ]
     peak = str(rng.choice(["point", "round", "spikes"]))
     top = level + rise
@@ -91,7 +91,10 @@ def ottoman(rng: Rng, traits: Traits) -> Part:
     top = leg + tall
     if round_:
         width = depth
-        seat = [disc(depth / 2, leg, top - 0.12, edge=0.05), disc(depth / 2 + 0.03, top - 0.16, top, edge=0.07)]
+        seat = [
+            disc(depth / 2, leg, top, edge=0.1),
+            disc(depth / 2 + 0.015, leg + 0.4 * tall, leg + 0.46 * tall, edge=0.02),
+        ]
         legs = posts(0.32 * depth, 0.32 * depth, 0, leg + 0.03, 0.05)
     else:
         seat = [
@@ -114,10 +117,9 @@ def crib(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.06, 0.1), (0.28, 0.38), (0.9, 1.1))
     x, z, top = width / 2, length / 2, leg + high
     frame = [block([0, leg, 0], [width, 0.08, length], 0.1), *posts(x, z, 0.0, top + 0.08, 0.045)]
+    upright = bar([x, leg + 0.1, 0], [x, top, 0], 0.02, 4)
     rails = [rail for y in (leg + 0.1, top) for rail in pair(block([x, y, 0], [0.06, 0.05, length], 0.2))]
-    rails += [
-        side for place in spread(z - 0.1, 9) for side in pair(bar([x, leg + 0.1, place], [x, top, place], 0.02, 4))
-    ]
+    rails += [side for place in spread(z - 0.1, 9) for side in pair(moved(upright, [0, 0, place]))]
     ends = [(-z, 0.14), (z, 0.02)]
     solid = rng.random() < 0.5
     for place, more in ends:

@@ -130,7 +130,7 @@ def clock_tower(rng: Rng, traits: Traits) -> Part:
 
 
 def silo(rng: Rng, traits: Traits) -> Part:
-    """Draw a silo: one or two tall cylinders with hoops under round or pointed roofs, a ladder."""
+    """Draw a silo: a tall cylinder with hoops under a round or pointed roof, a ladder."""
     radius, tall, kind = rng.uniform(0.34, 0.44), rng.uniform(1.1, 1.5), rng.random()
     rise = traits.draw(rng, "roof", (0.04, 0.08), (0.28, 0.38), (0.8, 1.0))
     cap = hat(radius + 0.04, rise, tall, 24, bow=-0.5 if kind < 0.6 else 0.0)
@@ -151,10 +151,6 @@ def silo(rng: Rng, traits: Traits) -> Part:
         "hoop": hoops,
         "step": ladder,
     }
-    if rng.random() < 0.4:
-        shift = np.array([radius + 0.03, 0, 0])
-        one = {name: [moved(part, s * shift) for s in (-1, 1) for part in own] for name, own in one.items()}
-        one["step"] = [part for part in one["step"] if part.verts[:, 0].mean() > 0]
     return named(**one)
 
 

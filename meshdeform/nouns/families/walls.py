@@ -29,7 +29,7 @@ def roof_of(kind: str, width: float, depth: float, rise: float, level: float, ea
         four = turned(lathe(profile, segments=4), 45, "y")
         return [moved(stretched(four, (width + 2 * eaves) / ROOT2, 1, (depth + 2 * eaves) / ROOT2), [0, level, 0])]
     if kind == "flat":
-        slab = block([0, level - 0.02, 0], [width + 2 * eaves, 0.1 + 0.3 * rise, depth + 2 * eaves], 0.1)
+        slab = block([0, level - 0.02, 0], [width + 2 * eaves, 0.1 + 0.45 * rise, depth + 2 * eaves], 0.1)
         return [slab]
     half = (depth if kind == "shed" else width) / 2 + eaves
     if kind == "shed":
@@ -42,21 +42,23 @@ def roof_of(kind: str, width: float, depth: float, rise: float, level: float, ea
 
 def panes(
     width: float, depth: float, low: float, high: float, columns: int, rows: int, *, door: float = 0.0,
-    sides: str = "front back left right", share: tuple[float, float] = (0.5, 0.55),
+    sides: tuple[int, ...] = (0, 90, 180, 270), share: tuple[float, float] = (0.5, 0.55),
 ) -> list[Part]:  # fmt: skip
-    """Return rows of raised windows on the walls of a house; the lowest in front leave a door's width free."""
+    """Return rows of raised windows on the walls of a house; the lowest in front leave a door's width free; `sides` in degrees."""
     tall, windows = (high - low) / rows, []
-    for side in sides.split():
-        across, out = (width, depth / 2) if side in ("front", "back") else (depth, width / 2)
-        count = columns if side in ("front", "back") else max(1, round(columns * depth / width))
+    for turn in sides:
+        across, out = (width, depth / 2) if turn in (0, 180) else (depth, width / 2)
+        count = columns if turn in (0, 180) else max(1, round(columns * depth / width))
         wide = across / count
-        for row in range(rows):
-            for x in spread((across - wide) / 2, count):
-                if side == "front" and row == 0 and abs(x) < (door + share[0] * wide) / 2:
-                    continue
-                size = [share[0] * wide, share[1] * tall, 0.08]
-                pane = block([x, low + (row + (1 - share[1]) / 2) * tall, out], size, 0.2)
-                windows.append(turned(pane, {"front": 0, "right": 90, "back": 180, "left": 270}[side], "y"))
+        size = [share[0] * wide, share[1] * tall, 0.08]
+        pane = turned(block([0, (1 - share[1]) / 2 * tall, out], size, 0.2), turn, "y")
+        right = [np.cos(np.radians(turn)), 0, -np.sin(np.radians(turn))]
+        windows += [
+            moved(pane, x * np.array(right) + [0, low + row * tall, 0])
+            for row in range(rows)
+            for x in spread((across - wide) / 2, count)
+            if turn or row or abs(x) >= (door + share[0] * wide) / 2
+        ]
     return windows
 
 
