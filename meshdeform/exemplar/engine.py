@@ -2,7 +2,8 @@
 
 1. A lump without parts is moulded (`clay`).
 2. To the nearest of given surfaces it is fitted as `targets` does, or piece by piece if their parts are known.
-3. Else the nearest members are chosen (`choosing`), the asset is fitted to each (`fitting`), and the one with the least
+3. With a part of another noun, what it is already is fitted to itself with that part (`borrowing`).
+4. Else the nearest members are chosen (`choosing`), the asset is fitted to each (`fitting`), and the one with the least
 
        distance + 0.02 stretch + 0.02 faults
 
@@ -17,12 +18,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from meshdeform.exemplar.borrowing import with_part_of
 from meshdeform.exemplar.choosing import Exemplar, exemplars
 from meshdeform.exemplar.clay import is_clay, moulded
 from meshdeform.exemplar.distances import between, stretch
@@ -34,6 +36,7 @@ from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
 from meshdeform.exemplar.symmetry import is_even
 from meshdeform.exemplar.targets import fitted_to_target
 from meshdeform.nouns.labels import Floats, Index
+from meshdeform.nouns.solids import part_label
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
 
@@ -128,7 +131,27 @@ class ExemplarFit:
             away = [self._distance(self.source.verts, target) for target in self._wish.targets]
             nearest = int(np.argmin(away))
             return [Exemplar(self._wish.targets[nearest], away[nearest], away[nearest], {"target": nearest})]
-        return exemplars(self.source, self._wish, _TRIED, cache=self._cache)
+        wish = self._wish
+        if wish.borrowed and wish.noun == self.source.noun and not wish.attributes:
+            chosen = [Exemplar(self._standing_shape(), 0.0, 0.0, {"noun": wish.noun, "form": "the asset itself"})]
+        else:
+            chosen = exemplars(self.source, wish, _TRIED, cache=self._cache)
+        return [self._borrowing(one) for one in chosen]
+
+    def _standing_shape(self) -> Shape:
+        """Return the asset without the ground that it stands on."""
+        standing = self.source.labels != GROUND
+        return Shape(self.source.noun, self.source.verts, self.source.faces[standing], self.source.labels[standing])
+
+    def _borrowing(self, exemplar: Exemplar) -> Exemplar:
+        """Return an exemplar with the parts of other nouns that are wished."""
+        shape, told = exemplar.shape, []
+        for each in self._wish.borrowed:
+            other = Wish(each.noun, each.attributes, seed=self._wish.seed)
+            lender = exemplars(self.source, other, 1, cache=self._cache)[0]
+            shape = with_part_of(shape, lender.shape, part_label(each.part))
+            told.append({**lender.told, "part": each.part})
+        return replace(exemplar, shape=shape, told={**exemplar.told, "borrowed": told}) if told else exemplar
 
     def _moulded(self, exemplar: Exemplar) -> _Way:
         return _Way(moulded(self.source, exemplar.shape), {**exemplar.told, "way": "mould"}, exemplar.shape)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
-from meshdeform.priors.builtin.grammar import Attribute
+from meshdeform.priors.builtin.grammar import Attribute, Borrowed
 from meshdeform.reading.result import Reading
 
 __all__ = ["ExemplarResult", "Frame", "Shape", "Wish"]
@@ -71,7 +71,7 @@ class Wish:
     """What an asset is to become: a noun with attributes, or a given surface.
 
     `targets`: surfaces placed in the frame (`targets.placed`), of which the nearest is taken; without any, a member of
-    `noun` is.
+    `noun` is. `borrowed`: parts that it is to have of other nouns.
     `strength`: how much of the way is gone, from 0 to 1. `landmarks`: places (L, 3) of the asset and their goals,
     both in the frame.
     """
@@ -82,6 +82,7 @@ class Wish:
     strength: float = 1.0
     seed: int = 0
     landmarks: tuple[Floats, Floats] | None = None
+    borrowed: tuple[Borrowed, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.questions import Question, answer_task
 from meshdeform.runs.read_questions import ask_about, loaded
+from meshdeform.vocabulary.looks import SHAPES
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -74,7 +75,8 @@ def _described(prompt: str) -> Sentence | None:
     except (PromptError, VocabularyError):
         return None
     attributes = [(each.part, each.degree) for each in reading.attributes]
-    return described(reading.noun, attributes) if attributes else None
+    fitted = bool(reading.borrowed) or any(degree in SHAPES for _, degree in attributes)
+    return described(reading.noun, attributes) if attributes and not fitted else None
 
 
 def is_change(sentence: Sentence) -> bool:

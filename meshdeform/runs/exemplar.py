@@ -255,7 +255,7 @@ def _wishes(facts: ExemplarFacts, body: Body) -> list[tuple[str, Wish]]:
     texts = [facts.request.prompt] if facts.prompts is None else [each.prompt for each in facts.prompts.given]
     asked = [parse(text) for text in texts]
     return [
-        (text, replace(wish, noun=each.noun, attributes=each.attributes))
+        (text, replace(wish, noun=each.noun, attributes=each.attributes, borrowed=each.borrowed))
         for text, each in zip(texts, asked, strict=True)
     ]
 

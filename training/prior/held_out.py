@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import hashlib
 
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute
+from meshdeform.priors.builtin.grammar import PRIOR_ATTRIBUTES, Attribute
 from meshdeform.priors.builtin.vocabulary import NOUNS
 
 __all__ = ["attributes_of", "held_out_pairs", "is_held_out"]
@@ -51,7 +51,7 @@ _FEWEST_NOUNS = 5
 
 def attributes_of(noun: str) -> tuple[Attribute, ...]:
     """Return every attribute that a noun can have, in canonical order."""
-    return tuple(attribute for attribute in ATTRIBUTES if attribute.part in ("whole", *NOUNS[noun]))
+    return tuple(attribute for attribute in PRIOR_ATTRIBUTES if attribute.part in ("whole", *NOUNS[noun]))
 
 
 def is_held_out(noun: str, attribute: Attribute) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshdeform.nouns.families.parts import Array, Part, box, lathe, limb, moved, pair, stretched, turned
+from meshdeform.nouns.families.parts import Array, Part, box, lathe, moved, pair, stretched, turned
 
 Solids = dict[str, list[Part]]
 """Solids by the names of their parts, as `parts.named` takes them."""
@@ -45,11 +45,6 @@ def roundel(centre: ArrayLike, radius: float, thick: float, axis: str = "z", seg
 def spread(half: float, count: int) -> Array:
     """Return evenly spaced places from -`half` to `half`."""
     return np.linspace(-half, half, count) if count > 1 else np.zeros(1)
-
-
-def around(part: Part, count: int, start: float = 0.0) -> list[Part]:
-    """Return copies of a part evenly around +Y."""
-    return [turned(part, start + 360.0 * k / count, "y") for k in range(count)]
 
 
 def posts(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import Solids, around, bar, block, case, fronts, posts, roundel, spread
-from meshdeform.nouns.families.dungeon import arched
+from meshdeform.nouns.families.boards import Solids, bar, block, case, fronts, posts, roundel, spread
+from meshdeform.nouns.families.dungeon import arched, around
 from meshdeform.nouns.families.kitchen import vessel
 from meshdeform.nouns.families.parts import (
     Part,

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshdeform.nouns.families.boards import around
 from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
 __all__ = ["bone", "column", "crate", "crown", "crystal", "gravestone", "log", "scroll", "skull", "torch"]
+
+
+def around(part: Part, count: int, start: float = 0.0) -> list[Part]:
+    """Return copies of a part evenly around +Y."""
+    return [turned(part, start + 360.0 * k / count, "y") for k in range(count)]
 
 
 def _dented(part: Part, centre: ArrayLike, radii: ArrayLike, push: ArrayLike) -> Part:

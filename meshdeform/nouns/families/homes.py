@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import around, bar, block, roundel, spread
+from meshdeform.nouns.families.boards import bar, block, roundel, spread
 from meshdeform.nouns.families.buildings import arch
+from meshdeform.nouns.families.dungeon import around
 from meshdeform.nouns.families.parts import Part, extrude, lathe, limb, moved, named, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 from meshdeform.nouns.families.walls import house_of, panes, roof_of

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import around, bar, block, roundel, spread
+from meshdeform.nouns.families.boards import bar, block, roundel, spread
 from meshdeform.nouns.families.buildings import arch, pyramid
-from meshdeform.nouns.families.dungeon import arched
+from meshdeform.nouns.families.dungeon import arched, around
 from meshdeform.nouns.families.parts import (
     Part,
     box,
-    curved,
-    disc,
     ellipsoid,
     extrude,
     lathe,

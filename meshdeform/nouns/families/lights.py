@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import around, bar, block, posts, roundel, spread
+from meshdeform.nouns.families.boards import bar, block, roundel
+from meshdeform.nouns.families.dungeon import around
 from meshdeform.nouns.families.kitchen import vessel
 from meshdeform.nouns.families.parts import (
     Array,

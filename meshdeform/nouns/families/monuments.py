@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import around, bar, block, spread
+from meshdeform.nouns.families.boards import bar, block, spread
 from meshdeform.nouns.families.buildings import arch as arched_plate
+from meshdeform.nouns.families.dungeon import around
 from meshdeform.nouns.families.kitchen import vessel
 from meshdeform.nouns.families.parts import (
     Array,

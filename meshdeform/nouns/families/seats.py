@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import around, bar, block, chair_of, posts, roundel, slats, spread
+from meshdeform.nouns.families.boards import bar, block, chair_of, posts, roundel, slats, spread
+from meshdeform.nouns.families.dungeon import around
 from meshdeform.nouns.families.parts import (
     Part,
     box,

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import around, bar, block, posts, roundel
+from meshdeform.nouns.families.boards import bar, block, posts, roundel
 from meshdeform.nouns.families.buildings import arch
+from meshdeform.nouns.families.dungeon import around
 from meshdeform.nouns.families.parts import (
     Array,
     Part,
     disc,
     ellipsoid,
     lathe,
-    moved,
     named,
     pair,
     turned,

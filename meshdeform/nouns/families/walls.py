@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshdeform.nouns.families.boards import Solids, around, block, spread
+from meshdeform.nouns.families.boards import Solids, block, spread
 from meshdeform.nouns.families.buildings import arch, gable
+from meshdeform.nouns.families.dungeon import around
 from meshdeform.nouns.families.parts import Part, extrude, lathe, moved, stretched, turned
 
 ROOT2 = float(np.sqrt(2.0))

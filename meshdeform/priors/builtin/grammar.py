@@ -2,7 +2,8 @@
 
 ::
 
-    prompt     = [article] {adjective} noun {("with" | "and" | ",") [article] degree part}
+    prompt     = [article] {adjective} noun {("with" | "and" | ",") [article] (degree part | borrowed)}
+    borrowed   = noun"'s" [degree] part | noun part | part "of" noun          for shapes alone
     adjective  = tall | short | thin | fat | wide | long | flat | twisted | leaning | bent | tapered |
                  pinched
     degree     = long | short | big | small          part = neck | legs | head | ...
@@ -31,11 +32,13 @@ import gzip
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from meshdeform.errors import PromptError, VocabularyError
+from meshdeform.nouns.solids import part_label, parts_of
 from meshdeform.priors.builtin.vocabulary import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
@@ -47,6 +50,7 @@ from meshdeform.priors.builtin.vocabulary import (
     SIZEWISE,
 )
 from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
+from meshdeform.vocabulary.looks import LOOKS, SHAPES
 from meshdeform.vocabulary.nouns import LENGTH, NOUNS, PARTS, SIZE, SYNONYMS
 
 MAX_SUGGESTIONS = 3
@@ -55,7 +59,9 @@ _MIN_LENGTH = 4
 _POPULAR = ("mushroom", "vase", "rabbit")
 
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
-_OWN_WORDS = 5
+_ADVICE = f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
+_NOT_LENT = ("neck", "stem", "trunk", "tower")
+"""Parts that others stand on."""
 
 
 @dataclass(frozen=True, order=True)
@@ -70,10 +76,12 @@ class Attribute:
         return self.degree if self.part == "whole" else f"{self.degree} {self.part}"
 
 
-ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in ADJECTIVES) + tuple(
+ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in (*ADJECTIVES, *SHAPES)) + tuple(
     Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees
 )
 """Every attribute, those of the whole shape first."""
+PRIOR_ATTRIBUTES = tuple(attribute for attribute in ATTRIBUTES if attribute.degree not in SHAPES)
+"""Those that the prior knows."""
 
 MAX_ATTRIBUTES = 3
 
@@ -83,7 +91,7 @@ SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
 
 @dataclass(frozen=True)
 class Words:
-    """The words of one file of weights; attributes and parts are those of the grammar."""
+    """The words that a prompt may have; attributes and parts are those of the grammar."""
 
     nouns: Mapping[str, tuple[str, ...]]
     """Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`."""
@@ -110,12 +118,34 @@ VOCABULARY = BUILTIN_WORDS.tokens
 """Tokens of the weights in the package, in the order of their numbers."""
 
 
+class Borrowed(NamedTuple):
+    """A part that a noun has of another: `Borrowed("ears", "rabbit", "long")` are a rabbit's long ears."""
+
+    part: str
+    noun: str
+    degree: str | None = None
+
+    @property
+    def attributes(self) -> tuple[Attribute, ...]:
+        """What the other noun is to have."""
+        return () if self.degree is None else (Attribute(self.part, self.degree),)
+
+    def __str__(self) -> str:
+        """Return it as written in a prompt."""
+        return f"{_articled(self.noun)}'s {self.degree or ''} {self.part}".replace("  ", " ")
+
+
 @dataclass(frozen=True)
 class ParsedPrompt:
-    """Noun and attributes of a prompt."""
+    """Noun and attributes of a prompt, and the parts that it has of other nouns.
+
+    `read_as`: words that mean the noun and are not its name, such as `hound`, which are worth a note.
+    """
 
     noun: str
     attributes: tuple[Attribute, ...] = ()
+    borrowed: tuple[Borrowed, ...] = ()
+    read_as: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def tokens(self) -> tuple[str, ...]:
@@ -126,10 +156,15 @@ class ParsedPrompt:
         """Return an English prompt with this meaning."""
         whole = [attribute.degree for attribute in self.attributes if attribute.part == "whole"]
         parts = [attribute for attribute in self.attributes if attribute.part != "whole"]
-        front = " ".join([*whole, self.noun.replace("-", " ")])
-        article = "an" if front[0] in "aeiou" else "a"
+        front = _articled(" ".join([*whole, self.noun]))
         clauses = [f"{a.degree} {a.part}" if a.part.endswith("s") else f"a {a.degree} {a.part}" for a in parts]
-        return f"{article} {front}" + (f" with {' and '.join(clauses)}" if clauses else "")
+        clauses += map(str, self.borrowed)
+        return front + (f" with {' and '.join(clauses)}" if clauses else "")
+
+
+def _articled(words: str) -> str:
+    """Return words with an article before them; a noun of several words is written without hyphens."""
+    return f"{'an' if words[0] in 'aeiou' else 'a'} {words.replace('-', ' ')}"
 
 
 def singular_forms(word: str) -> list[str]:
@@ -172,7 +207,7 @@ def degree_of(word: str, part: str) -> str | None:
 
 def is_adjective(word: str) -> bool:
     """Return whether a word is an adjective of the whole or of a part."""
-    return word in ADJECTIVES or word in ADJECTIVE_SYNONYMS or word in DEGREE_SYNONYMS
+    return any(word in table for table in (ADJECTIVES, ADJECTIVE_SYNONYMS, DEGREE_SYNONYMS, LOOKS))
 
 
 def is_known(word: str, words: Words = WORDS) -> bool:
@@ -277,21 +312,6 @@ def _fitted(noun: str, candidates: Iterable[Attribute]) -> ParsedPrompt:
     return ParsedPrompt(noun, tuple(sorted(fitted, key=ATTRIBUTES.index)))
 
 
-def _advice(known: Words) -> str:
-    """Return where all words are listed; of taught weights, name those of their own as well."""
-    if known == BUILTIN_WORDS:
-        return f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
-    own = [noun for noun in known.nouns if noun not in NOUNS]
-    taught = ""
-    if own:
-        more = ", and others" if len(own) > _OWN_WORDS else ""
-        # The last ones were taught last.
-        taught = f"It was taught: {', '.join(reversed(own[-_OWN_WORDS:]))}{more}. "
-    return (
-        f"{taught}All words of these weights: meshdeform models FILE, with their file, or GET /v1/models. {_FREE_TEXT}"
-    )
-
-
 _Parts = list[tuple[str, list[str]]]
 
 
@@ -304,6 +324,7 @@ class _Reading:
     nouns: list[str]
     whole: list[str]
     parts: _Parts
+    borrowed: list[Borrowed]
     unknown: list[str]
 
     def refusal(self, detail: str, unknown: list[str]) -> VocabularyError:
@@ -316,7 +337,7 @@ class _Reading:
         )
         return VocabularyError(
             detail,
-            advice=f"{offer} {_advice(self.known)}",
+            advice=f"{offer} {_ADVICE}",
             unknown=unknown,
             suggestions=suggestion.prompts,
             corrections=suggestion.corrections,
@@ -343,8 +364,8 @@ def unknown_shape(error: VocabularyError) -> VocabularyError:
 def parse(prompt: str, known: Words = WORDS) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
-    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words of the
-    file of weights; by default those in the package. Returns ParsedPrompt: canonical noun and attributes, equal for
+    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words that
+    it may have. Returns ParsedPrompt: canonical noun and attributes, equal for
     prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
     VocabularyError: a word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up
     to three prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning,
@@ -367,7 +388,7 @@ def parse_negative(negative: str, prompt: str, known: Words = WORDS) -> ParsedPr
         unwanted = _assemble(replace(reading, nouns=reading.nouns or [wanted.noun]))
     except VocabularyError as error:
         extra = {**error.extra, "suggestions": [], "nearest": {}}
-        raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_advice(known), **extra) from error
+        raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_ADVICE, **extra) from error
     if unwanted == wanted:
         raise PromptError(
             f"The negative prompt {negative!r} means the same as the prompt {prompt!r}.",
@@ -381,7 +402,8 @@ def _read(prompt: str, known: Words) -> _Reading:
     words = _split(prompt, known)
     if not words:
         raise PromptError("The prompt is empty.", advice="Name an object, for example: a tall vase.")
-    reading = _Reading(known, words, nouns=[], whole=[], parts=[], unknown=[])
+    words, borrowed = _without_borrowed(words, known)
+    reading = _Reading(known, words, nouns=[], whole=[], parts=[], borrowed=borrowed, unknown=[])
     pending: list[str] = []
     for word in words:
         if word in FILLERS:
@@ -405,9 +427,42 @@ def _read(prompt: str, known: Words) -> _Reading:
     return reading
 
 
+def _without_borrowed(words: list[str], known: Words) -> tuple[list[str], list[Borrowed]]:
+    """Return words without parts of other nouns, and these: "a rabbit's ears", "rabbit ears", "ears of a rabbit"."""
+    kept: list[str] = []
+    borrowed: list[Borrowed] = []
+    rest = list(words)
+    while rest:
+        phrase = _borrowed_first(rest, known) if any(noun_of(word, known) for word in kept) else None
+        if phrase is None:
+            kept.append(rest.pop(0))
+        else:
+            borrowed.append(phrase[0])
+            del rest[: phrase[1]]
+    return kept, borrowed
+
+
+def _borrowed_first(words: Sequence[str], known: Words) -> tuple[Borrowed, int] | None:
+    """Return the part of another noun with which words begin, and how many of them say so."""
+    places = [place for place, word in enumerate(words) if word not in FILLERS]
+    told = [words[place] for place in places[:3]] + [""] * 3
+    part, noun = part_of(told[0]), noun_of(told[1], known)
+    if part is not None and noun is not None:
+        return Borrowed(part, noun), places[1] + 1
+    owner, is_owned = noun_of(told[0].removesuffix("'s").removesuffix("'"), known), "'" in told[0]
+    if owner is None or not (is_owned or part_of(told[1])):
+        return None
+    part, degree = part_of(told[1]), None
+    if part is None and (part := part_of(told[2])) is not None:
+        degree = degree_of(told[1], part)
+    if part is None or (degree is None and part_of(told[1]) is None):
+        return None
+    return Borrowed(part, owner, degree), places[1 if degree is None else 2] + 1
+
+
 def _split(prompt: str, known: Words) -> list[str]:
     """Return the words in lower case; a compound with an unknown word stays one: "low-poly" says nothing of height."""
-    text = prompt.lower().replace("low poly", "low-poly")
+    text = prompt.lower().replace("low poly", "low-poly").replace("\u2019", "'")
     for compound in sorted((name for name in (*known.nouns, *known.synonyms) if "-" in name), key=len, reverse=True):
         text = re.sub(rf"\b{compound.replace('-', '[ -]+')}(?=s?\b)", compound, text)
     words: list[str] = []
@@ -432,8 +487,13 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     noun = reading.nouns[0]
     parts_of_noun = reading.known.nouns[noun]
     found_attributes: list[Attribute] = []
+    looks = [word for word in reading.whole if word in LOOKS and not reading.known.tokens]
     for word in reading.whole:
         degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
+        if word in looks:
+            continue
+        if degree is None and word in LOOKS:
+            raise reading.refusal(f"The built-in model does not know {word!r}: guidance `exemplar` does.", [word])
         if degree is None:
             raise reading.refusal(f"{word!r} has no effect: the asset is scaled to fit its frame.", [word])
         found_attributes.append(Attribute("whole", degree))
@@ -446,6 +506,8 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             low, high = PARTS[part]
             raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
+    for look in looks:
+        found_attributes += _of_look(look, noun, found_attributes, reading)
     unique = tuple(sorted(set(found_attributes), key=ATTRIBUTES.index))
     per_part = [attribute.part for attribute in unique if attribute.part != "whole"]
     if len(per_part) != len(set(per_part)):
@@ -454,12 +516,49 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     clash = next((pair for pair in OPPOSITES if pair <= of_whole), None)
     if clash:
         raise reading.refusal(f"Nothing can be {' and '.join(sorted(clash))} at once.", [])
-    if len(unique) > MAX_ATTRIBUTES:
+    _check_borrowed(reading)
+    if reading.known.tokens and len(unique) > MAX_ATTRIBUTES:
         raise PromptError(
             f"The built-in model takes at most {MAX_ATTRIBUTES} attributes, and the prompt has {len(unique)}.",
             advice="Remove some of them.",
         )
-    return ParsedPrompt(noun, unique)
+    meant = tuple(word for word in dict.fromkeys(reading.words) if _is_other_name(word, noun, reading.known))
+    return ParsedPrompt(noun, unique, tuple(reading.borrowed), meant)
+
+
+def _of_look(look: str, noun: str, given: Sequence[Attribute], reading: _Reading) -> list[Attribute]:
+    """Return what a look gives a noun, without what contradicts the attributes that are given."""
+    sized = {attribute.part for attribute in given} - {"whole"}
+    whole = {attribute.degree for attribute in given if attribute.part == "whole"}
+    attributes = []
+    for text in LOOKS[look].split(", "):
+        degree, _, part = text.partition(" ")
+        if not part and not any({degree, other} in OPPOSITES for other in whole):
+            attributes.append(Attribute("whole", degree))
+        elif part in reading.known.nouns[noun] and part not in sized:
+            attributes.append(Attribute(part, degree))
+    if not attributes:
+        raise reading.refusal(f"{look!r} changes nothing of a {noun}.", [look])
+    return attributes
+
+
+def _is_other_name(word: str, noun: str, known: Words) -> bool:
+    """Return whether a word means a noun and is not its name or the plural of that."""
+    return noun_of(word, known) == noun and noun not in singular_forms(word)
+
+
+def _check_borrowed(reading: _Reading) -> None:
+    """Refuse parts that another noun, or the own one, does not have."""
+    for each in reading.borrowed:
+        if reading.known.tokens:
+            raise reading.refusal(f"The built-in model knows no {each.part} of a {each.noun}.", [each.part])
+        if each.part in _NOT_LENT:
+            raise reading.refusal(f"A {each.part} carries more than itself: it cannot be another's.", [each.part])
+        for noun in (reading.nouns[0], each.noun):
+            if part_label(each.part) not in parts_of(noun):
+                raise reading.refusal(f"The {noun} has no {each.part}, which both must have.", [each.part])
+        if each.degree is not None and each.part not in reading.known.nouns[each.noun]:
+            raise reading.refusal(f"The {each.part} of a {each.noun} cannot be {each.degree}.", [each.degree])
 
 
 def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:
@@ -484,14 +583,14 @@ def is_noun(word: str) -> bool:
 def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
     """Return the nouns whose meaning is nearest to that of a word, nearest first.
 
-    `word`: in small letters, singular. `nouns`: the nouns to choose from. One that was taught counts as near if the two
-    have two neighbours in common. `count`: maximum number of nouns. Returns list of str: empty if the word is not
+    `word`: in small letters, singular. `nouns`: the nouns to choose from. One that is not builtin counts as near if the
+    two have two neighbours in common. `count`: maximum number of nouns. Returns list of str: empty if the word is not
     known, or near to none of the nouns.
     """
     table = _near()
     around = table.get(word, [])
-    taught = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
-    return [*taught, *(noun for noun in around if noun in nouns)][:count]
+    own = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
+    return [*own, *(noun for noun in around if noun in nouns)][:count]
 
 
 _TABLE = Path(__file__).parent / "translations.txt"

@@ -1,4 +1,4 @@
-"""Deform whole shapes as attributes say: tall, fat, twisted. Numpy alone, no torch.
+"""Deform whole shapes as attributes say: tall, fat, twisted. numpy and scipy, no torch.
 
 Labels are true by construction: a shape without an attribute of the whole is not deformed.
 
@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from meshdeform.priors.builtin.grammar import Attribute
 
@@ -122,6 +124,49 @@ def _pinched(verts: Array, rng: Rng) -> Array:
     return verts * np.stack([scale, np.ones_like(scale), scale], 1)
 
 
+def _boxed(inside: Array) -> Array:
+    """Return the factors (N,) that take what lies in the unit ball to the cube about it, and leave the cube."""
+    return np.asarray(np.minimum(np.linalg.norm(inside, axis=1), 1.0) / np.maximum(np.abs(inside).max(1), 1e-12))
+
+
+def _rounded(inside: Array) -> Array:
+    """Return the factors (N,) that take the cube about the unit ball to it, and leave the ball."""
+    return np.asarray(1.0 / np.maximum(np.linalg.norm(inside, axis=1), 1.0))
+
+
+_OF_SOLIDS = {"boxy": (_boxed, 0.8, 1.0), "rounded": (_rounded, 0.5, 0.65)}
+"""What becomes of each solid in its own box, and how strongly, from and to; a long one is changed across its length."""
+_COMPACT = 1.6
+"""Ratio of the longest axis to the second up to which a solid is not long."""
+
+
+def _reshaped(part: Part, factors: Callable[[Array], Array], strength: float) -> Part:
+    """Return a part each of whose solids is drawn out or in, within its box."""
+    verts = part.verts.copy()
+    edges = np.concatenate([part.faces[:, :2], part.faces[:, 1:]])
+    graph = sparse.csr_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(len(verts),) * 2)
+    count, solids = csgraph.connected_components(graph, directed=False)
+    for number in range(count):
+        rows = solids == number
+        middle = verts[rows].mean(0)
+        axes = np.linalg.eigh(np.cov((verts[rows] - middle).T))[1] if _is_slanted(verts[rows]) else np.eye(3)
+        own = (verts[rows] - middle) @ axes
+        low, high = own.min(0), own.max(0)
+        inside = (own - (low + high) / 2) / np.maximum((high - low) / 2, 1e-12)
+        order = np.argsort(high - low)
+        across = np.ones(3, bool)
+        across[order[2]] = (high - low)[order[2]] <= _COMPACT * (high - low)[order[1]]
+        inside[:, across] *= factors(inside[:, across])[:, None] ** strength
+        verts[rows] = (inside * (high - low) / 2 + (low + high) / 2) @ axes.T + middle
+    return part._replace(verts=verts)
+
+
+def _is_slanted(verts: Array) -> bool:
+    """Return whether a solid is long and its length along no axis: its box is then wider than it."""
+    values, vectors = np.linalg.eigh(np.cov(verts.T))
+    return bool(values[2] > 3 * values[1] and np.abs(vectors[:, 2]).max() < 0.985)
+
+
 WHOLE: dict[str, Callable[[Array, Rng], Array]] = {
     "tall": _tall,
     "short": _short,
@@ -145,6 +190,8 @@ def deformed(part: Part, attributes: Iterable[Attribute], rng: Rng) -> Part:
     All deformations preserve the orientation of the faces.
     """
     degrees = {attribute.degree for attribute in attributes if attribute.part == "whole"}
+    for word, (factors, least, most) in _OF_SOLIDS.items():
+        part = _reshaped(part, factors, rng.uniform(least, most)) if word in degrees else part
     shape = normalised(part)
     for word, apply in WHOLE.items():
         if word in degrees:
