@@ -23,9 +23,8 @@ __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animals beasts buildings cases clothing creatures dungeon figures food furniture homes household kitchen "
-    "landmarks lights monuments movers plants rooms seats small swimmers things tools towers vehicles wheeled winged "
-    "yards"
+    "animals beasts bridges buildings clothing creatures dungeon figures food furniture household kitchen movers "
+    "plants rooms small swimmers things tools vehicles wheeled winged"
 )
 
 
@@ -36,12 +35,7 @@ def _kinds_of(module: ModuleType) -> Mapping[str, tuple[Family, ...]]:
 
 _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 FAMILIES: dict[str, Family] = dict(
-    sorted(
-        [
-            *((name.replace("_", "-"), getattr(module, name)) for module in _MODULES for name in module.__all__),
-            *SKETCHES.items(),
-        ]
-    )
+    sorted([*((name, getattr(module, name)) for module in _MODULES for name in module.__all__), *SKETCHES.items()])
 )
 """The family of each noun that has one, by the alphabet."""
 KINDS: dict[str, dict[str, Family]] = {
