@@ -81,7 +81,8 @@ HELD = nouns_with("held")
 
 LENGTH, SIZE = ("short", "long"), ("small", "big")
 _LENGTHS = (
-    "arms back beak blade chimney columns gun handle heel horns leaves legs lens neck nose sleeves spikes spout stem tail tower trunk"
+    "arms back beak blade chimney columns gun handle heel horns leaves legs lens neck nose sleeves "
+    "spikes spout stem tail tower trunk"
 )
 _SIZES = "brim cap claws crown dome ears eyes fins head humps mane roof sail shade shell wheels wings"
 PARTS: dict[str, tuple[str, str]] = dict(

@@ -20,7 +20,7 @@ lathe R Y, R Y, ...                 a surface of revolution; `turn`: of a smooth
 cup WALL FLOOR, R Y, R Y, ...       a vessel that is hollow down to FLOOR; `vase`: of a smooth profile; `cup4` ...
 plate T [PUFF], X Y, X Y, ...       a plate of thickness T that faces +Z; `blob`: of a smooth outline
 keys X Y Z, ROWS COLUMNS, W D H     rows of keys about a point
-slab X Y Z, W H D [R]               a box that stands on a point; R: its rounding, .1 if left out
+slab X Y Z, W H D, R                a box on a point, R .1 if left out, of few faces; `block`: of more
 bar X Y Z, X Y Z, R                 a straight round bar between two points, of few faces
 arch X Y Z, W H T                   a plate on a point that faces +Z, T thick, its top half a circle
 gable X Y Z, W H D                  a roof on a level, its gable toward +Z; `ridge`, `hip`, `gambrel`, `slope`
@@ -135,6 +135,10 @@ def _roof(kind: str, groups: Groups) -> Part:
     return moved(roof_of(kind, width, depth, rise), base)
 
 
+def _slab(cells: int, groups: Groups) -> Part:
+    return block(groups[0], groups[1], groups[2][0] if len(groups) > 2 else 0.1, cells)
+
+
 def _box(cells: int, groups: Groups) -> Part:
     return box(groups[0], groups[1], round_by=groups[2][0] if len(groups) > 2 else 0.2, cells=cells)
 
@@ -144,6 +148,7 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "ball": lambda groups: ellipsoid(*groups, rings=8),
     "bar": lambda groups: bar(groups[0], groups[1], groups[2][0]),
     "blob": partial(_plate, True),
+    "block": partial(_slab, 4),
     "box": partial(_box, 4),
     "brick": partial(_box, 2),
     "drum": partial(_drum, "y"),
@@ -154,7 +159,7 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "plate": partial(_plate, False),
     **{kind: partial(_roof, kind) for kind in ("gable", "gambrel", "hip", "ridge", "slope")},
     "rod": partial(_rod, False),
-    "slab": lambda groups: block(groups[0], groups[1][:3], (*groups[1], 0.1)[3], 3),
+    "slab": partial(_slab, 2),
     "tube": partial(_rod, True),
 }
 
