@@ -144,7 +144,7 @@ def _box(cells: int, groups: Groups) -> Part:
 
 
 _SHAPES: dict[str, Callable[[Groups], Part]] = {
-    "arch": lambda groups: arch(*groups[1], groups[0]),
+    "arch": lambda groups: arch(groups[1][0], groups[1][1], groups[1][2], groups[0]),
     "ball": lambda groups: ellipsoid(*groups, rings=8),
     "bar": lambda groups: bar(groups[0], groups[1], groups[2][0]),
     "blob": partial(_plate, True),

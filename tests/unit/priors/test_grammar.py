@@ -73,7 +73,7 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a twistd vase", ["twistd"], ["a twisted vase"]),
         ("a squirrel beside a house", ["squirrel", "beside"], ["a house"]),
         ("a squirrel", ["squirrel"], ["a mouse", "a hedgehog", "a rabbit"]),
-        ("a tall throne", ["throne"], ["a tall armchair", "a tall chair", "a tall castle"]),
+        ("a tall pulpit", ["pulpit"], ["a tall church"]),
         ("two canoes", ["two", "canoes"], ["a boat"]),
         ("a sandal", ["sandal"], ["a boot"]),
         ("a bote", ["bote"], ["a bottle"]),
