@@ -64,7 +64,7 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a twistd vase", ["twistd"], ["a twisted vase"]),
         ("a badger beside a house", ["badger", "beside"], ["a house"]),
         ("a badger", ["badger"], ["a bear", "a wolf", "a fox"]),
-        ("a tall throne", ["throne"], ["a tall armchair", "a tall chair", "a tall castle"]),
+        ("a tall pulpit", ["pulpit"], ["a tall church"]),
         ("two schooners", ["two", "schooners"], ["a boat"]),
         ("a sandal", ["sandal"], ["a boot"]),
         ("a bote", ["bote"], ["a bottle"]),
