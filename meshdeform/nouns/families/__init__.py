@@ -13,6 +13,7 @@ from types import ModuleType
 import numpy as np
 
 from meshdeform.nouns.families.parts import Part
+from meshdeform.nouns.families.sketches import SKETCHED_KINDS, SKETCHES
 from meshdeform.nouns.families.traits import Traits
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import deformed
@@ -34,11 +35,12 @@ def _kinds_of(module: ModuleType) -> Mapping[str, tuple[Family, ...]]:
 
 _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 FAMILIES: dict[str, Family] = dict(
-    sorted((name, getattr(module, name)) for module in _MODULES for name in module.__all__)
+    sorted([*((name, getattr(module, name)) for module in _MODULES for name in module.__all__), *SKETCHES.items()])
 )
 """The family of each noun that has one, by the alphabet."""
 KINDS: dict[str, dict[str, Family]] = {
     noun: {draw.__name__.replace("_", "-"): draw for module in _MODULES for draw in _kinds_of(module).get(noun, ())}
+    | {kind: draw for (of, kind), draw in SKETCHED_KINDS.items() if of == noun}
     for noun in FAMILIES
 }
 """Other kinds of a noun, by name: a `steam-train` is a kind of train. A module lists its kinds in its own `KINDS`."""

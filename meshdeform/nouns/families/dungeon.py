@@ -11,7 +11,7 @@ from meshdeform.nouns.families.traits import Rng, Traits
 __all__ = ["bone", "column", "crate", "crown", "crystal", "gravestone", "log", "scroll", "skull", "torch"]
 
 
-def _around(part: Part, count: int, start: float = 0.0) -> list[Part]:
+def around(part: Part, count: int, start: float = 0.0) -> list[Part]:
     """Return copies of a part evenly around +Y."""
     return [turned(part, start + 360.0 * k / count, "y") for k in range(count)]
 
@@ -68,11 +68,11 @@ def crown(rng: Rng, _: Traits) -> Part:
     out = 1 + (lean - 1) * reach * tall
     parts = [Part(np.stack([x * out, y + reach * tall, z * out], 1), ring.faces)]
     away = (wide * lean - 0.05) * (1 + (lean - 1) * tall)
-    parts += _around(ellipsoid([0, level + 0.14 + tall, away], rng.uniform(0.09, 0.12), rings=8), points)
-    parts += _around(ellipsoid([0, 0.1, wide + 0.06], [0.09, 0.07, 0.06], rings=8), points, 180 / points)
+    parts += around(ellipsoid([0, level + 0.14 + tall, away], rng.uniform(0.09, 0.12), rings=8), points)
+    parts += around(ellipsoid([0, 0.1, wide + 0.06], [0.09, 0.07, 0.06], rings=8), points, 180 / points)
     if rng.random() < 0.35:
         parts += [ellipsoid([0, 0.3, 0], [wide * 0.9, tall + 0.2, wide * 0.9]), ellipsoid([0, tall + 0.62, 0], 0.13)]
-        parts += _around(limb([[0, 0.3, wide], [0, 0.3 + 0.8 * tall, 0.7 * wide], [0, tall + 0.5, 0]], [0.08] * 3), 4)
+        parts += around(limb([[0, 0.3, wide], [0, 0.3 + 0.8 * tall, 0.7 * wide], [0, tall + 0.5, 0]], [0.08] * 3), 4)
     return join(parts)
 
 
@@ -154,7 +154,7 @@ def torch(rng: Rng, _: Traits) -> Part:
     parts += [limb(np.array(tongue) + [0, tall, 0], [0.24, 0.32, 0.17, 0.02])]
     lick = [[0, tall + 0.45, 0.12], [0, tall + 0.62, 0.3], [0, tall + 0.45 + 0.55 * blaze, 0.3]]
     side = limb(lick, [0.15, 0.14, 0.02], segments=10)
-    return join([*parts, *_around(side, 4, rng.uniform(0, 90))])
+    return join([*parts, *around(side, 4, rng.uniform(0, 90))])
 
 
 def bone(rng: Rng, _: Traits) -> Part:
