@@ -75,7 +75,6 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a squirrel", ["squirrel"], ["a mouse", "a hedgehog", "a rabbit"]),
         ("a tall throne", ["throne"], ["a tall armchair", "a tall chair", "a tall castle"]),
         ("two canoes", ["two", "canoes"], ["a boat"]),
-        ("a sandal", ["sandal"], ["a boot"]),
         ("a bote", ["bote"], ["a bottle"]),
         ("a dog and a cat", [], ["a dog", "a cat"]),
         ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
