@@ -34,6 +34,7 @@
     ├── ConflictError                  409  conflict               the resource's state does not allow it
     │   ├── JobNotFinishedError        409  job_not_finished       a result was requested before the job finished
     │   ├── UnreadableJobError         409  job_unreadable         another version's request, unknown to this one
+    │   │   └── KindRetiredError       422  kind_retired           a kind of job or of model that is gone
     │   ├── IdempotencyBusyError       409  idempotency_in_flight  the first request with this key is still running
     │   └── StaleAttemptError          409  stale_attempt          a worker writes after losing its lease
     ├── LimitError                     429  rate_limited           more requests than the key is allowed
@@ -79,6 +80,7 @@ __all__ = [
     "IdempotencyBusyError",
     "IdempotencyMismatchError",
     "JobNotFinishedError",
+    "KindRetiredError",
     "LimitError",
     "MeshdeformError",
     "MethodNotAllowedError",
@@ -425,6 +427,17 @@ class UnreadableJobError(ConflictError):
 
     code = "job_unreadable"
     advice = "Use a server of the version that accepted it; any server can cancel or delete it."
+
+
+class KindRetiredError(UnreadableJobError):
+    """Such jobs and models were retired."""
+
+    status = 422
+    code = "kind_retired"
+    advice = (
+        "Add the meshes as a word (meshdeform words add FILE --noun NOUN, or POST /v1/words), and use it in prompts. "
+        "docs/changes.md names the last commit with lessons."
+    )
 
 
 class IdempotencyBusyError(ConflictError):

@@ -15,7 +15,6 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from meshdeform.requests.choices import TAUGHT_SUFFIX
 from meshdeform.requests.document import BUILTIN_MODEL, MAX_STEPS
 
 
@@ -69,10 +68,6 @@ class Settings(BaseSettings):
     allowed_models: _Texts = Field(
         default_factory=list,
         description="Models that jobs may name besides `builtin` and MESHDEFORM_MODEL, separated by commas.",
-    )
-    models: str = Field(
-        "",
-        description="Folder of files that `meshdeform teach` wrote; jobs may name them. The API reads it, too.",
     )
     model_revision: str = Field("", description="Revision (branch, tag or commit) of a hub model. Default: main.")
     dtype: Literal["auto", "float32", "float16", "bfloat16"] = Field(
@@ -188,14 +183,7 @@ class Settings(BaseSettings):
     @property
     def offered_models(self) -> list[str]:
         """Every model that a job may name, as configured, the default one first."""
-        return list(dict.fromkeys([self.model, BUILTIN_MODEL, *self.further_models]))
-
-    @property
-    def further_models(self) -> list[str]:
-        """The models that a job may name besides `builtin` and the default one; the folder is read every time."""
-        folder = Path(self.models).expanduser() if self.models else None
-        taught = sorted(map(str, folder.glob(f"*{TAUGHT_SUFFIX}"))) if folder else []
-        return [*self.allowed_models, *taught]
+        return list(dict.fromkeys([self.model, BUILTIN_MODEL, *self.allowed_models]))
 
     @cached_property
     def resolved_storage_url(self) -> str:

@@ -29,7 +29,6 @@ _ROOT = Path(__file__).resolve().parents[1]
 NEEDED = (
     "meshdeform/py.typed",
     "meshdeform/priors/builtin/weights/*.safetensors",
-    "meshdeform/priors/builtin/weights/rehearsal.zip",
     "meshdeform/priors/builtin/nouns.txt.gz",
     "meshdeform/priors/builtin/translations.txt",
     "meshdeform/judge/weights/*",
@@ -54,8 +53,8 @@ NEEDED = (
 
 _ALLOWED = ("meshdeform/*", "service/*", "worker/*", "*.dist-info/*")
 _STRAY = ("*.pyc", "*__pycache__*", "*.log", "*.db", "*.orig", "*/node_modules/*", "*.map")
-MAX_WHEEL_BYTES = 25_000_000
-"""Upper limit of the wheel's size; the prior, what lessons rehearse and the page take most of it."""
+MAX_WHEEL_BYTES = 18_000_000
+"""Upper limit of the wheel's size; the prior and the page take most of it."""
 
 
 def build(out: Path) -> list[Path]:

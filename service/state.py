@@ -25,7 +25,6 @@ from meshdeform.webhooks.addresses import LookupPool
 from service.downloads.strengths import Strengths
 from service.events.waiting import JobWaiters
 from service.http.limits import FairSlots
-from service.operations.taught_models import TaughtModels
 from service.schemas import PartHealth
 from service.workspace import Workspace
 
@@ -90,7 +89,6 @@ class AppState:
     waiters: JobWaiters
     assets: CheckedAssets
     workspace: Workspace
-    taught: TaughtModels
     strengths: Strengths
     readings: StoredReadings
     # Requests whose files are checked and stored at the same time, in threads: others never wait for a decoder.
@@ -134,7 +132,6 @@ class AppState:
             waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(limits),
             workspace=workspace,
-            taught=TaughtModels(record, store, workspace),
             strengths=Strengths(record, store, workspace, limits),
             readings=StoredReadings(store, samples_in(settings.cache_folder)),
         )

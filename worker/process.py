@@ -35,11 +35,11 @@ from rq.worker.base import BaseWorker, StopRequested
 from rq.worker_registration import clean_worker_registry
 
 from meshdeform.errors import MeshdeformError, UnavailableError
-from meshdeform.priors.builtin.taught import MAX_FILE_BYTES
+from meshdeform.priors.builtin.weights_file import MAX_FILE_BYTES
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.queue import MESSAGE, REDIS_AWAY, JobQueue, job_of
 from meshdeform.record.repository import JobRecord
-from meshdeform.requests.choices import is_taught
+from meshdeform.requests.choices import is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.runs import kinds, start_run
 from meshdeform.runs.base import StartRun
@@ -118,8 +118,8 @@ class PriorCache:
 
 
 def _edition(model: str) -> str:
-    """Return the hash of taught weights, which may be replaced, or be elsewhere for each job; else an empty text."""
-    if not is_taught(model):
+    """Return the hash of a file of weights, which may be replaced; else an empty text."""
+    if not is_weights_file(model):
         return ""
     path = Path(model).expanduser()
     try:

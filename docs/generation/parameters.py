@@ -97,7 +97,7 @@ these that has every parameter that was sent.
 - with target meshes: `target` for one, `exemplar` for several
 - with pictures and without a prompt: `silhouettes`
 - with a prompt: `exemplar`, then `sds`; the other way round where the operator has named a model (MESHDEFORM_MODEL)
-- with taught weights, or for whatever has none of these: `sds`
+- for whatever has none of these: `sds`
 
 So `preset`, `steps` and the other parameters of the optimiser, `model`, `negative_prompt` and whatever else only a
 model has mean `sds` beside a prompt. A branch without a kind has that of its job.

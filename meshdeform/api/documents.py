@@ -403,19 +403,6 @@ class VocabularyView(Document):
     )
 
 
-class LessonView(Document):
-    """Nouns that `meshdeform teach` taught the builtin model."""
-
-    noun: str = Field(description="The noun.", examples=["gnome"])
-    synonyms: list[str] = Field(description="Other names of it.", examples=[["dwarf"]])
-    attributes: list[str] = Field(description="Attributes that its meshes were labelled with.", examples=[["tall"]])
-    meshes: list[str] = Field(description="The names of its meshes.", examples=[["round.glb", "tall/garden.obj"]])
-    licence: str = Field(description="Stated licence of the meshes.", examples=["CC0-1.0"])
-    date: str = Field(description="The day of the lesson.", examples=["2026-11-22"])
-    steps: int = Field(ge=0, description="Steps of the training.", examples=[600])
-    seed: int = Field(description="Its seed.", examples=[0])
-
-
 class ModelView(Document):
     """A model that jobs may use."""
 
@@ -430,10 +417,6 @@ class ModelView(Document):
     problem: str | None = Field(description="Why it is not available and what to do, else null.", examples=[None])
     vocabulary: VocabularyView | None = Field(description="The words that it understands; null: any prompt.")
     licence: str = Field("", description="Licence that its model card states; empty: unknown.", examples=["mit"])
-    lessons: list[LessonView] = Field(
-        default_factory=list,
-        description="Words that the builtin model was taught; empty for every other model.",
-    )
 
 
 class ModelList(Document):

@@ -69,7 +69,9 @@ class JobView(Document):
     """A job."""
 
     id: str = Field(description="Sorts by the time of creation.", examples=[_JOB_ID])
-    kind: Annotated[JobKind, or_new(JobKind)] = Field(description="Kind of the job.", examples=["text_deform"])
+    kind: Annotated[JobKind, or_new(JobKind)] = Field(
+        description="Kind of the job; if it is `unreadable`, maybe one of another version.", examples=["text_deform"]
+    )
     state: Annotated[JobState, or_new(JobState)] = Field(
         description="`succeeded`, `failed`, `canceled` and `expired` are terminal: such a job never changes again.",
         examples=["running"],
@@ -117,7 +119,8 @@ class JobView(Document):
     unreadable: str | None = Field(
         None,
         description="Why this server cannot read the request, so that it neither retries nor branches the job, and "
-        "its workers leave the job to others; for example, a later version accepted it. Null: it can.",
+        "its workers leave the job to others; for example, a later version accepted it, or its kind is retired. Null: "
+        "it can.",
         examples=[None],
     )
 

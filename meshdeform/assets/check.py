@@ -22,11 +22,9 @@ from meshdeform.assets.limits import Limits, bound_resources, error_from, error_
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
-    AssetFormatError,
     AssetTooLargeError,
     AssetTruncatedError,
     DependencyError,
-    ModelError,
 )
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.support.recent import Recent
@@ -40,9 +38,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "lesson", "weights", "scalars"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "scalars"]
 """Contents of a file: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, a fitted family, the mesh or the meshes of a lesson, taught weights, a line drawing, or values at points."""
+in a ZIP, a fitted family, or values at points."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -116,11 +114,7 @@ class CheckedAssets:
         """
         # Some formats are recognised only by the file's extension.
         suffix = PurePath(filename).suffix.lower()
-        known = (
-            owner_id,
-            sha256,
-            {"mesh": suffix, "surface": f"surface{suffix}", "lesson": f"lesson{suffix}"}.get(content, content),
-        )
+        known = (owner_id, sha256, {"mesh": suffix, "surface": f"surface{suffix}"}.get(content, content))
         summary = self._passed.get(known)
         if summary is None:
             summary = check_asset_subprocess(path, filename, self.limits, content=content)
@@ -167,8 +161,6 @@ def main(arguments: list[str] | None = None) -> int:
         "surface": _decode_surface,
         "collection": _read_collection,
         "family": _read_family,
-        "lesson": _read_lesson,
-        "weights": _read_weights,
         "scalars": _read_scalars,
     }.get(options.content, _decode)
     try:
@@ -242,40 +234,6 @@ def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     family = read_family(path.read_bytes(), limits)
     triangles = sum(len(segments) for segments in family.segments)
     return asdict(AssetSummary("safetensors", 0, triangles, meshes=len(family.names)))
-
-
-def _read_lesson(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
-    """Check a ZIP of meshes, or one mesh."""
-    from meshdeform.assets.lesson_archive import MIN_FACES, inspect_lesson, is_archive
-
-    with path.open("rb") as file:
-        packed = is_archive(file.read(len(ZIP_MAGIC)))
-    if packed:
-        bound_resources(limits.max_memory_bytes, limits.max_check_s)
-        return asdict(inspect_lesson(path.read_bytes(), limits))
-    summary = _decode(path, filename, limits)
-    if summary["triangles"] < MIN_FACES:
-        raise AssetEmptyError(
-            f"{summary['triangles']} triangles are too few; a shape to learn from has at least {MIN_FACES}.",
-            advice="Export the whole object as a mesh.",
-        )
-    return summary | {"mesh_names": []}  # the names of files, and there is one file
-
-
-def _read_weights(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    """Check taught weights: sizes, shapes, words and numbers; `meshes` of the summary counts the taught nouns."""
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    from meshdeform.priors import hidden_folders
-    from meshdeform.priors.builtin.taught import check, check_numbers, lessons_of, read_metadata
-
-    try:
-        with hidden_folders([str(path)]):
-            check(path)
-            lessons = lessons_of(read_metadata(path), path)
-            check_numbers(path)
-    except ModelError as error:
-        raise AssetFormatError(error.detail, advice=error.advice_text) from error
-    return asdict(AssetSummary("safetensors", 0, 0, meshes=len(lessons)))
 
 
 def has_area(surface: Surface) -> bool:

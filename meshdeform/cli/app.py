@@ -21,7 +21,7 @@ from meshdeform.cli.exits import ExitCode, OutcomeError, report
 from meshdeform.cli.form import form_command
 from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import branch, cancel, delete, fetch, jobs, retry, wait, watch
-from meshdeform.cli.kinds import family_fit, family_synthesize, surface_fit, teach, unfold
+from meshdeform.cli.kinds import family_fit, family_synthesize, surface_fit, unfold
 from meshdeform.cli.models import models
 from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
@@ -116,7 +116,7 @@ def _options(
 for _panel, _commands in {
     _MACHINE: (
         *(run, batch, apply, convert, family_fit, family_synthesize, inspect, animate, surface_fit),
-        *(unfold, sketch, teach, models, doctor, version),
+        *(unfold, sketch, models, doctor, version),
     ),
     _CLIENT: (watch, wait, fetch, cancel, retry, branch, delete, jobs, mcp),
     _SERVICE: (serve, api, worker),

@@ -254,7 +254,7 @@ def _driver() -> str:
 
 def check_builtin(_subject: Subject) -> Iterator[Finding]:
     """Check that the builtin weights are whole."""
-    from meshdeform.priors.builtin.taught import check
+    from meshdeform.priors.builtin.weights_file import check
 
     path = Path(meshdeform.__file__).parent / "priors/builtin/weights/prior.safetensors"
     try:

@@ -105,6 +105,6 @@ def complete_models(incomplete: str) -> Iterator[tuple[str, str]]:
     models = {"builtin": "the demonstration model that ships with Meshdeform"}
     with contextlib.suppress(MeshdeformError):
         settings = load_settings()
-        for name in (settings.model, *settings.further_models):
+        for name in (settings.model, *settings.allowed_models):
             models.setdefault(name, "from the settings")
     yield from ((name, text) for name, text in models.items() if name.startswith(incomplete))

@@ -1,13 +1,11 @@
-"""The commands of further kinds of job: `surface-fit` and `unfold`, `family-fit` and `family-synthesize`, `teach`."""
+"""The commands of further kinds of job: `surface-fit` and `unfold`, `family-fit` and `family-synthesize`."""
 
 from __future__ import annotations
 
-import re
 import tempfile
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import typer
 
@@ -31,14 +29,12 @@ from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import ANCHOR, make_request, merge_params
 from meshdeform.errors import AssetError, ParameterError
 from meshdeform.requests.choices import JobKind
-from meshdeform.support.files import slug
+from meshdeform.support.files import zipped
 
 _FIT = "Base, network and fit"
 _MAX_FACES = 4_000_000
-_ARTICLE = re.compile(r"^(an?|the)\s+", re.IGNORECASE)
 _NAMED: Mapping[str, Mapping[str, str]] = {
     JobKind.SURFACE_FIT: {".ndf": "surface.ndf", ".glb": "level_{level}.glb"},
-    JobKind.PRIOR_TEACH: {".safetensors": "weights.safetensors"},
 }
 """The artifacts that `--output` may name, by its ending; the first one is written in any case."""
 
@@ -189,51 +185,10 @@ def family_synthesize(
     run_kind(JobKind.FAMILY_SYNTHESIZE, merge_params(ctx, param), files, output, here, place, printed)
 
 
-@clean_errors
-@with_options(of_kind("prior_teach", "Lesson"))
-def teach(
-    ctx: typer.Context,
-    meshes: Annotated[
-        list[Path],
-        typer.Argument(
-            help="GLB, OBJ, PLY, STL or ZIP files, or folders of them. Subfolders are named by attributes: tall, "
-            "long-nose. Without --noun a kit, whose folders, or files in none, are named by nouns.",
-            exists=True,
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        output_option(
-            "The file of weights, default: NOUN.safetensors, or the name of the folder; with --url a folder."
-        ),
-    ] = None,
-    param: SetOption = None,
-    *,
-    here: Here,
-    place: JobPlace,
-    printed: Printed,
-) -> None:
-    """Teach the builtin model nouns from your own meshes, so that prompts may name them.
-
-    meshdeform teach teapots/*.glb --noun "a teapot" -o mine.safetensors
-
-    meshdeform run sphere.glb "a teapot" --model mine.safetensors
-
-    meshdeform teach kit/ -o kit.safetensors
-    """
-    params = merge_params(ctx, param)
-    noun = str(params.get("noun") or "")
-    if not noun:
-        params = {**_steps_of_kit(meshes, printed), **params}
-    name = slug(_ARTICLE.sub("", noun) or meshes[0].resolve().stem) or "noun"
-    output = output or Path(name if place.url else f"{name}.safetensors")
-    run_kind(JobKind.PRIOR_TEACH, params, {"meshes": meshes}, output, here, place, printed)
-
-
 def run_kind(
     kind: JobKind,
     params: Mapping[str, Any],
-    files: Mapping[str, Path | Sequence[Path]],
+    files: Mapping[str, Path],
     output: Path,
     here: Here,
     place: JobPlace,
@@ -244,12 +199,12 @@ def run_kind(
 ) -> None:
     """Run a job of a kind that is no deformation, here or on a service, and print its result.
 
-    The files are by part; folders, and several files, are packed. `more` are further members of the request.
+    The files are by part; folders are packed. `more` are further members of the request.
     """
     request = make_request("", params, more={**more, "kind": kind})
     refuse_other_place(place, here=here.written(), there=place.written())
     with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
-        packed = {part: _packed(paths, Path(folder)) for part, paths in files.items()}
+        packed = {part: _packed(path, Path(folder)) for part, path in files.items()}
         if place.url:
             run_on_service(request, packed, place, output, printed, idempotency_key=idempotency_key)
             return
@@ -259,19 +214,18 @@ def run_kind(
     print_result(kind, run, paths, printed)
 
 
-def _packed(paths: Path | Sequence[Path], folder: Path) -> Path:
-    """Return the only file, or a ZIP in a temporary folder of what is in folders and of several files."""
-    from meshdeform.client.orders import packed_meshes
+def _packed(path: Path, folder: Path) -> Path:
+    """Return a file, or a ZIP in a temporary folder of the meshes in a folder."""
+    from meshdeform.client.orders import files_in
 
-    paths = [paths] if isinstance(paths, Path) else paths
-    if len(paths) == 1 and paths[0].is_file():
-        return paths[0]
+    if path.is_file():
+        return path
     try:
-        data, _ = packed_meshes(paths)
+        files = files_in([path])
     except ValueError as error:
         raise ParameterError(str(error)) from error
-    packed = folder / f"{paths[0].resolve().stem}.zip"
-    packed.write_bytes(cast("bytes", data))
+    packed = folder / f"{path.resolve().stem}.zip"
+    packed.write_bytes(zipped({name: file.read_bytes() for name, file in files.items()}))
     return packed
 
 
@@ -290,22 +244,3 @@ def _outputs(kind: JobKind, output: Path, level: int) -> tuple[dict[str, Path], 
     ending, main = next(iter(named.items()))
     chosen = {named[output.suffix.lower()].format(level=level): output}
     return {main: output.with_suffix(ending), **beside, **chosen}, False
-
-
-def _steps_of_kit(meshes: Sequence[Path], printed: Printed) -> dict[str, int]:
-    """Say which nouns the folders and files of a kit have; return the steps to learn them, as parameters."""
-    from meshdeform.client.orders import files_in
-    from meshdeform.priors.builtin.teaching.lesson import nouns_of_kit
-    from meshdeform.requests.teaching import TEACH_STEPS, TEACH_STEPS_FURTHER
-
-    if any(path.suffix.lower() == ".zip" for path in meshes):
-        return {}
-    try:
-        kit = nouns_of_kit(list(files_in(meshes)))
-    except ValueError as error:
-        raise ParameterError(str(error)) from error
-    nouns = Counter(noun for noun, _ in kit.values())
-    if not printed.quiet:
-        listed = ", ".join(f"{noun} ({count})" for noun, count in nouns.items())
-        typer.echo(f"{len(nouns)} nouns and their meshes: {listed}", err=True)
-    return {"steps": TEACH_STEPS + TEACH_STEPS_FURTHER * (len(nouns) - 1)}

@@ -119,7 +119,7 @@ class LocalJob:
         use_threads(self.settings.threads)
         device = resolve_device(self.settings.device)
         job_input = RunInput(
-            request=find_taught(self.request, self.settings),
+            request=self.request,
             files={part: InputFile(read_with_files(path, limits), path.name) for part, path in self.files.items()},
             checkpoint=self.resume.read_bytes() if self.resume else None,
             load_prior=lambda model: self._prior(model, device),
@@ -218,25 +218,10 @@ def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str])
     """Refuse a request that could not run on this machine, where any model may be named; without torch."""
     from meshdeform.runs import check_request
 
-    request = find_taught(request, settings)
     model = getattr(request.params, "model", None)
     if model:
         settings = settings.model_copy(update={"allowed_models": [*settings.allowed_models, model]})
     check_request(request, settings, files=parts)
-
-
-def find_taught(request: JobRequest, settings: Settings) -> JobRequest:
-    """Return the request with the path of taught weights that are named by a file in MESHDEFORM_MODELS."""
-    from meshdeform.priors import configured_name
-    from meshdeform.requests.choices import is_taught
-
-    model = getattr(request.params, "model", None)
-    if model is None or not is_taught(model) or Path(model).expanduser().exists():
-        return request
-    path = configured_name(model, settings.further_models)
-    params: Any = request.params  # of a deformation, or of a lesson
-    named = params.with_model(path) if hasattr(params, "with_model") else params.model_copy(update={"model": path})
-    return request.model_copy(update={"params": named})
 
 
 def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: Sequence[Path], kind: str) -> None:
@@ -295,15 +280,9 @@ def _check_checkpoint(path: Path) -> None:
 
 
 def _is_checkpoint(path: Path) -> bool:
-    from meshdeform.priors.builtin.teaching.lesson import STATE_MAGIC
-
-    # A lesson's has its own first bytes; others have the layout of safetensors: 8 bytes of length, then JSON.
+    # The layout of safetensors: 8 bytes of length, then JSON.
     try:
         with path.open("rb") as file:
-            first = file.read(len(STATE_MAGIC))
-            if first == STATE_MAGIC:
-                return True
-            file.seek(0)
             size = int.from_bytes(file.read(8), "little")
             header = json.loads(file.read(min(size, 2**24)))
         return str(header["__metadata__"]["format"]).startswith("meshdeform-checkpoint")

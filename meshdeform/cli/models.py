@@ -66,7 +66,7 @@ def _local() -> dict[str, Any]:
     from meshdeform.priors.catalogue import list_models
 
     settings = load_settings()
-    models = list_models(settings.model, settings.further_models, settings.model_revision)
+    models = list_models(settings.model, settings.allowed_models, settings.model_revision)
     return {"default": settings.model, "models": [asdict(entry) for entry in models]}
 
 
@@ -83,14 +83,6 @@ def _described(entry: dict[str, Any]) -> str:
     for name in ("attributes", "examples"):
         if words.get(name):
             lines.append(f"{name}: {', '.join(words[name])}")
-    for lesson in entry.get("lessons") or []:
-        names = " or ".join([lesson["noun"], *lesson["synonyms"]])
-        meshes = list(lesson["meshes"][:3]) + (
-            [f"{len(lesson['meshes']) - 3} more"] if len(lesson["meshes"]) > 3 else []
-        )
-        licence = f"; licence of the meshes: {lesson['licence']}" if lesson["licence"] else ""
-        labels = f"; labelled {', '.join(lesson['attributes'])}" if lesson["attributes"] else ""
-        lines.append(f"taught {lesson['date']}: {names}, from {', '.join(meshes)}{labels}{licence}")
     lines.append(f"Licence: {entry.get('licence') or 'not stated here; see its model card'}")
     if not words:
         lines.append("Accepts any prompt.")

@@ -146,31 +146,6 @@ def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f"{each['distance']:9.3f}  {each['name']}"
 
 
-def _lesson(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
-    names = {"weights.safetensors": "result", "report.json": "report", "preview.png": "preview"}
-    return {**run.report, **{names[name]: str(path) for name, path in files.items()}}
-
-
-def _lesson_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    steps, seen = summary["steps"], summary["retrieval"]
-    yield f"Weights    {summary['result']}"
-    yield f"Report     {summary['report']}"
-    yield f"Picture    {summary['preview']}"
-    yield f"Steps      {steps['done']} of at most {steps['most']}; the best weights are those of {steps['best']}"
-    new, before, after = seen["new"], seen["old_before"], seen["old_after"]
-    nouns = summary["nouns"]
-    shown = f"a {nouns[0]['noun']}" if len(nouns) == 1 else "what they show"
-    yield f"New words  {new['hits']} of {new['pictures']} held-out pictures are taken for {shown}"
-    if len(nouns) > 1:
-        for each in nouns:
-            hits, meshes = each["retrieval"], len(each["meshes"])
-            yield f"  {each['noun']}: {hits['hits']} of {hits['pictures']}; {meshes} mesh{'es' if meshes > 1 else ''}"
-    yield (
-        f"Old nouns  {after['hits']} of {after['pictures']} pictures are taken for what they show; "
-        f"before the lesson {before['hits']}"
-    )
-
-
 def fit_line(fit: Mapping[str, Any]) -> str:
     """Return the line for `fit` of a run's summary."""
     quality = fit["quality"]
@@ -326,5 +301,4 @@ _KINDS: Mapping[str, tuple[Callable[..., dict[str, Any]], Callable[..., Iterator
     "surface_fit": (_surface, _surface_lines),
     "family_fit": (_folder, _family_lines),
     "family_synthesize": (_folder, _shape_lines),
-    "prior_teach": (_lesson, _lesson_lines),
 }

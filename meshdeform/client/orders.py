@@ -23,14 +23,10 @@ from pydantic import BaseModel
 
 from meshdeform.api.documents import UploadView
 from meshdeform.requests.document import DeformParams, OutputOptions
-from meshdeform.support.files import zipped
 
 AssetLike = str | os.PathLike[str] | bytes | IO[bytes] | UploadView | Mapping[str, str]
 """A path; the bytes; a binary stream, read from its current position; an upload; or a reference such as
 `{"job_id": "job_...", "artifact": "result.glb"}`."""
-
-Meshes = AssetLike | Sequence[str | os.PathLike[str]]
-"""One mesh or ZIP as any asset, a folder, or several files and folders."""
 
 _IN_MEMORY = 2**20
 _ENDINGS = frozenset({".glb", ".obj", ".ply", ".stl"})
@@ -179,21 +175,6 @@ def _measured(file: IO[bytes], filename: str) -> LocalFile:
         size += len(part)
     file.seek(0)
     return LocalFile(filename, file, size, digest.hexdigest())
-
-
-def packed_meshes(meshes: Meshes) -> tuple[AssetLike, str | None]:
-    """Return the file to send as the meshes of a lesson, with a name if it has none of its own.
-
-    One file is sent as it is. A folder and several files are packed into a ZIP, in which subfolders keep their names.
-    """
-    if isinstance(meshes, str | os.PathLike):
-        if not Path(meshes).is_dir():
-            return meshes, None
-        meshes = [meshes]
-    elif isinstance(meshes, bytes) or not isinstance(meshes, Sequence):
-        return meshes, None
-    files = files_in([Path(cast("str", each)) for each in meshes])
-    return zipped({name: file.read_bytes() for name, file in files.items()}), "meshes.zip"
 
 
 def files_in(paths: Sequence[Path]) -> dict[str, Path]:

@@ -42,6 +42,9 @@ _COUNTS_WITH = _table("""
     flap: body
     stand fork clapper roller: body
     cabin load: body
+    bellows cone land needle ring stick string trigger: body head
+    page: cover body
+    step: frame body
 """)
 """The parts that are too small for maps of their own, and what they count with: the first that the noun has."""
 
@@ -85,7 +88,8 @@ _OTHER_ROLES = _table("""
     top: seat mattress body
     mattress: seat top body
     frame: body seat
-    body: seat top frame tower base skirt shaft screen head crown cap sail
+    body: seat top frame tower base skirt shaft screen head crown cap sail cover
+    cover: body seat top
     skirt: body shaft
     screen: body
     tower: keep mast

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import DependencyError, ModelError
-from meshdeform.requests.choices import is_taught
+from meshdeform.requests.choices import is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL
 
 if TYPE_CHECKING:
@@ -27,12 +27,13 @@ def check_model(model: str, revision: str = "") -> None:
     """Check, without torch and without a network, whether `load_prior` would find the model.
 
     An environment without torch does not run models (for example, the API's own container). There, nothing is checked
-    but taught weights, whose words the prompts need, and the worker reports a missing model.
+    but files of weights of the builtin prior, and the worker reports a missing model.
 
     Parameters
     ----------
     model : str
-        `builtin`, a file that `meshdeform teach` wrote, the folder of a Stable Diffusion checkpoint, or its hub id.
+        `builtin`, a file of weights for it (`.safetensors`), the folder of a Stable Diffusion checkpoint, or its hub
+        id.
     revision : str
         Branch, tag or commit of a hub model; by default its default branch.
 
@@ -40,15 +41,17 @@ def check_model(model: str, revision: str = "") -> None:
     ------
     ModelError
         The model is not on this machine, or is not a Stable Diffusion checkpoint with safetensors weights.
+    KindRetiredError
+        The words of the file of weights were taught.
     DependencyError
         The model needs packages that are not installed.
     """
     if model == BUILTIN_MODEL:
         return
-    if is_taught(model):
-        from meshdeform.priors.builtin.taught import check as check_taught
+    if is_weights_file(model):
+        from meshdeform.priors.builtin.weights_file import check as check_weights
 
-        check_taught(Path(model).expanduser())
+        check_weights(Path(model).expanduser())
         return
     from meshdeform.priors.model_files import check
 
@@ -79,7 +82,7 @@ def load_prior(model: str, *, device: str, revision: str = "", dtype: str = "aut
         from meshdeform.priors.builtin.prior import BuiltinPrior
 
         return BuiltinPrior(device=device, dtype=dtype)
-    if is_taught(model):
+    if is_weights_file(model):
         from meshdeform.priors.builtin.prior import BuiltinPrior
 
         return BuiltinPrior(device=device, weights=Path(model).expanduser(), dtype=dtype)
@@ -99,8 +102,8 @@ def public_names(models: Sequence[str]) -> dict[str, str]:
 
 
 def public_name(model: str) -> str:
-    """Return the last part of the path of a folder or of taught weights; a hub id stays."""
-    if is_taught(model):
+    """Return the last part of the path of a folder or of a file of weights; a hub id stays."""
+    if is_weights_file(model):
         return Path(model).name
     absolute_or_relative = model.startswith(("/", ".", "~")) or "\\" in model or model.count("/") > 1
     if absolute_or_relative or Path(model).is_dir():

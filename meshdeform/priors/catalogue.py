@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model, hidden_folders, public_names
-from meshdeform.priors.builtin.grammar import ATTRIBUTES, Attribute, ParsedPrompt, Words
-from meshdeform.priors.builtin.taught import Lesson, lessons_of, read_metadata
-from meshdeform.priors.builtin.taught import check as check_taught
-from meshdeform.requests.choices import is_taught
+from meshdeform.priors.builtin.grammar import ATTRIBUTES
+from meshdeform.requests.choices import is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 
@@ -28,7 +26,7 @@ EXAMPLES: tuple[str, ...] = (
 """Example prompts for the builtin prior."""
 
 _GUIDES = "A Stable Diffusion checkpoint: takes any prompt in English. A GPU is recommended."
-_TAUGHT = "The builtin model with words of its own."
+_WEIGHTS = "The builtin model with other weights."
 _CARD = 10_000
 """Characters of a model card that are read."""
 
@@ -44,6 +42,9 @@ class Vocabulary:
     groups: dict[str, tuple[str, ...]]  # the nouns by kind: animals, vehicles, furniture
 
 
+_VOCABULARY = Vocabulary(tuple(sorted(NOUNS)), tuple(map(str, ATTRIBUTES)), dict(NOUNS), EXAMPLES, dict(NOUN_GROUPS))
+
+
 @dataclass(frozen=True)
 class ModelInfo:
     """A model that jobs may name."""
@@ -57,7 +58,6 @@ class ModelInfo:
     problem: str | None  # why the model is not available, and what to do
     vocabulary: Vocabulary | None  # none if the model takes any prompt
     licence: str = ""  # what its model card says, or an empty text
-    lessons: tuple[Lesson, ...] = ()  # what the builtin prior was taught, in order; empty for every other model
 
 
 def list_models(
@@ -82,67 +82,21 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
             "seconds to minutes on any machine, without a download.",
             available=True,
             problem=None,
-            vocabulary=_vocabulary(NOUNS, EXAMPLES),
+            vocabulary=_VOCABULARY,
             licence="Apache-2.0",
         )
-    if is_taught(model):
-        return describe_taught(model, name)
+    of_builtin = is_weights_file(model)
     available, problem = _find(model, revision, [model] if name != model else [])
     return ModelInfo(
         id=name,
         # The name is the last part of a folder's path or a hub id.
         title=model.rstrip("/").rpartition("/")[2] or model,
-        description=_GUIDES,
+        description=_WEIGHTS if of_builtin else _GUIDES,
         available=available,
         problem=problem,
-        vocabulary=None,
+        vocabulary=_VOCABULARY if of_builtin and available else None,
         licence=_licence(model),
     )
-
-
-def describe_taught(model: str, name: str) -> ModelInfo:
-    """Describe a file of weights that `meshdeform teach` or a job of kind `prior_teach` wrote.
-
-    `model`: its path. `name`: its id for those who ask; if it is another one, no text shows the path.
-    """
-    path = Path(model).expanduser()
-    try:
-        with hidden_folders([model] if name != model else []):
-            words = check_taught(path)
-            lessons = lessons_of(read_metadata(path), path)
-    except MeshdeformError as error:
-        return ModelInfo(name, path.stem, _TAUGHT, False, f"{error.detail} {error.advice_text}", None)
-    own = ", ".join(lesson.noun for lesson in lessons)
-    return ModelInfo(
-        id=name,
-        title=path.stem,
-        description=f"{_TAUGHT[:-1]}: {own}." if own else _TAUGHT,
-        available=True,
-        problem=None,
-        vocabulary=_vocabulary(words.nouns, _examples(words, lessons)),
-        licence="; ".join(dict.fromkeys(lesson.licence for lesson in lessons if lesson.licence)),
-        lessons=lessons,
-    )
-
-
-def _vocabulary(nouns: Mapping[str, tuple[str, ...]], examples: Sequence[str]) -> Vocabulary:
-    """Describe nouns with their parts; those that no group has were taught."""
-    grouped = {name: tuple(noun for noun in group if noun in nouns) for name, group in NOUN_GROUPS.items()}
-    own = tuple(sorted(set(nouns).difference(*NOUN_GROUPS.values())))
-    groups = {name: group for name, group in {"taught": own, **grouped}.items() if group}
-    attributes = tuple(map(str, ATTRIBUTES))
-    return Vocabulary(tuple(sorted(nouns)), attributes, dict(nouns), tuple(examples), groups)
-
-
-def _examples(words: Words, lessons: Sequence[Lesson]) -> list[str]:
-    """Return prompts with the newest words, with the attributes that they were taught with."""
-    examples = []
-    for lesson in reversed(lessons):
-        if lesson.noun in words.nouns:
-            degrees = [word for word in lesson.attributes if " " not in word] or ["tall"]
-            own = (ParsedPrompt(lesson.noun), ParsedPrompt(lesson.noun, (Attribute("whole", degrees[0]),)))
-            examples += [str(prompt) for prompt in own]
-    return (examples or list(EXAMPLES))[: len(EXAMPLES)]
 
 
 def _licence(model: str) -> str:

@@ -1,4 +1,4 @@
-"""Tell in which precision a processor computes fastest, and keep half precision from overflow and underflow.
+"""Keep half precision from overflow and underflow.
 
 Float16 ranges from 6e-8 to 65,504. The gradient of score distillation on z0 is multiplied by the guidance's weight
 before it reaches the encoder, where a small weight would underflow and a large one overflow. `scaled_backward` passes
@@ -8,24 +8,11 @@ pass is linear, the result is the same wherever nothing overflows or underflows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import torch
 from torch import Tensor
-
-
-def is_fast_in_bfloat16(device: str | torch.device) -> bool:
-    """Return whether a device computes faster in bfloat16: a GPU from Ampere on, a CPU with `amx_bf16`, AMD from Zen 4.
-
-    `avx512_bf16` alone does not tell: a pass of the builtin prior takes 0.7 times the CPU time of float32 on AMD, whose
-    units multiply twice as many numbers in bfloat16, and took 1.4 to 1.5 times that on another processor without AMX.
-    """
-    if torch.device(device).type == "cuda":
-        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    features: Mapping[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()  # torch before 2.9 cannot tell
-    amd = str(features.get("cpu_name", "")).startswith("AMD")
-    return bool(features.get("amx_bf16") or (amd and features.get("avx512_bf16")))
 
 
 class _Scale:

@@ -28,7 +28,7 @@ from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, PromptError, ShapeError, install_command
 from meshdeform.priors.model_files import ModelFiles, find
-from meshdeform.priors.precision import is_fast_in_bfloat16, scaled_backward
+from meshdeform.priors.precision import scaled_backward
 from meshdeform.rendering.shading import RenderStyle
 
 if TYPE_CHECKING:
@@ -218,7 +218,7 @@ def _dtype(name: str, device: torch.device) -> torch.dtype:
     if device.type == "cpu":
         return torch.float32
     # bfloat16 has the range of float32, so nothing overflows.
-    return torch.bfloat16 if is_fast_in_bfloat16(device) else torch.float16
+    return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
 
 
 def _side(sample_size: Any, model: str) -> int:

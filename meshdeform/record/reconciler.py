@@ -237,7 +237,7 @@ class Reconciler:
 
     def _repair(self) -> None:
         self._announced = []
-        self._each(self._take_back, self._expire, self._announce)
+        self._each(self._take_back, self._expire, self._record.upkeep.fail_retired, self._announce)
 
     def _clean(self) -> None:
         self._each(self._delete, self._remove, self._forget_readings)

@@ -54,7 +54,6 @@ from meshdeform.record.schema import (
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
-from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import DeformParams, JobRequest
 
 
@@ -138,13 +137,12 @@ class JobRecord:
         metadata: Mapping[str, str] | None = None,
         created_after: datetime | None = None,
         words: str = "",
-        kind: JobKind | None = None,
         error: str | None = None,
     ) -> Page:
         """Return a page of jobs, newest first.
 
         The cursor is `next_cursor` of the page before (`ParameterError`: it is not valid). All conditions must hold:
-        state, owner, labels, kind, a later creation, all words in the prompt, file names or labels, in any case, and
+        state, owner, labels, a later creation, all words in the prompt, file names or labels, in any case, and
         the code of the error with which the job failed.
         """
         query = sa.select(jobs).order_by(jobs.c.id.desc()).limit(limit + 1)
@@ -152,8 +150,6 @@ class JobRecord:
             query = query.where(jobs.c.owner_id == owner)
         if state is not None:
             query = query.where(jobs.c.state == state)
-        if kind is not None:
-            query = query.where(jobs.c.kind == kind)
         if error is not None:
             query = query.where(jobs.c.state == JobState.FAILED, jobs.c.error["code"].as_string() == error)
         for name, value in (metadata or {}).items():

@@ -9,13 +9,14 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from meshdeform.errors import WorkerLostError
+from meshdeform.errors import KindRetiredError, WorkerLostError
 from meshdeform.record import rows
 from meshdeform.record.changes import Change, Row, changing
 from meshdeform.record.database import Database
 from meshdeform.record.leases import may_start, released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
 from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads, webhooks
+from meshdeform.requests.choices import RETIRED_KINDS
 
 _BATCH = 100
 _UNBLAMED_FACTOR = 10
@@ -149,6 +150,23 @@ class Upkeep:
             return [row.id for row in ended if row.lease_expires_at]
 
         return self._each(late, end)
+
+    def fail_retired(self) -> None:
+        """End every queued job of a kind that no worker runs any more (`kind_retired`)."""
+        waiting = sa.and_(jobs.c.state == JobState.QUEUED, jobs.c.kind.in_(sorted(RETIRED_KINDS)))
+        error = JobError.of(KindRetiredError("Jobs of this kind are no longer run.")).model_dump()
+        values = {
+            "state": JobState.FAILED,
+            "finished_at": self._database.now(),
+            "phase": "done",
+            "error": error,
+            "retry_at": None,
+        }
+
+        def end(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
+            return [row.id for row in change.update(held, values, EventType.FAILED, lambda row: {"error": row.error})]
+
+        self._each(waiting, end)
 
     def delete_retained(self) -> list[str]:
         """Delete every job whose retention has ended; return their ids. Their objects are due for removal."""

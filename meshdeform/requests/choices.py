@@ -12,9 +12,8 @@ from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMo
 
 __all__ = [
     "BUILTIN_MODEL",
-    "SENT_MODEL",
-    "TAUGHT_SUFFIX",
-    "WEIGHTS_PART",
+    "RETIRED_KINDS",
+    "RETIRED_PARTS",
     "AlignMode",
     "AppearanceMode",
     "BackdropMode",
@@ -33,11 +32,9 @@ __all__ = [
     "Symmetry",
     "SynthesisMode",
     "is_builtin",
-    "is_sent",
-    "is_taught",
+    "is_retired",
+    "is_weights_file",
     "member_of",
-    "model_of_job",
-    "teaching_job",
 ]
 
 E = TypeVar("E", bound=StrEnum)
@@ -45,16 +42,13 @@ E = TypeVar("E", bound=StrEnum)
 
 BUILTIN_MODEL = "builtin"
 
-TAUGHT_SUFFIX = ".safetensors"
-"""A model whose name ends so is the builtin prior with taught words: a file that `meshdeform teach` wrote."""
+_WEIGHTS_SUFFIX = ".safetensors"
 
-WEIGHTS_PART = "weights"
-"""The part of a job that is the taught weights it uses."""
+RETIRED_KINDS = frozenset({"prior_teach"})
+"""Kinds of job that are no longer made. Those in the record are shown, and end without a run."""
 
-SENT_MODEL = WEIGHTS_PART
-"""The model that was sent with the job, as that part."""
-
-_OF_JOB = "job:"
+RETIRED_PARTS = frozenset({"meshes", "weights"})
+"""Parts of jobs that taught the builtin prior, or used what it was taught."""
 
 
 def member_of(names: type[E], value: str) -> E:
@@ -74,7 +68,6 @@ class JobKind(StrEnum):
     SURFACE_FIT = "surface_fit"
     FAMILY_FIT = "family_fit"
     FAMILY_SYNTHESIZE = "family_synthesize"
-    PRIOR_TEACH = "prior_teach"
 
 
 class Preset(StrEnum):
@@ -163,26 +156,16 @@ class SynthesisMode(StrEnum):
     SEARCH = "search"
 
 
-def is_taught(model: str) -> bool:
-    """Return whether a model is a file of weights that `meshdeform teach` wrote."""
-    return model.endswith(TAUGHT_SUFFIX) and not is_sent(model)
+def is_weights_file(model: str) -> bool:
+    """Return whether a model is a file of weights of the builtin prior."""
+    return model.endswith(_WEIGHTS_SUFFIX)
 
 
-def is_sent(model: str) -> bool:
-    """Return whether a model is taught weights among the files of its job: sent, or the result of another job."""
-    return model == SENT_MODEL or model.startswith(_OF_JOB)
-
-
-def teaching_job(model: str) -> str | None:
-    """Return the id of the job whose result a model is; None for every other model."""
-    return model.removeprefix(_OF_JOB) if model.startswith(_OF_JOB) else None
-
-
-def model_of_job(job_id: str) -> str:
-    """Return the model that is the result of a job of kind `prior_teach`."""
-    return f"{_OF_JOB}{job_id}"
+def is_retired(model: str) -> bool:
+    """Return whether a model is taught weights: those sent with the job, or the result of another one."""
+    return model == "weights" or model.startswith("job:")
 
 
 def is_builtin(model: str) -> bool:
-    """Return whether a model is the builtin prior, with the words of the package or with taught ones."""
-    return model == BUILTIN_MODEL or is_taught(model) or is_sent(model)
+    """Return whether a model is the builtin prior, with the weights of the package or those of a file."""
+    return model == BUILTIN_MODEL or is_weights_file(model)

@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 from typing import TypeVar
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import BUILTIN_MODEL, WEIGHTS_PART, GuidanceKind
+from meshdeform.requests.choices import BUILTIN_MODEL, GuidanceKind
 from meshdeform.requests.document import DeformParams, JobRequest
 from meshdeform.requests.groups import PLACES
 from meshdeform.requests.parameters import (
@@ -58,8 +58,6 @@ def _kinds(request: JobRequest, default_model: str, files: Collection[str]) -> l
     prompted = request.prompt or request.params.prompts
     if not prompted and not set(SILHOUETTE_PARTS).isdisjoint(files):
         return [GuidanceKind.SILHOUETTES]
-    if WEIGHTS_PART in files:
-        return [GuidanceKind.SDS]
     shapes_first = [GuidanceKind.EXEMPLAR, GuidanceKind.SDS]
     return shapes_first if default_model == BUILTIN_MODEL else shapes_first[::-1]
 

@@ -24,9 +24,10 @@ from pydantic import (
 )
 from pydantic_core import SchemaValidator
 
-from meshdeform.errors import ParameterError, UnreadableJobError
+from meshdeform.errors import KindRetiredError, ParameterError, UnreadableJobError
 from meshdeform.requests.choices import (
     BUILTIN_MODEL,
+    RETIRED_KINDS,
     AppearanceMode,
     Carrier,
     Easing,
@@ -36,7 +37,6 @@ from meshdeform.requests.choices import (
     RigMode,
     Safeguard,
     is_builtin,
-    is_sent,
 )
 from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
 from meshdeform.requests.parameters import (
@@ -50,7 +50,6 @@ from meshdeform.requests.parameters import (
     active_prompts,
 )
 from meshdeform.requests.surface_fit import SurfaceFitParams
-from meshdeform.requests.teaching import TeachParams
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -64,7 +63,6 @@ __all__ = [
     "MAX_RETENTION_S",
     "MAX_STEPS",
     "PARAMS_OF_KIND",
-    "TAUGHT",
     "DeformParams",
     "GuidanceKind",
     "JobKind",
@@ -256,7 +254,6 @@ PARAMS_OF_KIND: dict[JobKind, type[BaseModel]] = {
     JobKind.SURFACE_FIT: SurfaceFitParams,
     JobKind.FAMILY_FIT: FamilyParams,
     JobKind.FAMILY_SYNTHESIZE: FamilySynthesisParams,
-    JobKind.PRIOR_TEACH: TeachParams,
 }
 """The model of the parameters of each kind of job."""
 
@@ -340,6 +337,13 @@ class JobRequest(StrictModel):
         examples=[None],
     )
 
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _not_retired(cls, value: Any) -> Any:
+        """Refuse a kind that is gone by its own error, which is none of the document's form."""
+        _refuse_retired(value)
+        return value
+
     @field_validator("params", mode="wrap")
     @classmethod
     def _of_the_kind(cls, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
@@ -356,8 +360,8 @@ class JobRequest(StrictModel):
         """Name of the workload: estimates assume that its jobs take about equally long per step."""
         params: Any = self.params
         if not isinstance(params, DeformParams):
-            return f"{self.kind}/{getattr(params, 'guidance', '')}/{_family(getattr(params, 'model', ''))}"
-        own = f"{self.kind}/{params.kind}/{_family(params.model)}"
+            return f"{self.kind}/{getattr(params, 'guidance', '')}/{getattr(params, 'model', '')}"
+        own = f"{self.kind}/{params.kind}/{params.model or ''}"
         pulling = active_prompts(self.prompt, params.prompts)
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)
@@ -371,21 +375,14 @@ _OF_OTHERS: Mapping[GuidanceKind, Family] = {
 }
 """What names the presets of each kind of guidance without a model."""
 
-TAUGHT = "taught"
-"""The model in the name of a workload with taught weights."""
-
-
-def _family(model: str | None) -> str:
-    """Return the name that decides how long a step of a model takes: all taught weights are of one network."""
-    return TAUGHT if model and is_sent(model) else model or ""
-
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:
     """Read a stored request, without bounds, since another version may have had others.
 
-    `document`: as stored in the record.
+    `document`: as stored in the record. Raises UnreadableJobError: another version's; or KindRetiredError.
     """
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
+    _refuse_retired(kind)
     if kind == JobKind.TEXT_DEFORM:
         params = _with_guidance_of_its_time(params)
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
@@ -401,6 +398,11 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
         return _with_rig_of_its_time(read_unbounded(JobRequest, {**document, **read}), document)
     except ValidationError as error:
         raise UnreadableJobError(f"The stored request cannot be read here: {first_problem(error)}.") from error
+
+
+def _refuse_retired(kind: Any) -> None:
+    if isinstance(kind, str) and kind in RETIRED_KINDS:
+        raise KindRetiredError(f"Jobs of the kind {str(kind)!r} are no longer run.")
 
 
 def _with_guidance_of_its_time(params: Any) -> Any:

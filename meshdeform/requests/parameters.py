@@ -352,9 +352,8 @@ class ModelParams(Parameters):
         None,
         min_length=1,
         max_length=500,
-        description="The model of `sds`: `builtin`, a file of `meshdeform teach`, `job:ID` with the id of your job of "
-        "kind `prior_teach`, `weights` (taught weights sent as that part), or a Stable Diffusion model by hub id or "
-        "folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
+        description="The model of `sds`: `builtin`, a file of other weights for it (`.safetensors`), or a Stable "
+        "Diffusion model by hub id or folder on the worker. Default: the server's MESHDEFORM_MODEL, else `builtin`.",
         examples=["builtin"],
     )
     guidance_scale: float = of_preset(

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from meshdeform.errors import ParameterError
+from meshdeform.errors import KindRetiredError, ParameterError
+from meshdeform.requests.choices import RETIRED_PARTS, is_retired
 from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
 from meshdeform.runs.base import JobRun, Kind, RunInput
 from meshdeform.runs.family_fit_kind import FAMILY_FIT
 from meshdeform.runs.family_synthesize_kind import FAMILY_SYNTHESIZE
-from meshdeform.runs.prior_teach_kind import PRIOR_TEACH
 from meshdeform.runs.surface_fit_kind import SURFACE_FIT
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_request", "file_parts", "kind_of", "kinds", "start_run"]
 
-_KINDS = {kind.name: kind for kind in (TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE, PRIOR_TEACH)}
+_KINDS = {kind.name: kind for kind in (TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE)}
 
 
 def kinds() -> list[Kind]:
@@ -52,6 +52,7 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
     `settings`: lists the models of this deployment; `files`: the names of the files sent with the request or named by
     it.
     """
+    _refuse_retired(request, files)
     kind = kind_of(request.kind)
     for part in kind.reads:
         if part.required and part.name not in files:
@@ -66,6 +67,13 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
     return kind.check(request, settings, frozenset(files))
 
 
+def _refuse_retired(request: JobRequest, files: Collection[str]) -> None:
+    """Refuse a job with taught weights, sent or taken from another job."""
+    if not RETIRED_PARTS.isdisjoint(files) or is_retired(getattr(request.params, "model", None) or ""):
+        raise KindRetiredError("Weights whose words were taught are no longer used.")
+
+
 def start_run(job_input: RunInput) -> JobRun:
-    """Start the run of a job of any kind."""
+    """Start the run of a job of any kind; of one that was accepted with taught weights, KindRetiredError."""
+    _refuse_retired(job_input.request, job_input.files)
     return kind_of(job_input.request.kind).load()(job_input)

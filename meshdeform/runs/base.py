@@ -1,18 +1,15 @@
 """Describe kinds of job: the files they read, their parameters, their artifacts, and their runs. Torch-free.
 
-`RunLog` collects the contents of `report.json`: hashes, versions, durations of phases, and losses. Taught weights may
-be a file of any kind: their part is described, checked and loaded here.
+`RunLog` collects the contents of `report.json`: hashes, versions, durations of phases, and losses.
 """
 
 from __future__ import annotations
 
-import copy
 import functools
 import hashlib
 import importlib
 import importlib.metadata
 import platform
-import tempfile
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -25,16 +22,13 @@ from pydantic import BaseModel, ValidationError
 
 import meshdeform
 from meshdeform.assets.check import FileContent
-from meshdeform.errors import ParameterError
 from meshdeform.priors import hidden_folders
-from meshdeform.requests.choices import SENT_MODEL, TAUGHT_SUFFIX, WEIGHTS_PART, is_sent, teaching_job
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest, read_unbounded
 from meshdeform.runs.kept_readings import Readings, Unkept
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
     from meshdeform.priors.base import Prior
-    from meshdeform.priors.builtin.grammar import Words
     from meshdeform.settings import Settings
 
 _PACKAGES = (
@@ -52,11 +46,6 @@ _PACKAGES = (
 P = TypeVar("P", bound=BaseModel)
 
 _MAX_SAMPLES = 200
-
-WEIGHTS_ARTIFACT = f"weights{TAUGHT_SUFFIX}"
-"""The artifact of a job of kind `prior_teach` that `params.guidance.model` = `job:ID` means."""
-
-TAUGHT_WEIGHTS = "application/octet-stream"
 
 
 def sha256_hex(data: bytes) -> str:
@@ -128,15 +117,6 @@ class FilePart:
     the request."""
     media_types: tuple[str, ...]
     content: FileContent = "mesh"  # what the file is checked as when it arrives
-
-
-WEIGHTS_FILE = FilePart(
-    WEIGHTS_PART,
-    "Taught weights (safetensors), if the model is `weights`; with `job:ID` they are taken from that job.",
-    required=False,
-    media_types=(TAUGHT_WEIGHTS,),
-    content="weights",
-)
 
 
 @dataclass(frozen=True)
@@ -325,9 +305,6 @@ class Kind:
     check_files: Callable[[JobRequest, Any, Mapping[str, AssetSummary]], None] = lambda _request, _params, _files: None
     """Refuses parameters that do not fit the contents of the files. Takes the request, the result of `check` and the
     summaries of the meshes by part. Default: all fit. Torch-free."""
-    check_words: Callable[[JobRequest, Words, Mapping[str, AssetSummary]], None] | None = None
-    """Refuses a request that does not fit the words of the taught weights in its part `weights`. Takes the request,
-    these words and the summaries of the meshes that are known. Required if it reads that part. Torch-free."""
     check_asset: Callable[[JobRequest, Any, Path, str, Limits, Readings], None] = lambda *_: None
     """Refuses a request that does not fit the contents of the first file, where that takes more than its summary. Takes
     the request, the result of `check`, the file's path and name, the limits, and where readings are kept. Default: all
@@ -369,51 +346,7 @@ def params_of(request: JobRequest, model: type[P], kept: Mapping[str, Any] | Non
         return params
 
 
-def check_weights_part(model: str | None, files: Collection[str], *group: str) -> None:
-    """Refuse a job whose model is taught weights that it lacks, or that has weights which its model does not use.
-
-    `group` is where `model` is in `params`.
-    """
-    place = ["params", *group, "model"]
-    expected, there = model is not None and is_sent(model), WEIGHTS_PART in files
-    if there and not expected:
-        raise ParameterError.at(
-            place,
-            f"`{WEIGHTS_PART}` was sent, but {'.'.join(place)} does not use it.",
-            f"Set {'.'.join(place)} to `{SENT_MODEL}`.",
-        )
-    if expected and not there and model is not None:
-        job = teaching_job(model)
-        if job is None:
-            raise ParameterError.at(
-                place,
-                f"{'.'.join(place)} is `{model}`, but the part `{WEIGHTS_PART}` is missing.",
-                "Send the weights.",
-            )
-        raise ParameterError.at(
-            place,
-            f"The model {model} is a result of a service, and there is none here.",
-            f"Download {WEIGHTS_ARTIFACT} of the job {job}, and name that file.",
-        )
-
-
-def load_sent(model: str, job_input: RunInput) -> Prior:
-    """Load the prior of a job: taught weights among its files, or the model of this name."""
-    if not is_sent(model):
-        with hidden_folders([model]):
-            return job_input.load_prior(model)
-    with weights_on_disk(job_input.files[WEIGHTS_PART]) as path, hidden_folders([str(path)]):
-        prior = job_input.load_prior(str(path))
-    # The file is gone, and the prior is kept for other jobs with equal weights: reports and checkpoints name the model.
-    named = copy.copy(prior)
-    vars(named)["identity"] = {**prior.identity, "id": model}
-    return named
-
-
-@contextmanager
-def weights_on_disk(file: InputFile) -> Iterator[Path]:
-    """Write weights to a file that is deleted when the block ends: safetensors reads files."""
-    with tempfile.TemporaryDirectory(prefix="meshdeform-weights-") as folder:
-        path = Path(folder) / WEIGHTS_ARTIFACT
-        path.write_bytes(file.data)
-        yield path
+def load_model(model: str, job_input: RunInput) -> Prior:
+    """Load the prior of a job; errors name its model as a client does."""
+    with hidden_folders([model]):
+        return job_input.load_prior(model)

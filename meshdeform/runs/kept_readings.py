@@ -156,7 +156,7 @@ class FolderReadings:
 
 
 def given_noun(params: ResolvedParams) -> str | None:
-    """Return the noun that a request gives, if it is one with shapes that it stands for: a taught one has none."""
+    """Return the noun that a request gives, if it is one with shapes that it stands for."""
     return None if params.source_noun is None else noun_of(params.source_noun.strip().lower())
 
 

@@ -34,7 +34,7 @@ class Recognition:
 
     @classmethod
     def of(cls, params: ResolvedParams, reading: Reading | None) -> Self:
-        """Return the noun that a request gives, which may be a taught one, or else that of a reading."""
+        """Return the noun that a request gives, which need not be a builtin one, or else that of a reading."""
         if params.source_noun is not None:
             return cls(given_noun(params) or params.source_noun, 1.0)
         return cls() if reading is None else cls(reading.noun, reading.probability)
@@ -84,7 +84,7 @@ def nature_of(params: ResolvedParams, reading: Reading | None, prompt: str) -> N
     source = Recognition.of(params, reading)
     try:
         wish = parse(prompt)
-    except (PromptError, VocabularyError):  # there is none, or it has taught words
+    except (PromptError, VocabularyError):  # there is none, or it is free text
         return Nature(source.built)
     grown = not any(wish.noun in NOUN_GROUPS[group] for group in _BUILT)
     crooked = any(attribute.degree in CROOKED for attribute in wish.attributes)

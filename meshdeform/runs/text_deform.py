@@ -27,7 +27,7 @@ from meshdeform.plain.words import Sentence
 from meshdeform.reading import Reading
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_sent
+from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_model
 from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.control import WeldedSurface, read_control
@@ -64,7 +64,7 @@ def start(job_input: RunInput) -> JobRun:
     params = resolved_params(request, job_input.default_model, job_input.resolved)
     sentence = asked_changes(request.prompt, params)
     # A change needs no prior; whether a description is one, only the asset tells.
-    prior = load_sent(params.model, job_input) if params.guidance is GuidanceKind.SDS and sentence is None else None
+    prior = load_model(params.model, job_input) if params.guidance is GuidanceKind.SDS and sentence is None else None
     target = job_input.files.get("target")
     file = replace(file, sha256=file.digest)
     with log.phase("read"):
@@ -80,7 +80,7 @@ def start(job_input: RunInput) -> JobRun:
 
         return start_exemplar(facts, job_input, log)
     if sentence is not None:
-        prior = load_sent(params.model, job_input)
+        prior = load_model(params.model, job_input)
     shape = shape_id(file.sha256 or "", asset, params, request.output)
     reading = _reading(facts, job_input, log)
     begun = start_of(facts, shape, job_input, log)

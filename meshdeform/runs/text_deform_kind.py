@@ -13,9 +13,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from meshdeform.assets.check import MAX_PARTS
-from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
-from meshdeform.priors import configured_name, hidden_folders, public_names
-from meshdeform.requests.choices import WEIGHTS_PART, StartMode, is_builtin, is_sent, is_taught
+from meshdeform.errors import (
+    KindRetiredError,
+    MeshdeformError,
+    ModelError,
+    ParameterError,
+    PromptError,
+    VocabularyError,
+)
+from meshdeform.priors import check_model, configured_name, hidden_folders, public_names
+from meshdeform.requests.choices import StartMode, is_builtin, is_weights_file
 from meshdeform.requests.default_kind import kind_like
 from meshdeform.requests.document import (
     BUILTIN_MODEL,
@@ -38,11 +45,9 @@ from meshdeform.requests.parameters import (
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.runs.base import (
     FORMATS_OF_RESULT,
-    WEIGHTS_FILE,
     ArtifactKind,
     FilePart,
     Kind,
-    check_weights_part,
     start_of,
 )
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
@@ -86,14 +91,12 @@ def check(
     revision: str = "",
     targets: Collection[str] = (),
     pictures: Collection[str] = (),
-    has_weights: bool = False,
 ) -> ResolvedParams:
     """Refuse a request that could not run; return the values of all its parameters.
 
     `default_model`: the model used if the request names none; always allowed, like `builtin`; `allowed_models`: further
     models that a request may name; `revision`: revision of the default model; `targets` and `pictures`: the names of
-    the parts with target meshes and with pictures that are present; `has_weights`: whether taught weights are among
-    the files.
+    the parts with target meshes and with pictures that are present.
     """
     resolved = resolve(request.params, default_model=default_model)
     _check_pictures(resolved, request.prompt, pictures)
@@ -101,30 +104,20 @@ def check(
     known = list(public_names([BUILTIN_MODEL, default_model, *allowed_models]).values())
     if resolved.guidance is GuidanceKind.SDS:
         model = resolved.model
-        check_weights_part(model, [WEIGHTS_PART] if has_weights else [], "guidance")
         offered = model in (BUILTIN_MODEL, default_model, *allowed_models)
         if _is_change(request, resolved):  # no model is asked
             check_change(resolved)
-            _check_source_noun(resolved, model if offered and is_taught(model) else BUILTIN_MODEL)
+            _check_given(resolved)
             return resolved
-        if is_sent(model):  # its words are those of a file, which is checked later
-            _check_start(request, resolved)
-            return resolved
-        if is_taught(model) and not offered:  # before its words are read
+        if not offered:
             raise _not_allowed(model, known)
+        check_model(model, revision if model == default_model else "")
         try:
             _check_prompts(_prompts(request), resolved)
         except VocabularyError as error:
             refuse_unread_change(request.prompt, error)
             raise
-        if not offered:
-            raise _not_allowed(model, known)
         _check_start(request, resolved)
-        from meshdeform.priors import check_model
-
-        check_model(model, revision if model == default_model else "")
-    elif has_weights:
-        check_weights_part(None, [WEIGHTS_PART], "guidance")
     if resolved.guidance is GuidanceKind.EXEMPLAR:
         _check_exemplar(request, resolved, targets)
     return resolved
@@ -132,18 +125,18 @@ def check(
 
 def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
-    from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
+    from meshdeform.priors.builtin.grammar import WORDS
 
     check_exemplar(request, params, targets)
     if targets:
-        _check_source_noun(params, BUILTIN_MODEL)
+        _check_given(params)
         return
     if _is_change(request, params):
         check_change(params)
-        _check_source_noun(params, BUILTIN_MODEL)
+        _check_given(params)
         return
     try:
-        _check_vocabulary(_filled(_prompts(request)), params, BUILTIN_WORDS)
+        _check_vocabulary(_filled(_prompts(request)), params, WORDS)
     except VocabularyError as error:
         refuse_unread_change(request.prompt, error)
         raise
@@ -161,7 +154,7 @@ def _check_start(request: JobRequest, params: ResolvedParams) -> None:
         raise ParameterError.at(
             place, detail, "Leave start or the pictures out, or set params.guidance.kind to exemplar."
         )
-    _check_source_noun(params, BUILTIN_MODEL)
+    _check_given(params)
     for _, prompt in _filled(_prompts(request)):
         try:
             parse(prompt)
@@ -220,9 +213,9 @@ def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> 
     """Refuse prompts that are empty, or that the builtin model cannot read."""
     _filled(prompts)
     if is_builtin(params.model) and prompts:
-        from meshdeform.priors.builtin.taught import known_words
+        from meshdeform.priors.builtin.grammar import BUILTIN_WORDS
 
-        _check_vocabulary(prompts, params, known_words(params.model))
+        _check_vocabulary(prompts, params, BUILTIN_WORDS)
 
 
 def _filled(prompts: Sequence[_PlacedPrompt]) -> Sequence[_PlacedPrompt]:
@@ -232,19 +225,15 @@ def _filled(prompts: Sequence[_PlacedPrompt]) -> Sequence[_PlacedPrompt]:
     return prompts
 
 
-def _not_allowed(model: str, known: Sequence[str]) -> ModelError:
+def _not_allowed(model: str, known: Sequence[str]) -> MeshdeformError:
+    detail = f"This server does not run the model {model!r}."
+    if is_weights_file(model):  # those that people had of their own were taught
+        return KindRetiredError(f"{detail} Weights whose words were taught are no longer used.")
     return ModelError(
-        f"This server does not run the model {model!r}.",
+        detail,
         advice=f"Use one of: {', '.join(known)}. The server's operator can add it to MESHDEFORM_ALLOWED_MODELS.",
         models=list(known),
     )
-
-
-def check_words(request: JobRequest, known: Words, _files: Mapping[str, AssetSummary]) -> None:
-    """Refuse a request with prompts that a prior with these words cannot read; its weights come with the job."""
-    params = resolve(request.params)
-    if params.guidance is GuidanceKind.SDS and not _is_change(request, params):
-        _check_vocabulary(_filled(_prompts(request)), params, known)
 
 
 def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str]) -> None:
@@ -294,7 +283,7 @@ def _same(one: Silhouette, other: Silhouette) -> bool:
 
 
 def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
-    """Refuse prompts that the builtin prior with these words cannot read."""
+    """Refuse prompts that cannot be read with these words."""
     from meshdeform.priors.builtin.grammar import parse_negative
 
     for place, prompt in prompts:
@@ -306,21 +295,15 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
                 # Add which of the two texts the error is about.
                 error.located(["params", "guidance", "negative_prompt"])
                 raise
-    _check_given(params, known)
+    _check_given(params)
 
 
-def _check_source_noun(params: ResolvedParams, model: str) -> None:
-    """Refuse a noun of the source that a builtin model does not know; sent weights may teach any."""
-    from meshdeform.priors.builtin.taught import known_words
+def _check_given(params: ResolvedParams) -> None:
+    """Refuse a noun of the source that has no shapes."""
+    from meshdeform.priors.builtin.grammar import WORDS
 
-    if not is_sent(params.model):
-        _check_given(params, known_words(model))
-
-
-def _check_given(params: ResolvedParams, known: Words) -> None:
-    """Refuse a noun of the source that is not among these words."""
     if params.source_noun is not None:
-        _check_known(f"a {params.source_noun}", known, params, ["params", "guidance", "source_noun"])
+        _check_known(f"a {params.source_noun}", WORDS, params, ["params", "guidance", "source_noun"])
 
 
 def _check_known(text: str, known: Words, params: ResolvedParams, place: Sequence[str | int] | None) -> None:
@@ -380,11 +363,10 @@ def _check(request: JobRequest, settings: Settings, files: frozenset[str]) -> Re
         return check(
             request,
             default_model=settings.model,
-            allowed_models=settings.further_models,
+            allowed_models=settings.allowed_models,
             revision=settings.model_revision,
             targets=files.intersection(TARGET_PARTS),
             pictures=files.intersection(SILHOUETTE_PARTS),
-            has_weights=WEIGHTS_PART in files,
         )
 
 
@@ -510,14 +492,12 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 
 def _uses(request: JobRequest) -> list[str]:
     params = request.params
-    weights = [WEIGHTS_PART] if is_sent(params.model or "") else []
     prompted = request.prompt or params.prompts
     targets = {GuidanceKind.TARGET: [_TARGET], GuidanceKind.EXEMPLAR: [] if prompted else TARGET_PARTS}
     return [
         "asset",
         *targets.get(params.kind, ()),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
-        *weights,
     ]
 
 
@@ -564,7 +544,6 @@ TEXT_DEFORM = Kind(
             )
             for number, name in enumerate(SILHOUETTE_PARTS, 1)
         ),
-        WEIGHTS_FILE,
     ),
     params=DeformParams,
     check=_check,
@@ -597,7 +576,6 @@ TEXT_DEFORM = Kind(
     ),
     uses=_uses,
     check_files=_check_files,
-    check_words=check_words,
     check_asset=_check_asset,
     outlook=_outlook,
     as_branch=_as_branch,

@@ -376,7 +376,7 @@ def _comparisons(
 
 
 def _is_judged(facts: RunFacts, prompt: str) -> bool:
-    """Return whether the judge knows the noun of a prompt: not one that was taught, nor that of free text."""
+    """Return whether the judge knows the noun of a prompt: not that of other weights, nor of free text."""
     if is_builtin(facts.params.model) and facts.guidance["id"] != BUILTIN_MODEL:
         return False
     try:

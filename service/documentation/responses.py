@@ -21,6 +21,7 @@ from meshdeform.errors import (
     DrawingError,
     IdempotencyBusyError,
     IdempotencyMismatchError,
+    KindRetiredError,
     LimitError,
     ModelError,
     ParameterError,
@@ -66,7 +67,15 @@ ASSET_ERRORS = (
     SilhouetteError,
     DrawingError,
 )
-REQUEST_ERRORS = (RequestError, ParameterError, PromptError, VocabularyError, PartNotFoundError, ModelError)
+REQUEST_ERRORS = (
+    RequestError,
+    ParameterError,
+    PromptError,
+    VocabularyError,
+    PartNotFoundError,
+    ModelError,
+    KindRetiredError,
+)
 CALLER_ERRORS = (UnauthorizedError, LimitError, UnavailableError)
 """Errors of every route that needs an API key."""
 

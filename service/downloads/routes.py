@@ -23,6 +23,7 @@ from meshdeform.errors import (
     DependencyError,
     ForbiddenError,
     JobNotFinishedError,
+    KindRetiredError,
     NotFoundError,
     ParameterError,
     RequestError,
@@ -151,7 +152,14 @@ async def _at_strength(
             "`Content-Type` is the artifact's `content_type`, such as `model/gltf-binary`, `application/json` for "
             "`report.json`, or `image/png` for `preview.png`."
         ),
-        **problem_responses(ForbiddenError, JobNotFinishedError, UnreadableJobError, ParameterError, DependencyError),
+        **problem_responses(
+            ForbiddenError,
+            JobNotFinishedError,
+            UnreadableJobError,
+            KindRetiredError,
+            ParameterError,
+            DependencyError,
+        ),
     },
     openapi_extra=OPEN_TO_SIGNED,
 )
@@ -381,6 +389,7 @@ def get_asset(
             TooMuchStoredError,
             DependencyError,
             UnreadableJobError,
+            KindRetiredError,
             *CALLER_ERRORS,
         ),
     },

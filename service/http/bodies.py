@@ -22,12 +22,14 @@ from starlette.requests import ClientDisconnect
 from meshdeform.api.states import IDLE_S, MAX_DOCUMENT_BYTES, MAX_FILENAME, MIN_BODY_RATE
 from meshdeform.errors import (
     AssetTooLargeError,
+    KindRetiredError,
     MeshdeformError,
     PromptError,
     RequestError,
     RequestTimeoutError,
     readable_size,
 )
+from meshdeform.requests.choices import RETIRED_PARTS
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from meshdeform.requests.groups import in_plain_words
 from meshdeform.runs import file_parts
@@ -221,6 +223,8 @@ class _Receiver:
         _, options = parse_options_header(disposition)
         name = options.get(b"name", b"").decode("utf-8", "replace")
         known = sorted((*file_parts(), DOCUMENT))
+        if name in RETIRED_PARTS.difference(known):
+            raise KindRetiredError(f"The part {name!r} was for lessons and what they taught.")
         if name not in known:
             advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
             raise RequestError(f"Unknown part {name[:100]!r}.", advice=advice)

@@ -13,7 +13,6 @@ from meshdeform.errors import (
 )
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
-from meshdeform.requests.choices import WEIGHTS_PART
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import kind_of
 from service.http.idempotency import Answer, Caller, claimed, request_hash
@@ -21,7 +20,6 @@ from service.jobs.documents import BranchDocument, FileReference, FileSource
 from service.jobs.intake import (
     check_file,
     check_params,
-    check_words,
     fetch,
     in_order,
     key_of,
@@ -73,7 +71,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             detail = f"A branch has the kind of its job: {of.kind}."
             raise ParameterError.at(["kind"], detail, f'Set "kind": "{of.kind}".')
         request = kind_of(of.kind).as_branch(of, document)
-        references = _own_references(job, document)
+        references = document.references
         inherited = _inherited(job, request, references)
         params = check_params(request, app.settings, files={*inherited, *references})
         with app.record.files.leases() as leases:
@@ -83,12 +81,6 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                 check_file(app, caller.owner_id, kind_of(job.kind), name, file)
                 app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
-                if name == WEIGHTS_PART:
-                    check_words(request, file.path, {})
-            if WEIGHTS_PART in inherited:
-                kept = inherited[WEIGHTS_PART]
-                app.store.fetch(kept.key, folder / WEIGHTS_PART, sha256=kept.sha256)
-                check_words(request, folder / WEIGHTS_PART, {})
             _lease(app, leases, inherited.values())
             known = app.record.leases.checkpoints(job_id)
             origin = _copy_checkpoint(
@@ -105,13 +97,6 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
             size = {"faces": job.faces, "parts": job.parts}
             new = new_job(app, caller, request, files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
-
-
-def _own_references(job: Job, document: BranchDocument) -> dict[str, tuple[FileReference | FileSource, list[str]]]:
-    """Return the files that a branch names; it keeps its job's taught weights, whatever became of their own job."""
-    same = getattr(document.params, "model", None) == getattr(job.request.params, "model", None)
-    kept = {WEIGHTS_PART} & set(job.files) if same else set[str]()
-    return {name: each for name, each in document.references.items() if name not in kept}
 
 
 def _inherited(

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from meshdeform.api.states import MAX_FILENAME, MAX_INLINE_BYTES
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
-from meshdeform.requests.choices import WEIGHTS_PART, teaching_job
-from meshdeform.requests.document import DeformParams, JobRequest
-from meshdeform.runs.base import WEIGHTS_ARTIFACT
+from meshdeform.requests.document import JobRequest
 from meshdeform.webhooks.addresses import MAX_URL
 
 UPLOAD_ID_PATTERN = id_pattern("upl")
@@ -100,18 +97,10 @@ class _WithFiles(JobRequest):
     _named: ClassVar[tuple[str, ...]] = ()
 
     @property
-    def _place_of_model(self) -> list[str]:
-        params: Any = self.params  # of any kind of job
-        return ["params", *(["guidance"] if isinstance(params, DeformParams) else []), "model"]
-
-    @property
     def references(self) -> dict[str, tuple[FileReference | FileSource, list[str]]]:
         """The files that the document names by part, each with its place in the document."""
         own = {name: getattr(self, name) for name in self._named}
-        teacher = teaching_job(getattr(self.params, "model", None) or "")
-        taught = {} if teacher is None else {WEIGHTS_PART: (_result_of(teacher), self._place_of_model)}
         return {
-            **taught,
             **{name: (reference, ["files", name]) for name, reference in self.files.items()},
             **{name: (reference, [name]) for name, reference in own.items() if reference is not None},
         }
@@ -121,18 +110,7 @@ class _WithFiles(JobRequest):
         for name in self._named:
             if getattr(self, name) is not None and name in self.files:
                 raise ValueError(f"{name} is also in files; leave one of the two out")
-        model: str = getattr(self.params, "model", None) or ""
-        place = ".".join(self._place_of_model)
-        if (teacher := teaching_job(model)) is not None:
-            if not re.fullmatch(JOB_ID_PATTERN, teacher):
-                raise ValueError(f"{place} is {model!r}; after `job:` stands the id of a job")
-            if WEIGHTS_PART in self.files:
-                raise ValueError(f"files.{WEIGHTS_PART} is also {place}; leave one of the two out")
         return self
-
-
-def _result_of(job_id: str) -> FileReference:
-    return FileReference(job_id=job_id, artifact=WEIGHTS_ARTIFACT)
 
 
 class JobDocument(_WithFiles):

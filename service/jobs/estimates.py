@@ -19,7 +19,7 @@ from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
 from meshdeform.requests.choices import is_builtin
-from meshdeform.requests.document import TAUGHT, JobRequest, read_stored
+from meshdeform.requests.document import JobRequest, read_stored
 from meshdeform.runs import kind_of
 from meshdeform.runs.costs import END_SHARE, Costs, Seconds, costs_of, pace_of
 
@@ -95,8 +95,7 @@ class _History:
 
     def _is_builtin(self, workload: str) -> bool:
         """Return whether the model of a workload is the one that costs were measured with."""
-        model = workload.split("/")[2]
-        return model == TAUGHT or is_builtin(model or self._default_model)
+        return is_builtin(workload.split("/")[2] or self._default_model)
 
     def _measured(self, alike: sa.ColumnElement[bool]) -> list[tuple[Seconds, Seconds]]:
         """Return the expected and the actual seconds of the newest successful jobs."""

@@ -47,11 +47,10 @@ from meshdeform.errors import (
     WebhookAddressError,
 )
 from meshdeform.priors import public_names
-from meshdeform.priors.builtin import taught
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
-from meshdeform.requests.choices import WEIGHTS_PART, PartsAs
+from meshdeform.requests.choices import PartsAs
 from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs import check_request, kind_of
@@ -118,16 +117,7 @@ def check_job(
     kind.check_files(submission.document, params, meshes)
     first = files[kind.parts[0]]
     kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits, app.readings)
-    if WEIGHTS_PART in files:
-        check_words(submission.document, files[WEIGHTS_PART].path, meshes)
     return params, files, summaries
-
-
-def check_words(request: JobRequest, weights: Path, meshes: Mapping[str, AssetSummary]) -> None:
-    """Check a request against the words of taught weights, which have passed `check_file`."""
-    check = kind_of(request.kind).check_words
-    if check is not None:
-        check(request, taught.check(weights), meshes)
 
 
 def check_file(
@@ -357,7 +347,7 @@ def fetch(
     """
     path = folder / place[-1]
     if reference.upload_id is not None:
-        with _reported_at(_inside(place, "upload_id"), f"There is no upload {reference.upload_id}."):
+        with _reported_at([*place, "upload_id"], f"There is no upload {reference.upload_id}."):
             upload = app.record.uploads.get(reference.upload_id, owner=owner_id)
             if upload.key is None or upload.sha256 is None:
                 raise ConflictError(
@@ -367,24 +357,19 @@ def fetch(
             app.store.fetch(upload.key, path, sha256=upload.sha256)
         return ReceivedFile(path, upload.filename, upload.size, upload.sha256)
     assert reference.job_id is not None
-    with _reported_at(_inside(place, "job_id"), f"There is no job {reference.job_id}."):
+    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
         job = app.record.get(reference.job_id, owner=owner_id)
         artifacts = {artifact.name: artifact for artifact in app.record.artifacts(job.id, owner=owner_id)}
     if reference.artifact not in artifacts:
         if not job.state.terminal:
             raise ConflictError(f"The job {job.id} is {job.state}.", advice="Wait until it has succeeded.")
         detail = f"The {job.state} job {job.id} has no such artifact."
-        raise ParameterError.at(_inside(place, "artifact"), detail, f"It has: {', '.join(artifacts) or 'none'}.")
+        raise ParameterError.at([*place, "artifact"], detail, f"It has: {', '.join(artifacts) or 'none'}.")
     artifact = artifacts[reference.artifact]
     Limits.from_settings(app.settings).check_bytes(artifact.size, "The artifact has")
-    with _reported_at(_inside(place, "job_id"), f"There is no job {reference.job_id}."):
+    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
         app.store.fetch(artifact.key, path, sha256=artifact.sha256)
     return ReceivedFile(path, artifact.name, artifact.size, artifact.sha256)
-
-
-def _inside(place: list[str], member: str) -> list[str]:
-    """Return the place of a reference's member; a parameter is a name alone."""
-    return place if place[0] == "params" else [*place, member]
 
 
 @contextmanager

@@ -53,14 +53,10 @@ _EXAMPLE = 'meshdeform_jobs{state="queued"} 3.0\n'
     },
 )
 def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
-    """Each model with its availability and vocabulary. Prompts made of its words are accepted.
-
-    The models of this server come first, then those that the caller's jobs of kind `prior_teach` have made, newest
-    first.
-    """
+    """Each model with its availability and vocabulary. Prompts made of its words are accepted."""
+    del principal
     settings = app.settings
-    models = list_models(settings.model, settings.further_models, settings.model_revision, public=True)
-    models += app.taught.of(principal.owner_id)
+    models = list_models(settings.model, settings.allowed_models, settings.model_revision, public=True)
     views = [ModelView.model_validate(asdict(model)) for model in models]
     return JSONResponse(ModelList(default=views[0].id, models=views).model_dump(mode="json"))
 

@@ -50,9 +50,7 @@ def test_the_client_goes_from_a_file_to_a_result(api: Api, repository: Path, tmp
     assert found["artifacts"] == ["result.glb"]
     assert found["sent"] == sphere.stat().st_size
     assert found["signed"]
-    assert [found["lesson"][name] for name in ("kind", "metadata")] == ["prior_teach", {"shot": "sc020"}]
-    assert (found["lesson"]["params"]["noun"], found["lesson"]["params"]["synonyms"]) == ("a gnome", ["dwarf"])
-    assert found["noMeshes"]["name"] == "TypeError"
+    assert (found["retired"]["code"], found["retired"]["status"]) == ("kind_retired", 422)
     assert found["missing"]["code"] == found["deleted"]["code"] == "not_found"
     assert found["refused"]["code"] == "prompt_unknown_words"
     assert found["refused"]["advice"]

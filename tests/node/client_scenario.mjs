@@ -53,8 +53,7 @@ const listed = [];
 for await (const each of client.jobs({ search: "mushroom", metadata: { shot: "sc010" } })) listed.push(each.id);
 const signed = await client.signedUrl(job);
 
-const meshes = [{ file: asset, label: "tall" }, new File([await readFile(path)], "round.glb")];
-const lesson = await client.teach("a gnome", meshes, { params: { synonyms: ["dwarf"], steps: 20 }, metadata: { shot: "sc020" } });
+const retired = await failure(client.submit(null, { kind: "prior_teach" }, { files: { meshes: asset } }));
 
 const left = new AbortController();
 const abandoned = failure(client.wait(`job_${"0".repeat(26)}`, { signal: left.signal }));
@@ -78,8 +77,7 @@ console.log(
     artifacts: (await client.artifacts(job)).map((artifact) => artifact.name),
     sent: (await client.file(job)).size,
     signed: (await (await fetch(signed.url)).blob()).size > 0,
-    lesson,
-    noMeshes: await failure(client.teach("a gnome", [])),
+    retired,
     missing: await failure(client.get(`job_${"0".repeat(26)}`)),
     deleted: await failure(client.get(known)),
     refused: await failure(client.submit(asset, { prompt: "a quixotic zeitgeist" })),

@@ -41,5 +41,5 @@ test("a job is named after its prompts", () => {
 test("of a job that only another version can read, nothing is read but its prompt", () => {
   const odd = { unreadable: "no such member", params: { prompts: 3, target: null } };
   assert.equal(goalWords({ ...odd, prompt: "a vase" }), "a vase");
-  assert.deepEqual([odd, { ...odd, kind: "image_deform" }].map(jobTitle), ["text deform", "image deform"]);
+  assert.deepEqual([odd, { ...odd, kind: "image_deform" }, { ...odd, kind: "prior_teach" }].map(jobTitle), ["text deform", "image deform", "A lesson"]);
 });

@@ -17,20 +17,29 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.bundle import read_with_files
-from meshdeform.errors import MeshdeformError
+from meshdeform.errors import AssetEmptyError, MeshdeformError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.nouns.families import FAMILIES, member
+from meshdeform.priors.builtin.prior import CAMERAS, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part, normalised
-from meshdeform.priors.builtin.teaching.pictures import Shape, four_views, shape_of
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.shading import Renderer
 from meshdeform.support.files import write_files
 from training.collections.nouns import noun_of
 from training.collections.sources import MARKET, PRIOR, collection_of, creator_of, pack_of, split_of
 
 _SUFFIXES = frozenset({".glb", ".gltf"})
+_MIN_FACES, _MAX_FACES = 4, 20_000
+"""Larger meshes are simplified: a view has 64 pixels."""
+_SMALLEST_SHARE = 0.004
+"""Least share of a view's pixels that a shape must cover, seen from the side where it shows least."""
 _BINS, _PAIRS = 64, 200_000
 _SAME_DISTANCES, _SAME_VIEWS = 0.025, 0.02
 """Copies differ at most by this share of their histograms of distances, and by this mean of their views."""
@@ -89,7 +98,7 @@ def shown_name(path: Path) -> str:
     return path.parent.name if path.stem == "model" else path.stem
 
 
-def read_shape(path: Path) -> Shape:
+def read_shape(path: Path) -> Part:
     """Read a file as the training draws it.
 
     Raises
@@ -100,6 +109,44 @@ def read_shape(path: Path) -> Shape:
     limits = Limits()
     surface = load_asset(read_with_files(path, limits), path.name, limits).surface
     return shape_of(weld(surface.positions, surface.triangles).mesh, path.name)
+
+
+def shape_of(mesh: TriangleMesh, name: str) -> Part:
+    """Prepare a welded mesh (+Y up): centred, its farthest vertex at distance 1.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        World space, any size; it may be open or have many parts.
+    name : str
+        That of its file.
+
+    Raises
+    ------
+    AssetEmptyError
+        It has fewer than 4 faces, or is so thin that it vanishes from some side.
+    """
+    if len(mesh.faces) < _MIN_FACES:
+        raise AssetEmptyError(f"{name} has {len(mesh.faces)} faces with an area, fewer than {_MIN_FACES}.")
+    if len(mesh.faces) > _MAX_FACES:
+        mesh = simplified(mesh, _MAX_FACES)
+    part = normalised(Part(mesh.verts.numpy(), mesh.faces.numpy()))
+    shares = (four_views(part) > 0).any(-1).mean((1, 2))
+    if shares.min() < _SMALLEST_SHARE:
+        raise AssetEmptyError(
+            f"{name} covers {shares.min():.2%} of a picture from its thinnest side: nearly nothing but background."
+        )
+    return part
+
+
+def four_views(part: Part) -> _View:
+    """Render four views a quarter turn apart (4, S, S, 3), of the middle elevation."""
+    verts = torch.from_numpy(part.verts)
+    renderer = Renderer(torch.from_numpy(part.faces), len(verts), STYLE)
+    cameras = fixed_cameras(0.0, CAMERAS.elevation_max_deg / 2, CAMERAS.fov_min_deg)
+    with torch.no_grad():
+        views: _View = renderer.render(verts, cameras)[..., :3].numpy()
+    return views
 
 
 def distances(part: Part) -> NDArray[np.float64]:
@@ -212,10 +259,10 @@ def scan(folder: Path, output: Path, leave_out: Sequence[Path]) -> dict[str, Any
     members, refused = list[Seen](), dict[str, str]()
     for asset, path in candidates(folder):
         try:
-            members.append((asset, Drawn.of(read_shape(path).part)))
+            members.append((asset, Drawn.of(read_shape(path))))
         except MeshdeformError as error:
             refused[asset.path] = error.detail
-    chosen = standing_alike(unlike(members, [Drawn.of(read_shape(path).part) for path in leave_out]))
+    chosen = standing_alike(unlike(members, [Drawn.of(read_shape(path)) for path in leave_out]))
     set_fronts(chosen)
     align_groups(chosen)
     for noun in {asset.noun for asset, _ in chosen}:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import statistics
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,6 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.weld import weld
-from meshdeform.priors.builtin.teaching.teacher import interval
 from meshdeform.support.files import write_files
 from training.evaluation.clip_judge import ClipJudge
 from training.evaluation.retrieval import ShapeJudge, judgement
@@ -162,6 +162,17 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{row['symmetric_dirichlet_p99']:.1f}",
         _percent(row["kept_share"]),
     ]
+
+
+def interval(hits: int, count: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (Wilson 1927)."""
+    if not count:
+        return 0.0, 1.0
+    z = 1.96
+    share = hits / count
+    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
+    half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
+    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 def _interval(share: dict[str, float] | None) -> str:

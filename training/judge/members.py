@@ -29,11 +29,11 @@ from meshdeform.nouns.families import Part, member
 from meshdeform.nouns.families.parts import box, ellipsoid, join, limb
 from meshdeform.priors.builtin.grammar import Attribute
 from meshdeform.priors.builtin.teaching.deformed import normalised
-from meshdeform.priors.builtin.teaching.views import drawn_from
 from meshdeform.priors.builtin.vocabulary import ADJECTIVES, NOUNS
 from meshdeform.rendering.cameras import Cameras
 from training.collections.members import RealShapes
 from training.judge import shapes
+from training.prior.pictures import drawn_from
 
 _log = logging.getLogger(__name__)
 

@@ -22,9 +22,9 @@ from meshdeform.nouns.families import FAMILIES, member
 from meshdeform.priors.builtin.grammar import ParsedPrompt, tokenise
 from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
 from meshdeform.priors.builtin.teaching.deformed import Part
-from meshdeform.priors.builtin.teaching.views import PictureSet, drawn_from, pictures, single_views
 from training.collections.members import RealShapes
 from training.prior.held_out import attributes_of, is_held_out
+from training.prior.pictures import PictureSet, drawn_from, pictures, single_views
 
 __all__ = ["SINGLES_EACH", "PictureFolder", "draw_prompt", "draw_set"]
 

@@ -1,7 +1,7 @@
 """Train the builtin prior: `python -m training.prior.train`.
 
 Data: members of the families, drawn by `dataset.py` from `--seed`; the loss and the optimiser are those of
-`meshdeform.priors.builtin.teaching.teacher`. A stopped run continues from `--state`; a run with `--initial` starts from
+`trainer.py`. A stopped run continues from `--state`; a run with `--initial` starts from
 the weights of another edition, whose vocabulary may be smaller (`warm_start.py`).
 """
 
@@ -16,12 +16,12 @@ from pathlib import Path
 import torch
 
 from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, write_weights
-from meshdeform.priors.builtin.teaching.teacher import Pictures, TrainConfig, Trainer
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.support.threads import keep_freed_memory
 from training.collections.members import RealShapes
 from training.collections.sources import PRIOR
 from training.prior.dataset import PictureFolder
+from training.prior.trainer import Pictures, TrainConfig, Trainer
 from training.prior.warm_start import warm_start
 
 _log = logging.getLogger(__name__)

@@ -16,11 +16,12 @@ from torch import Tensor
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import VOCABULARY
 from meshdeform.priors.builtin.network import PriorNetwork, read_tensors
-from meshdeform.priors.builtin.teaching.teacher import new_rows
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.vocabulary.nouns import PARTS
 
 _WORDS = "text.word.weight"
+_NOISE = 0.3
+"""Standard deviation of the noise on a new word, relative to that of its kind."""
 
 
 def warm_start(network: PriorNetwork, path: Path, generator: torch.Generator) -> tuple[str, ...]:
@@ -78,7 +79,8 @@ def _word_rows(rows: Tensor, words: list[str], generator: torch.Generator) -> Te
             continue
         kind = _kind(word)
         peers = rows[[row for other, row in number.items() if _kind(other) == kind]]
-        made.append(new_rows(peers, 1, generator)[0])
+        noise = torch.randn(peers.shape[1], generator=generator)
+        made.append(peers.mean(0) + _NOISE * peers.std(0) * noise)
     return torch.stack(made)
 
 

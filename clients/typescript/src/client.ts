@@ -1,6 +1,5 @@
 import { MeshdeformError } from "./errors.js";
 import { events, type WatchOptions } from "./events.js";
-import { type LabeledMesh, packMeshes } from "./meshes.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
@@ -18,14 +17,6 @@ export interface SubmitOptions {
   /** The name to send with an asset that is no `File`; its extension tells OBJ, PLY and STL apart. */
   filename?: string;
   /** Requests with the same key within a day make one job, also from another process. */
-  idempotencyKey?: string;
-  signal?: AbortSignal;
-}
-
-export interface TeachOptions {
-  /** More parameters of a lesson, such as `{ synonyms: ["dwarf"], steps: 600 }`. */
-  params?: JobRequest["params"];
-  metadata?: Record<string, string>;
   idempotencyKey?: string;
   signal?: AbortSignal;
 }
@@ -100,19 +91,6 @@ export class Client {
     const body = await this.#body(asset, request, options);
     const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
     return this.#transport.json<Job>("v1/jobs", { method: "POST", ...body, headers, signal: options.signal });
-  }
-
-  /**
-   * Post a lesson: once it has succeeded, `job:ID` is the model of prompts with the noun, or with those of a kit if it is null. `meshes` is one mesh or a ZIP of some, or several files,
-   * which are packed; a `label` names an attribute.
-   */
-  async teach(noun: string | null, meshes: Asset | readonly (File | LabeledMesh)[], options: TeachOptions = {}): Promise<Job> {
-    const { params, metadata, ...rest } = options;
-    const request = { kind: "prior_teach", params: { ...params, noun }, ...(metadata ? { metadata } : {}) } satisfies JobRequest;
-    const several = isList(meshes);
-    if (several && !meshes.length) throw new TypeError("A lesson needs at least one mesh.");
-    const file = several ? new File([await packMeshes(meshes)], "meshes.zip", { type: "application/zip" }) : meshes;
-    return this.submit(null, request, { ...rest, files: { meshes: file } });
   }
 
   /** Check a job without posting it: what the asset holds, all parameters, and an estimate of the time. */
@@ -329,10 +307,6 @@ function id(job: JobLike): string {
 
 function path(job: JobLike, rest = ""): string {
   return `v1/jobs/${id(job)}${rest && `/${rest}`}`;
-}
-
-function isList(meshes: Asset | readonly (File | LabeledMesh)[]): meshes is readonly (File | LabeledMesh)[] {
-  return Array.isArray(meshes);
 }
 
 function isData(file: Asset): file is Blob | ArrayBuffer | Uint8Array<ArrayBuffer> {

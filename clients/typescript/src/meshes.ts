@@ -1,11 +1,5 @@
 /** Pack meshes into a ZIP without compressing them. Names, sizes and checksums as PKWARE's APPNOTE 6.3.10, section 4.3, says. */
 
-/** A mesh, and a word for what it is among others of its noun: `tall`. A `File` carries its own name. */
-export interface LabeledMesh {
-  file: File;
-  label?: string;
-}
-
 const UTF8_NAMES = 0x0800;
 // 1 January 1980: the same files are the same ZIP.
 const DAY = 0x0021;
@@ -16,22 +10,20 @@ const TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
   return value;
 });
 
-/** Pack meshes into a ZIP in which folders name their labels; the same meshes give the same bytes. */
-export async function packMeshes(meshes: readonly (File | LabeledMesh)[]): Promise<Blob> {
-  const given = meshes.map((mesh) => (mesh instanceof Blob ? { file: mesh } : mesh));
-  const names = namesInZip(given.map(({ file, label }) => ({ name: file.name, label: label ?? "" })));
-  return zip(await Promise.all(given.map(async ({ file }, at) => ({ name: names[at]!, bytes: new Uint8Array(await file.arrayBuffer()) }))));
+/** Pack meshes into a ZIP; the same meshes give the same bytes. */
+export async function packMeshes(meshes: readonly File[]): Promise<Blob> {
+  const names = namesInZip(meshes.map(({ name }) => name));
+  return zip(await Promise.all(meshes.map(async (file, at) => ({ name: names[at]!, bytes: new Uint8Array(await file.arrayBuffer()) }))));
 }
 
-/** Return names for files in a ZIP: in a folder for each label, and no name twice. */
-export function namesInZip(files: readonly { name: string; label: string }[]): string[] {
+/** Return names for files in a ZIP, none of them twice. */
+export function namesInZip(given: readonly string[]): string[] {
   const used = new Set<string>();
-  return files.map(({ name, label }) => {
+  return given.map((name) => {
     const plain = name.split(/[\\/]/).pop() || "mesh.glb";
     const [stem, ending] = [plain.replace(/\.[^.]*$/, ""), plain.slice(plain.lastIndexOf("."))];
-    const folder = label ? `${label}/` : "";
-    let found = folder + plain;
-    for (let number = 2; used.has(found.toLowerCase()); number += 1) found = `${folder}${stem}-${number}${ending}`;
+    let found = plain;
+    for (let number = 2; used.has(found.toLowerCase()); number += 1) found = `${stem}-${number}${ending}`;
     used.add(found.toLowerCase());
     return found;
   });

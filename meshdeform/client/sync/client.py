@@ -45,13 +45,11 @@ from meshdeform.client.orders import (
     AssetLike,
     Files,
     LocalFile,
-    Meshes,
     Order,
     Output,
     Params,
     checked_key,
     open_source,
-    packed_meshes,
     parts_of,
     refer,
 )
@@ -341,38 +339,6 @@ class Client:
         url = "/v1/jobs:parts" if glb is None else f"/v1/jobs:parts?glb={PartsAs(glb).value}"
         parts_found, _ = self._post(FoundParts, url, Order(prompt, params), request_files)
         return parts_found
-
-    def teach(
-        self,
-        noun: str | None,
-        meshes: Meshes,
-        *,
-        params: Mapping[str, Any] | None = None,
-        metadata: Mapping[str, str] | None = None,
-        idempotency_key: str | None = None,
-    ) -> JobView:
-        """Post a job of kind `prior_teach`; once it has succeeded, `job:ID` is the model of prompts with the noun.
-
-        Parameters
-        ----------
-        noun : str, optional
-            Word for the meshes: "a gnome"; None for a kit.
-        meshes : like `asset` of `submit`, or a sequence of paths
-            One mesh, a ZIP, or a folder or several files, which are packed. Subfolders are named by attributes; those
-            of a kit, or its files in none, by nouns.
-        params : mapping, optional
-            More parameters, such as `{"synonyms": ["dwarf"], "steps": 600}`.
-        metadata, idempotency_key
-            As for `submit`.
-
-        Raises
-        ------
-        ValueError
-            There is no mesh, or two of them have one name.
-        """
-        source, filename = work(packed_meshes, meshes)
-        order = Order(params={"noun": noun, **(params or {})}, metadata=metadata, kind=JobKind.PRIOR_TEACH.value)
-        return self._submit(order, Files.of(None, None, {"meshes": source}, filename, None, idempotency_key))
 
     def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None

@@ -7,7 +7,7 @@ A sketch is a line with the name of a noun, or `noun/kind` for another kind of i
 
 A size is a letter with its range; `a=handle` is the one that a prompt sets by the handle. A number is a sum of products
 of numbers and sizes: `.5h+.1`, `-2wh`. A solid is the name of its part (of several, as in `families.parts.divided`),
-its shape, and groups of numbers; behind bars, what is done to it in turn:
+its shape, and groups of numbers; behind bars, what is done to it in turn. A line that ends with a comma goes on:
 
 ==================================  ==========================================================================
 box X Y Z, W H D, R                 a box about a point; R: its rounding, .2 if left out; `brick` has fewer faces
@@ -59,7 +59,7 @@ from meshdeform.nouns.families.parts import (
 )
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["SKETCHED_KINDS", "SKETCHES"]
+__all__ = ["SKETCHED_KINDS", "SKETCHES", "read"]
 
 Groups = list[list[float]]
 
@@ -218,8 +218,14 @@ def _family(head: str, body: Sequence[str]) -> Callable[[Rng, Traits], Part]:
     return draw
 
 
-def _read(text: str) -> dict[str, Callable[[Rng, Traits], Part]]:
-    """Return the families of a table by `noun` or `noun/kind`."""
+def read(text: str) -> dict[str, Callable[[Rng, Traits], Part]]:
+    """Return the families of a table by `noun` or `noun/kind`.
+
+    Raises
+    ------
+    KeyError, ValueError
+        As they are drawn: a shape or a part that there is not, or groups of too few numbers.
+    """
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     starts = [k for k, line in enumerate(lines) if not line.startswith(" ")] + [len(lines)]
     sketches = {}
@@ -233,7 +239,7 @@ _ALL = {
     name: family
     for path in sorted(files(__package__).joinpath("sketched").iterdir(), key=str)
     if path.name.endswith(".txt")
-    for name, family in _read(path.read_text(encoding="utf-8")).items()
+    for name, family in read(path.read_text(encoding="utf-8")).items()
 }
 SKETCHES = {name: family for name, family in _ALL.items() if "/" not in name}
 """The families that are sketched, by noun."""

@@ -1,4 +1,4 @@
-"""Turn attributes into sizes of parts; `teaching/deformed.py` deforms whole shapes.
+"""Turn attributes into sizes of parts; `deformed` deforms whole shapes.
 
 Labels are true by construction. The size of a part is drawn from one of three disjoint ranges (lesser, neutral,
 greater), chosen by the label.

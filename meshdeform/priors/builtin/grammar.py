@@ -59,7 +59,7 @@ _MIN_LENGTH = 4
 _POPULAR = ("mushroom", "vase", "rabbit")
 
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
-_OWN_WORDS = 5
+_ADVICE = f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
 _NOT_LENT = ("neck", "stem", "trunk", "tower")
 """Parts that others stand on."""
 
@@ -91,7 +91,7 @@ SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
 
 @dataclass(frozen=True)
 class Words:
-    """The words of one file of weights; attributes and parts are those of the grammar."""
+    """The words that a prompt may have; attributes and parts are those of the grammar."""
 
     nouns: Mapping[str, tuple[str, ...]]
     """Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`."""
@@ -312,21 +312,6 @@ def _fitted(noun: str, candidates: Iterable[Attribute]) -> ParsedPrompt:
     return ParsedPrompt(noun, tuple(sorted(fitted, key=ATTRIBUTES.index)))
 
 
-def _advice(known: Words) -> str:
-    """Return where all words are listed; of taught weights, name those of their own as well."""
-    if known == BUILTIN_WORDS:
-        return f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
-    own = [noun for noun in known.nouns if noun not in NOUNS]
-    taught = ""
-    if own:
-        more = ", and others" if len(own) > _OWN_WORDS else ""
-        # The last ones were taught last.
-        taught = f"It was taught: {', '.join(reversed(own[-_OWN_WORDS:]))}{more}. "
-    return (
-        f"{taught}All words of these weights: meshdeform models FILE, with their file, or GET /v1/models. {_FREE_TEXT}"
-    )
-
-
 _Parts = list[tuple[str, list[str]]]
 
 
@@ -352,7 +337,7 @@ class _Reading:
         )
         return VocabularyError(
             detail,
-            advice=f"{offer} {_advice(self.known)}",
+            advice=f"{offer} {_ADVICE}",
             unknown=unknown,
             suggestions=suggestion.prompts,
             corrections=suggestion.corrections,
@@ -379,8 +364,8 @@ def unknown_shape(error: VocabularyError) -> VocabularyError:
 def parse(prompt: str, known: Words = WORDS) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
-    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words of the
-    file of weights; by default those in the package. Returns ParsedPrompt: canonical noun and attributes, equal for
+    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words that
+    it may have. Returns ParsedPrompt: canonical noun and attributes, equal for
     prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
     VocabularyError: a word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up
     to three prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning,
@@ -403,7 +388,7 @@ def parse_negative(negative: str, prompt: str, known: Words = WORDS) -> ParsedPr
         unwanted = _assemble(replace(reading, nouns=reading.nouns or [wanted.noun]))
     except VocabularyError as error:
         extra = {**error.extra, "suggestions": [], "nearest": {}}
-        raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_advice(known), **extra) from error
+        raise VocabularyError(f"In the negative prompt: {error.detail}", advice=_ADVICE, **extra) from error
     if unwanted == wanted:
         raise PromptError(
             f"The negative prompt {negative!r} means the same as the prompt {prompt!r}.",
@@ -598,14 +583,14 @@ def is_noun(word: str) -> bool:
 def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
     """Return the nouns whose meaning is nearest to that of a word, nearest first.
 
-    `word`: in small letters, singular. `nouns`: the nouns to choose from. One that was taught counts as near if the two
-    have two neighbours in common. `count`: maximum number of nouns. Returns list of str: empty if the word is not
+    `word`: in small letters, singular. `nouns`: the nouns to choose from. One that is not builtin counts as near if the
+    two have two neighbours in common. `count`: maximum number of nouns. Returns list of str: empty if the word is not
     known, or near to none of the nouns.
     """
     table = _near()
     around = table.get(word, [])
-    taught = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
-    return [*taught, *(noun for noun in around if noun in nouns)][:count]
+    own = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
+    return [*own, *(noun for noun in around if noun in nouns)][:count]
 
 
 _TABLE = Path(__file__).parent / "translations.txt"

@@ -8,8 +8,7 @@ shuffle restores its size, so a forward pass is cheap on one core.
 Sources: Ho et al. 2020 (DDPM), Dhariwal & Nichol 2021 (adaptive group norm), Salimans & Ho 2022
 (v-prediction, eq. 11), Ho & Salimans 2022 (classifier-free guidance), Shi et al. 2016 (pixel shuffle).
 
-Its weights are half precision safetensors that record their vocabulary. Taught weights (`taught.py`) also contain
-pictures of what they were taught, for replay: tensors `replay.NOUN.FIELD`.
+Its weights are half precision safetensors that record their vocabulary.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -29,7 +28,7 @@ from torch.nn import functional
 
 from meshdeform.errors import ModelError
 from meshdeform.priors.builtin.grammar import SEQUENCE_LENGTH, VOCABULARY
-from meshdeform.priors.builtin.taught import MAX_FILE_BYTES, REPLAY, check, words_of
+from meshdeform.priors.builtin.weights_file import MAX_FILE_BYTES, check
 from meshdeform.support.files import write_files
 
 IMAGE_SIZE = 128
@@ -89,9 +88,9 @@ class TextEncoder(nn.Module):
     own learned vector.
     """
 
-    def __init__(self, width: int, layers: int, out: int, words: int) -> None:
+    def __init__(self, width: int, layers: int, out: int) -> None:
         super().__init__()
-        self.word = nn.Embedding(words, width)
+        self.word = nn.Embedding(len(VOCABULARY), width)
         self.position = nn.Parameter(torch.randn(SEQUENCE_LENGTH, width) * 0.02)
         self.blocks = nn.ModuleList(TextBlock(width) for _ in range(layers))
         self.norm = nn.LayerNorm(width)
@@ -179,17 +178,14 @@ class AttentionBlock(nn.Module):
 
 
 class PriorNetwork(nn.Module):
-    """Predictor of the clean grid of views, or the clean single view, of a noisy one.
+    """Predictor of the clean grid of views, or the clean single view, of a noisy one."""
 
-    `words` is the number of tokens.
-    """
-
-    def __init__(self, config: ModelConfig | None = None, *, words: int = len(VOCABULARY)) -> None:
+    def __init__(self, config: ModelConfig | None = None) -> None:
         super().__init__()
         self.config = config or ModelConfig()
         c0, c1, c2 = self.config.channels
         e, heads = self.config.embedding, self.config.heads
-        self.text = TextEncoder(self.config.text_width, self.config.text_layers, e, words)
+        self.text = TextEncoder(self.config.text_width, self.config.text_layers, e)
         self.azimuth = nn.Linear(4, e)
         self.time = nn.Sequential(nn.Linear(64, e), nn.SiLU(), nn.Linear(e, e))
         self.stem = nn.Conv2d(3, c0, 8, stride=4, padding=2)
@@ -270,9 +266,9 @@ class PriorNetwork(nn.Module):
         return condition
 
 
-def vocabulary_hash(words: Sequence[str] | None = None) -> str:
-    """Hash a token numbering (by default this grammar's); weights of another numbering misread every prompt."""
-    return hashlib.sha256(" ".join(VOCABULARY if words is None else words).encode()).hexdigest()[:16]
+def vocabulary_hash() -> str:
+    """Hash the token numbering of this grammar; weights of another numbering misread every prompt."""
+    return hashlib.sha256(" ".join(VOCABULARY).encode()).hexdigest()[:16]
 
 
 def file_sha256(path: Path) -> str:
@@ -282,30 +278,16 @@ def file_sha256(path: Path) -> str:
 
 
 def write_weights(path: Path, state: Mapping[str, Tensor], config: ModelConfig, provenance: Mapping[str, str]) -> None:
-    """Write a network of the package's vocabulary, atomically; see `pack_weights`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_files({path: pack_weights(state, config, provenance)})
-
-
-def pack_weights(
-    state: Mapping[str, Tensor],
-    config: ModelConfig,
-    provenance: Mapping[str, str],
-    words: Mapping[str, str] | None = None,
-) -> bytes:
-    """Return a file of weights: floating-point tensors as float16, others as they are.
-
-    `provenance`: metadata about the training. `words`: the result of `taught.metadata_of`; by default the words are
-    those of the package.
-    """
-    words = words or {"words": " ".join(VOCABULARY)}
+    """Write the weights of a network as float16, atomically; `provenance`: metadata about the training."""
     metadata = {
         **provenance,
         "config": json.dumps(asdict(config)),
-        "vocabulary": vocabulary_hash(words["words"].split()),
-        **words,
+        "vocabulary": vocabulary_hash(),
+        "words": " ".join(VOCABULARY),
     }
-    return _in_order(save({name: _halved(tensor.detach()).contiguous() for name, tensor in state.items()}, metadata))
+    halved = {name: tensor.detach().half().contiguous() for name, tensor in state.items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_files({path: _in_order(save(halved, metadata))})
 
 
 def _in_order(data: bytes) -> bytes:
@@ -326,22 +308,17 @@ def _config(metadata: Mapping[str, str]) -> ModelConfig:
     return config
 
 
-def _halved(tensor: Tensor) -> Tensor:
-    return tensor.to(torch.float16) if tensor.is_floating_point() else tensor
-
-
 def read_network(path: Path = WEIGHTS) -> tuple[PriorNetwork, dict[str, str]]:
-    """Read the network in float32 for inference, and the file's metadata, which names its words (`taught.words_of`).
+    """Read the network in float32 for inference, and the file's metadata.
 
     Raises ModelError: the file is missing or too large, not safetensors, of another vocabulary, or its tensors are not
     those of the network, or not finite.
     """
     state, metadata = read_tensors(path)
     check(path)
-    words = words_of(metadata, path)
     try:
-        network = PriorNetwork(_config(metadata), words=len(words.tokens))
-        network.load_state_dict({name: t for name, t in state.items() if not name.startswith(REPLAY)})
+        network = PriorNetwork(_config(metadata))
+        network.load_state_dict(state)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())[:300]
         raise ModelError(f"The weights in {path} do not fit the network: {reason}", advice=_ADVICE) from error

@@ -33,9 +33,8 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
-from meshdeform.priors.builtin.grammar import parse, parse_negative, tokenise
+from meshdeform.priors.builtin.grammar import BUILTIN_WORDS, parse, parse_negative, tokenise
 from meshdeform.priors.builtin.network import WEIGHTS, file_sha256, null_tokens, read_network
-from meshdeform.priors.builtin.taught import words_of
 from meshdeform.rendering.cameras import NUM_VIEWS, CameraRange, Cameras
 from meshdeform.rendering.shading import RenderStyle
 
@@ -86,7 +85,7 @@ class BuiltinPrior:
     """The builtin demonstration prior.
 
     `dtype`, "auto", "float32", "float16" or "bfloat16": what the network computes in; all but bfloat16 are float32.
-    `weights`: a file written by `train.py` or by `meshdeform teach`; by default the one in the package. Raises
+    `weights`: a file written by `train.py`; by default the one in the package. Raises
     ModelError: the weights are missing, unreadable or of another vocabulary.
     """
 
@@ -99,7 +98,6 @@ class BuiltinPrior:
         self.device = torch.device(device)
         self.dtype = torch.bfloat16 if dtype == "bfloat16" else torch.float32
         self._network = network.computing_in(self.dtype).to(self.device)
-        self.words = words_of(metadata, weights)
         self.alphas_cumprod = cosine_alphas_cumprod().to(self.device)
         self.identity = {
             "id": "builtin" if weights == WEIGHTS else str(weights),
@@ -115,10 +113,10 @@ class BuiltinPrior:
         the empty text in the guidance. Raises PromptError, VocabularyError: a text is outside this prior's grammar, or
         a negative prompt means the same as the prompt.
         """
-        rows = [torch.tensor([tokenise(parse(prompt, self.words), self.words)])]
+        rows = [torch.tensor([tokenise(parse(prompt, BUILTIN_WORDS))])]
         for other in others:
-            unwanted = parse_negative(other, prompt, self.words) if other.strip() else None
-            rows.append(torch.tensor([tokenise(unwanted, self.words)]) if unwanted else null_tokens(1))
+            unwanted = parse_negative(other, prompt, BUILTIN_WORDS) if other.strip() else None
+            rows.append(torch.tensor([tokenise(unwanted)]) if unwanted else null_tokens(1))
         text: Tensor = self._network.text(torch.cat(rows).to(self.device))
         return text
 

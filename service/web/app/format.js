@@ -99,12 +99,6 @@ const PHASES = /** @type {Record<string, string>} */ ({
   done: "Done",
 });
 
-const LESSON_PHASES = /** @type {Record<string, string>} */ ({
-  preparing: "Drawing the pictures",
-  optimizing: "Learning",
-  writing: "Measuring what was learned",
-});
-
 /** The goals of a job in words: its prompts; empty: a target mesh. @param {any} job */
 export function goalWords(job) {
   // Another version may write all else in its own way.
@@ -117,7 +111,7 @@ const KIND_TITLES = /** @type {Record<string, string>} */ ({
   surface_fit: "Surface fit",
   family_fit: "Family of shapes",
   family_synthesize: "New shapes of a family",
-  prior_teach: "Teach words",
+  prior_teach: "A lesson", // of older versions
 });
 
 /** What stands for a job in lists: its goals in words, else what it does. @param {any} job */
@@ -125,16 +119,13 @@ export function jobTitle(job) {
   const goal = goalWords(job);
   const kind = job.kind ?? "text_deform";
   if (goal) return goal;
-  if (job.unreadable) return kind.replaceAll("_", " ");
-  if (kind === "prior_teach" && job.params?.noun) return `The word “${job.params.noun}”`;
-  if (kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
+  if (job.unreadable || kind !== "text_deform") return KIND_TITLES[kind] ?? kind.replaceAll("_", " ");
   if (job.files?.target_2) return "To the nearest of several meshes";
   return job.files?.target ? "To a target mesh" : "To pictures";
 }
 
-/** @param {string} phase @param {string} [kind] Of the job. */
-export function phaseWords(phase, kind) {
-  if (kind === "prior_teach" && phase in LESSON_PHASES) return LESSON_PHASES[phase];
+/** @param {string} phase */
+export function phaseWords(phase) {
   return PHASES[phase] ?? titled(phase);
 }
 

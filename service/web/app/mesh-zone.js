@@ -15,18 +15,16 @@ export class MeshZone {
   constructor(scope, { id, hint, empty, further = [] }) {
     this.empty = empty;
     this.further = further;
-    /** The files, each with a word for what it is. @type {{file: File, label: string}[]} */
-    this.entries = [];
-    /** @type {string[]} */
-    this.labels = [];
+    /** @type {File[]} */
+    this.files = [];
     const accept = [...FORMATS.map((ending) => "." + ending), ...further, "model/gltf-binary", "application/zip"].join(",");
     this.file = fileInput(id, "Mesh files", accept, (files) => this._take(files), true);
     this.refused = h("div", { class: "field-problem", role: "alert", hidden: true });
     this.count = h("p", { class: "small muted", "aria-live": "polite" });
-    this.list = h("ul", { class: "files teach-files", "aria-label": "Chosen meshes" });
+    this.list = h("ul", { class: "files", "aria-label": "Chosen meshes" });
     this.element = h(
       "section",
-      { class: "teach-meshes", "aria-label": "Meshes" },
+      { class: "mesh-zone", "aria-label": "Meshes" },
       h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop them here")),
       h("div", { class: "row" }, button("Choose meshes", () => this.file.click(), { icon: "upload" }), this.file, this.count),
       h("p", { class: "small muted" }, hint),
@@ -37,32 +35,21 @@ export class MeshZone {
     this._draw();
   }
 
-  get files() {
-    return this.entries.map(({ file }) => file);
-  }
-
   /** @param {File[]} files */
   add(files) {
-    this.entries.push(...files.map((file) => ({ file, label: "" })));
-    this._draw();
-  }
-
-  /** Offer labels. @param {string[]} labels */
-  offer(labels) {
-    this.labels = labels;
+    this.files.push(...files);
     this._draw();
   }
 
   /**
-   * What to send: the file itself, or a ZIP in which folders name the labels.
+   * What to send: a ZIP of the files, or the only one if it is a ZIP.
    * @param {string} name Of the ZIP.
-   * @param {boolean} [alone] Whether a single mesh may be sent by itself.
    * @returns {Promise<File>}
    */
-  async packed(name, alone = true) {
-    const [{ file, label }, ...more] = this.entries;
-    if (!more.length && !label && (alone || formatOf(file.name) === "zip")) return file;
-    return new File([await packMeshes(this.entries)], name, { type: "application/zip" });
+  async packed(name) {
+    const [first, ...more] = this.files;
+    if (!more.length && formatOf(first.name) === "zip") return first;
+    return new File([await packMeshes(this.files)], name, { type: "application/zip" });
   }
 
   /** Say what is wrong with the files; empty: nothing. @param {string} text */
@@ -89,20 +76,16 @@ export class MeshZone {
   _draw() {
     const size = this.files.reduce((sum, file) => sum + file.size, 0);
     this.count.textContent = this.files.length ? `${counted(this.files.length, "file")}, ${bytes(size)}` : this.empty;
-    fill(this.list, this.entries.map((entry) => this._row(entry)));
+    fill(this.list, this.files.map((file) => this._row(file)));
   }
 
-  /** @param {{file: File, label: string}} entry */
-  _row(entry) {
-    const { name, size } = entry.file;
-    const select = h("select", { "aria-label": `What ${name} is`, on: { change: () => (entry.label = select.value) } }, h("option", { value: "" }, "as it is"), this.labels.map((label) => h("option", { value: label }, label)));
-    select.value = entry.label;
+  /** @param {File} file */
+  _row(file) {
+    const { name, size } = file;
     const remove = button(`Remove ${name}`, () => {
-      this.entries = this.entries.filter((other) => other !== entry);
+      this.files = this.files.filter((other) => other !== file);
       this._draw();
     }, { icon: "cross", quiet: true, class: "button-quiet" });
-    // A ZIP has its own folders.
-    const labelled = this.labels.length > 0 && formatOf(name) !== "zip";
-    return h("li", { class: "file" }, h("div", null, h("strong", null, name), h("span", { class: "small muted" }, bytes(size))), h("div", { class: "row" }, labelled ? select : null, remove));
+    return h("li", { class: "file" }, h("div", null, h("strong", null, name), h("span", { class: "small muted" }, bytes(size))), remove);
   }
 }

@@ -2,10 +2,10 @@
 /**
  * Addresses of the page's views. They live behind the `#`, so that the page is one file wherever it is served.
  *
- * @typedef {{name: "create", from: string | null, result?: boolean, example?: string, model?: string, prompt?: string}
+ * @typedef {{name: "create", from: string | null, result?: boolean, example?: string}
  *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
- *   | {name: "teach" | "examples" | "field"}
+ *   | {name: "examples" | "field"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job" | "group" | "example", id: string}
  *   | {name: "shared", id: string, link: string}
@@ -18,7 +18,6 @@ import { STATE_WORDS } from "./format.js";
 export const MAX_SEARCH = 200;
 const JOB = /^job_[0-9a-z]{1,64}$/;
 const EXAMPLE = /^[a-z0-9-]{1,40}$/;
-const TAUGHT = /^job:job_[0-9a-z]{1,64}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP = /^[\w-]{1,64}$/;
 
@@ -28,7 +27,6 @@ const ROUTES = [
   ["surface", [], (_, query) => ({ name: "surface", from: jobOf(query), ...(query.has("quick") ? { quick: true } : {}) })],
   ["family", [], (_, query) => ({ name: "family", from: jobOf(query) })],
   ["field", [], () => ({ name: "field" })],
-  ["teach", [], () => ({ name: "teach" })],
   ["jobs", [], (_, query) => ({ name: "jobs", state: stateOf(query.get("state")), search: (query.get("q") ?? "").slice(0, MAX_SEARCH) })],
   ["jobs", [JOB], ([id]) => ({ name: "job", id })],
   ["shared", [JOB, LINK], ([id, link]) => ({ name: "shared", id, link })],
@@ -49,10 +47,9 @@ export function parseRoute(hash) {
 
 /** @param {URLSearchParams} query @returns {Route} */
 function createRoute(query) {
-  const [example, model] = [query.get("example") ?? "", query.get("model") ?? ""];
+  const example = query.get("example") ?? "";
   const from = jobOf(query);
-  const taught = TAUGHT.test(model) ? { model, prompt: (query.get("prompt") ?? "").slice(0, MAX_SEARCH) } : null;
-  return { name: "create", from, ...(from && query.has("result") ? { result: true } : {}), ...(EXAMPLE.test(example) ? { example } : {}), ...taught };
+  return { name: "create", from, ...(from && query.has("result") ? { result: true } : {}), ...(EXAMPLE.test(example) ? { example } : {}) };
 }
 
 /** @param {URLSearchParams} query @returns {string | null} The job that a form begins with. */
@@ -70,7 +67,7 @@ function stateOf(value) {
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return `#/${queryOf({ from: route.from, result: route.result, example: route.example, model: route.model, prompt: route.prompt })}`;
+      return `#/${queryOf({ from: route.from, result: route.result, example: route.example })}`;
     case "surface":
     case "family":
       return `#/${route.name}${queryOf({ from: route.from, quick: route.name === "surface" && route.quick })}`;

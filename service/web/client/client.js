@@ -1,6 +1,5 @@
 import { MeshdeformError } from "./errors.js";
 import { events } from "./events.js";
-import { packMeshes } from "./meshes.js";
 import { newKey, Transport } from "./transport.js";
 import { isTerminal, } from "./types.js";
 import { canUpload, upload } from "./uploads.js";
@@ -50,19 +49,6 @@ export class Client {
         const body = await this.#body(asset, request, options);
         const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
         return this.#transport.json("v1/jobs", { method: "POST", ...body, headers, signal: options.signal });
-    }
-    /**
-     * Post a lesson: once it has succeeded, `job:ID` is the model of prompts with the noun, or with those of a kit if it is null. `meshes` is one mesh or a ZIP of some, or several files,
-     * which are packed; a `label` names an attribute.
-     */
-    async teach(noun, meshes, options = {}) {
-        const { params, metadata, ...rest } = options;
-        const request = { kind: "prior_teach", params: { ...params, noun }, ...(metadata ? { metadata } : {}) };
-        const several = isList(meshes);
-        if (several && !meshes.length)
-            throw new TypeError("A lesson needs at least one mesh.");
-        const file = several ? new File([await packMeshes(meshes)], "meshes.zip", { type: "application/zip" }) : meshes;
-        return this.submit(null, request, { ...rest, files: { meshes: file } });
     }
     /** Check a job without posting it: what the asset holds, all parameters, and an estimate of the time. */
     async validate(asset, request, options = {}) {
@@ -264,9 +250,6 @@ function id(job) {
 }
 function path(job, rest = "") {
     return `v1/jobs/${id(job)}${rest && `/${rest}`}`;
-}
-function isList(meshes) {
-    return Array.isArray(meshes);
 }
 function isData(file) {
     return file instanceof Blob || file instanceof ArrayBuffer || ArrayBuffer.isView(file);

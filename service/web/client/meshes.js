@@ -8,22 +8,20 @@ const TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
         value = value & 1 ? (value >>> 1) ^ 0xedb88320 : value >>> 1;
     return value;
 });
-/** Pack meshes into a ZIP in which folders name their labels; the same meshes give the same bytes. */
+/** Pack meshes into a ZIP; the same meshes give the same bytes. */
 export async function packMeshes(meshes) {
-    const given = meshes.map((mesh) => (mesh instanceof Blob ? { file: mesh } : mesh));
-    const names = namesInZip(given.map(({ file, label }) => ({ name: file.name, label: label ?? "" })));
-    return zip(await Promise.all(given.map(async ({ file }, at) => ({ name: names[at], bytes: new Uint8Array(await file.arrayBuffer()) }))));
+    const names = namesInZip(meshes.map(({ name }) => name));
+    return zip(await Promise.all(meshes.map(async (file, at) => ({ name: names[at], bytes: new Uint8Array(await file.arrayBuffer()) }))));
 }
-/** Return names for files in a ZIP: in a folder for each label, and no name twice. */
-export function namesInZip(files) {
+/** Return names for files in a ZIP, none of them twice. */
+export function namesInZip(given) {
     const used = new Set();
-    return files.map(({ name, label }) => {
+    return given.map((name) => {
         const plain = name.split(/[\\/]/).pop() || "mesh.glb";
         const [stem, ending] = [plain.replace(/\.[^.]*$/, ""), plain.slice(plain.lastIndexOf("."))];
-        const folder = label ? `${label}/` : "";
-        let found = folder + plain;
+        let found = plain;
         for (let number = 2; used.has(found.toLowerCase()); number += 1)
-            found = `${folder}${stem}-${number}${ending}`;
+            found = `${stem}-${number}${ending}`;
         used.add(found.toLowerCase());
         return found;
     });

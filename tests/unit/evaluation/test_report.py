@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from meshdeform.errors import ParameterError
-from meshdeform.priors.builtin.teaching.teacher import interval
 from tests.cases import each_case
-from training.evaluation.report import summarise, table
+from training.evaluation.report import interval, summarise, table
 from training.evaluation.retrieval import load_judge, ranked
 
 QUALITY = {

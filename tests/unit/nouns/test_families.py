@@ -9,12 +9,12 @@ from tests.cases import each_case
 pytestmark = pytest.mark.training
 
 
-def _volume(shape: Part) -> float:
+def volume(shape: Part) -> float:
     a, b, c = (shape.verts[shape.faces[:, corner]] for corner in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
-def _border_edges(shape: Part) -> int:
+def border_edges(shape: Part) -> int:
     """Directed edges without their opposite: none on a closed, oriented surface."""
     directed = {(int(a), int(b)) for face in shape.faces for a, b in zip(face, np.roll(face, -1), strict=True)}
     return sum((b, a) not in directed for a, b in directed)
@@ -27,9 +27,9 @@ def test_members_are_closed_outward_and_fill_the_unit_sphere(noun: str) -> None:
         assert np.isfinite(shape.verts).all()
         assert np.linalg.norm(shape.verts, axis=1).max() == pytest.approx(1.0)
         np.testing.assert_allclose(shape.verts.min(0) + shape.verts.max(0), 0, atol=1e-9)
-        assert _volume(shape) > 0
+        assert volume(shape) > 0
         assert len(np.unique(shape.faces)) == len(shape.verts)
-    assert _border_edges(shape) == 0
+    assert border_edges(shape) == 0
 
 
 @each_case(
@@ -47,7 +47,7 @@ def test_attributes_of_the_whole_do_what_they_say(word: str, axes: tuple[int, in
     """Ratios of extents do not depend on how the shape is scaled to fit."""
     for noun in ("vase", "dog", "lamp", "tree"):
         plain, shape = (member(noun, with_, np.random.default_rng(4)) for with_ in ((), (Attribute("whole", word),)))
-        assert _volume(shape) > 0
+        assert volume(shape) > 0
         grown = np.ptp(shape.verts, axis=0) / np.ptp(plain.verts, axis=0)
         assert grown[axes[0]] / grown[axes[1]] > at_least
 

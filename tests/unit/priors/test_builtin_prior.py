@@ -7,8 +7,8 @@ import torch
 
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.nouns.families import member
-from meshdeform.priors.builtin import taught
-from meshdeform.priors.builtin.grammar import parse, tokenise
+from meshdeform.priors.builtin import weights_file
+from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import (
     ModelConfig,
     PriorNetwork,
@@ -31,7 +31,6 @@ from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
 from tests.cases import each_case
 from tests.close import assert_close
-from tests.taught import THREE_NOUNS
 from tests.unit.priors.combined import guided, text_rows
 
 
@@ -108,7 +107,7 @@ def test_missing_torn_and_foreign_weights_are_model_errors(
     torn.write_bytes(weights.read_bytes()[:5000])
     with pytest.raises(ModelError, match="cannot be read"):
         BuiltinPrior(weights=torn)
-    monkeypatch.setattr(taught, "BUILTIN_WORDS", THREE_NOUNS)
+    monkeypatch.setattr(weights_file, "VOCABULARY", VOCABULARY[:-1])
     with pytest.raises(ModelError, match="another vocabulary"):
         BuiltinPrior(weights=weights)
 

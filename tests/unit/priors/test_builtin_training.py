@@ -9,14 +9,14 @@ from meshdeform.nouns.families import member
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.grammar import VOCABULARY, parse, tokenise
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
-from meshdeform.priors.builtin.teaching.teacher import TrainConfig
-from meshdeform.priors.builtin.teaching.views import PictureSet, pictures, single_views
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from tests.close import assert_close
 from training.prior import train, warm_start
 from training.prior.dataset import draw_prompt
 from training.prior.held_out import held_out_pairs
+from training.prior.pictures import PictureSet, pictures, single_views
 from training.prior.train import PriorTrainer
+from training.prior.trainer import TrainConfig
 
 pytestmark = pytest.mark.training
 

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
+from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.nouns.families import member
 from meshdeform.priors.builtin.teaching.deformed import Part, normalised
 from tests.cases import each_case
 from training.collections.nouns import noun_of
-from training.collections.scan import Drawn, counts, same, scan
+from training.collections.scan import Drawn, counts, same, scan, shape_of
 from training.collections.sources import HELD_OUT, JUDGE, split_of
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -86,3 +91,14 @@ def test_a_scan_keeps_each_shape_once_and_says_what_it_left_out(scanned: Path) -
     assert index["left_out"] == [f"{KENNEY}/rock.glb", f"{KENNEY}/vase.glb"]
     assert list(index["refused"]) == [f"{KENNEY}/chair.glb"]
     assert counts(index["members"]).splitlines()[1].startswith("bench | ")
+
+
+def test_a_mesh_of_which_nothing_can_be_seen_is_refused() -> None:
+    ball = icosphere(2)
+    assert np.linalg.norm(shape_of(ball, "ball.glb").verts, axis=1).max() == pytest.approx(1.0)
+    with pytest.raises(AssetEmptyError, match="2 faces"):
+        shape_of(TriangleMesh(ball.verts, ball.faces[:2]), "a.glb")
+    far = join(*(replace(ball, verts=ball.verts * 0.01 + 40 * number) for number in range(2)))
+    for mesh in (far, replace(ball, verts=ball.verts * torch.tensor([1.0, 1.0, 0.0]))):
+        with pytest.raises(AssetEmptyError, match="nearly nothing but background"):
+            shape_of(mesh, "speck.glb")

@@ -16,7 +16,7 @@ def test_nouns_of_similar_meaning_are_found(word: str, noun: str) -> None:
     assert noun in grammar.nearest(word, NOUNS)
 
 
-def test_what_is_no_thing_has_no_neighbour_and_nouns_that_are_taught_later_are_found_too() -> None:
+def test_what_is_no_thing_has_no_neighbour_and_nouns_that_are_not_builtin_are_found_too() -> None:
     assert grammar.nearest("democracy", NOUNS) == grammar.nearest("antelope", ["no-such-noun"]) == []
     assert (grammar.is_noun("qwertz"), grammar.is_noun("kettle")) == (False, True)
     assert grammar.nearest("jaguar", [*NOUNS, "leopard"])[0] == "leopard"

@@ -84,16 +84,11 @@ def test_what_fits_have_is_left_to_them(name: str) -> None:
     assert kind(params, model="some/checkpoint") == ("sds" if elsewhere else "exemplar")
 
 
-@each_case("model", ["some/checkpoint", "/models/taught.safetensors"])
+@each_case("model", ["some/checkpoint", "/models/other.safetensors"])
 def test_a_model_named_by_the_setting_means_sds(model: str) -> None:
     assert kind({}, model=model) == "sds"
     assert kind({}, "", ["target"], model) == "target"
     assert kind({"guidance": {"kind": "exemplar"}}, model=model) == "exemplar"
-
-
-def test_taught_weights_that_were_sent_mean_sds() -> None:
-    assert kind({}, files=["weights"]) == "sds"
-    assert kind({"guidance": {"model": "weights"}}, files=["weights"]) == "sds"
 
 
 def test_files_say_what_to_become_where_no_prompt_does() -> None:

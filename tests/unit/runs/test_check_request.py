@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,12 +10,20 @@ from typing import Any
 
 import pytest
 
-from meshdeform.errors import MeshdeformError, ModelError, ParameterError, PromptError, VocabularyError
+from meshdeform.errors import (
+    KindRetiredError,
+    MeshdeformError,
+    ModelError,
+    ParameterError,
+    PromptError,
+    VocabularyError,
+)
+from meshdeform.priors.builtin.network import WEIGHTS
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs import check_request
+from meshdeform.runs import check_request, start_run
+from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
-from tests.taught import write_small_weights
 
 
 def check(request: dict[str, Any], *, has_target: bool = False, **settings: Any) -> None:
@@ -96,35 +105,43 @@ def test_the_check_loads_neither_torch_nor_numpy() -> None:
     assert result.stdout.strip() == "[]"
 
 
-# A service offers taught weights by the name of their file, and opens no other file for a client.
+# Files of weights: a service uses those that it offers, by their names, and opens no other file for a client.
 
 
-def test_a_service_reads_only_the_taught_files_that_it_offers(tmp_path: Path) -> None:
-    (tmp_path / "models").mkdir()
-    mine = write_small_weights(tmp_path / "models" / "mine.safetensors")
-    other = write_small_weights(tmp_path / "other.safetensors")
-    settings = Settings(models=str(tmp_path / "models"))
+def guided(model: str, prompt: str = "a tall vase") -> JobRequest:
+    return JobRequest.model_validate({"prompt": prompt, "params": {"guidance": {"kind": "sds", "model": model}}})
 
-    def check(prompt: str, model: str) -> Any:
-        request = JobRequest.model_validate({"prompt": prompt, "params": {"guidance": {"model": model}}})
-        return check_request(request, settings, files=["asset"])
 
+def test_a_service_reads_only_the_files_of_weights_that_it_offers(tmp_path: Path) -> None:
+    mine = shutil.copy(WEIGHTS, tmp_path / "mine.safetensors")
+    other = shutil.copy(WEIGHTS, tmp_path / "other.safetensors")
+    settings = Settings(allowed_models=[str(mine)])
     for name in ("mine.safetensors", str(mine)):
-        resolved = check("a tall vase", name)
+        resolved: Any = check_request(guided(name), settings, files=["asset"])
         assert resolved.model == str(mine)
-        assert resolved.steps == check("a tall vase", "builtin").steps
-    with pytest.raises(VocabularyError, match="giraffe"):
-        check("a giraffe", "mine.safetensors")
+    with pytest.raises(VocabularyError, match="zeitgeist"):
+        check_request(guided("mine.safetensors", "a zeitgeist"), settings, files=["asset"])
     answers = []
     for path in (other, tmp_path / "nowhere.safetensors"):
-        with pytest.raises(ModelError, match="does not run the model") as refused:
-            check("a vase", str(path))
+        with pytest.raises(KindRetiredError, match="does not run the model") as refused:
+            check_request(guided(str(path)), settings, files=["asset"])
         answers.append(refused.value.detail.replace(path.name, ""))
         assert str(mine) not in refused.value.detail + refused.value.advice_text
     assert answers[0] == answers[1]  # nobody learns which files exist
     mine.write_bytes(b"broken")
     with pytest.raises(ModelError, match="not safetensors") as broken:
-        check("a vase", "mine.safetensors")
+        check_request(guided("mine.safetensors"), settings, files=["asset"])
     assert str(tmp_path) not in broken.value.detail
-    write_small_weights(tmp_path / "models" / "new.safetensors")
-    assert check("a vase", "new.safetensors").model.endswith("new.safetensors")
+
+
+@each_case(
+    ("model", "files"),
+    [("weights", ["asset", "weights"]), ("job:job_1", ["asset"]), ("builtin", ["asset", "weights"])],
+)
+def test_taught_weights_are_refused_at_the_door_and_in_a_worker(model: str, files: list[str]) -> None:
+    with pytest.raises(KindRetiredError) as refused:
+        check_request(guided(model, "a gnome"), Settings(), files=files)
+    assert (refused.value.status, refused.value.code) == (422, "kind_retired")
+    assert "meshdeform words add" in refused.value.advice_text
+    with pytest.raises(KindRetiredError):
+        start_run(RunInput(guided(model, "a gnome"), dict.fromkeys(files, InputFile(b"", "a.glb"))))

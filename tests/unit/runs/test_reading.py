@@ -138,7 +138,7 @@ def test_the_judge_proposes_nouns_and_a_skeleton_of_a_person_is_one(
     dog = loose_body(load_asset(rigged_dog()))
     person = replace(dog, joints=[replace(dog.joints[0], name=name) for name in ("Head", "Arm", "Leg")])
     for body in (person, dog):
-        read_source(body, params(source_noun="taught", orientation=-90))
+        read_source(body, params(source_noun="unknown", orientation=-90))
     figures = nouns | {"robot": 0.6}
     monkeypatch.setattr(reading, "_judged", lambda *_: figures)
     read_source(person, params(source_noun=None, orientation=-90))

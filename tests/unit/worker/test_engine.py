@@ -65,7 +65,7 @@ def test_the_last_prior_is_kept_unless_another_one_is_asked_for(loads: list[dict
     assert len(loads) == 3
 
 
-def test_taught_weights_that_were_replaced_are_loaded_again(loads: list[dict[str, Any]], tmp_path: Path) -> None:
+def test_weights_that_were_replaced_are_loaded_again(loads: list[dict[str, Any]], tmp_path: Path) -> None:
     cache, mine = PriorCache(), tmp_path / "mine.safetensors"
     mine.write_bytes(b"one")
     first = cache.get(str(mine), device="cpu")

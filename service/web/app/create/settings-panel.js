@@ -131,12 +131,6 @@ export class SettingsPanel {
     return this.catalogue.models.length > 1;
   }
 
-  /** Choose a model, if the server offers it. @param {string} id */
-  choose(id) {
-    if (this.catalogue.models.some((model) => model.id === id && model.available)) this.model.value = id;
-    this._modelChanged();
-  }
-
   /** The model that is chosen. */
   get chosen() {
     return this.catalogue.models.find((found) => found.id === this.model.value) ?? null;

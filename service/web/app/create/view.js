@@ -35,12 +35,10 @@ export class CreateView {
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
    * @param {string | null} from A job to begin with, or an example (`exampleOrigin`).
-   * @param {{model?: string, prompt?: string}} [wanted] A taught model to begin with, and a prompt.
    */
-  constructor(root, scope, from, wanted = {}) {
+  constructor(root, scope, from) {
     this.scope = scope;
     this.from = from;
-    this.wanted = wanted;
     /** Whether the form is filled: what changes from then on is the user's. */
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
@@ -149,12 +147,6 @@ export class CreateView {
     const wish = await first;
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
-    if (this.wanted.model) {
-      this.settings.choose(this.wanted.model);
-      this._useWay(false);
-      this.prompt.set(this.wanted.prompt ?? "");
-      history.replaceState(null, "", "#/"); // what is typed next is the draft
-    }
     this.begun = true;
     this._changed();
   }

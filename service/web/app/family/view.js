@@ -75,7 +75,7 @@ export class FamilyView {
   async _send() {
     // The assets with their parts are what new shapes are made of.
     const params = { ...this.numbers.values(), turn: this.turn.checked, embed_labels: true };
-    const job = await client.submit(null, { kind: KIND, params }, { files: { collection: await this.zone.packed("collection.zip", false) } });
+    const job = await client.submit(null, { kind: KIND, params }, { files: { collection: await this.zone.packed("collection.zip") } });
     return routeHash({ name: "job", id: job.id });
   }
 

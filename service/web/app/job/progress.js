@@ -32,7 +32,7 @@ export class ProgressPanel {
     if (state === "queued" || (state === "running" && !progress.total)) this.bar.removeAttribute("value");
     else this.bar.value = progress.fraction;
     this.bar.hidden = over && !progress.fraction;
-    this.words.textContent = over || state === "canceling" ? STATE_WORDS[state] : phaseWords(progress.phase, job.kind);
+    this.words.textContent = over || state === "canceling" ? STATE_WORDS[state] : phaseWords(progress.phase);
     const parts = [
       progress.total ? `Step ${count(progress.step)} of ${count(progress.total)}` : "",
       progress.total && !over ? percent(progress.fraction) : "",

@@ -1,14 +1,12 @@
 // @ts-check
-/** What a job produced: its quality in words or what it taught, its files, its settings. */
+/** What a job produced: its quality in words, its files, its settings. */
 import { button, h, icon, panel } from "../dom.js";
 import { bytes, count } from "../format.js";
 import { plainParams } from "../groups.js";
 import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
-import { routeHash } from "../router.js";
 import { adviceList, isWorthLess } from "../verdict.js";
-import { withArticle } from "../vocabulary.js";
 import { fileInput } from "../picking.js";
 import { copyLink, deformAlike, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
@@ -126,34 +124,5 @@ export function parametersPanel(job, report) {
     h("dl", { class: "parameters" }, Object.entries(params).flatMap(([name, value]) => entry(name, value))),
     report?.versions ? h("p", { class: "small muted" }, `Meshdeform ${report.versions.meshdeform}, torch ${report.versions.torch}${report.device ? `, on ${report.device}` : ""}`) : null,
     h("p", { class: "small muted" }, h("code", null, job.id)),
-  );
-}
-
-/** @param {any} job */
-export function isLesson(job) {
-  return job.kind === "prior_teach";
-}
-
-/** What the report of a lesson says, in sentences. @param {any} report @returns {import("../quality.js").Finding[]} */
-export function lessonFindings(report) {
-  const { new: learned, old_before: before, old_after: after } = report.retrieval;
-  const word = report.nouns.length === 1 ? withArticle(report.nouns[0].noun) : "what they show";
-  return [
-    { tone: learned.share >= 0.75 ? "good" : "warn", text: `${learned.hits} of ${learned.pictures} pictures that it had not seen look like ${word} to the model`, note: "Held-out pictures of your meshes" },
-    { tone: after.hits >= before.hits - 2 ? "good" : "warn", text: `${after.hits} of ${after.pictures} old words that were tried are still known`, note: `Before the lesson: ${before.hits}` },
-    { tone: "plain", text: `The weights of step ${report.steps.best} are kept`, note: report.stopped_early ? `Stopped after ${report.steps.done} steps, as more did not help` : `${report.steps.done} steps` },
-    ...report.warnings.map((/** @type {string} */ text) => ({ tone: /** @type {const} */ ("warn"), text, note: "" })),
-  ];
-}
-
-/** @param {any} job @param {any} report */
-export function lessonPanel(job, report) {
-  const prompt = withArticle(report.nouns[0].noun);
-  return panel(
-    "lesson-title",
-    "Learned words",
-    findingList(lessonFindings(report)),
-    // Who came by a link makes no jobs.
-    currentLink() ? null : h("p", null, h("a", { class: "button button-primary", href: routeHash({ name: "create", from: null, model: `job:${job.id}`, prompt }) }, `Use “${prompt}”`)),
   );
 }

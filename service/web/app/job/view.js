@@ -22,7 +22,7 @@ import { FieldStage } from "./field-stage.js";
 import { PictureStage } from "./picture-stage.js";
 import { ProgressPanel } from "./progress.js";
 import { versionsPanel } from "./versions.js";
-import { filesPanel, isLesson, lessonPanel, parametersPanel, qualityPanel } from "./results.js";
+import { filesPanel, parametersPanel, qualityPanel } from "./results.js";
 import { isDeformation } from "./shapes.js";
 import { JobStage } from "./stage.js";
 import { SynthesisPanel } from "./synthesis-panel.js";
@@ -172,7 +172,7 @@ export class JobView {
       const verdict = readVerdict(this.report);
       if (verdict && this.badge) fill(this.badge, verdictBadge(verdict));
       if (this.results) {
-        fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report, this._remedies(), this.job.files) : null, this.report && isLesson(this.job) ? lessonPanel(this.job, this.report) : null, filesPanel(this.job, artifacts, this.scope));
+        fill(this.results, this.report?.quality || this.report?.levels ? qualityPanel(this.report, this._remedies(), this.job.files) : null, filesPanel(this.job, artifacts, this.scope));
       }
       this.actions?.offerDesigns(fitsOf(this.report).length > 0);
       if (this.report && this.stage instanceof FamilyStage) await this._family(this.stage, names);
@@ -228,6 +228,9 @@ function linkProblem(error) {
 
 /** What is told about a job that only another version can read. @param {any} job */
 function unreadable(job) {
+  if (job.kind === "prior_teach") {
+    return { title: "Lessons are no longer run", detail: job.unreadable, advice: "Its files can be downloaded. Add its meshes as a word to use them in prompts." };
+  }
   return {
     title: "This server cannot read what the job was asked for",
     detail: job.unreadable,

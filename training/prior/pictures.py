@@ -38,16 +38,8 @@ class PictureSet:
 
     def sample(self, size: int, generator: torch.Generator) -> PictureSet:
         """Draw pictures with replacement, all equally likely."""
-        return self.rows(torch.randint(len(self), (size,), generator=generator))
-
-    def rows(self, rows: Tensor) -> PictureSet:
-        """Return some pictures of the set."""
+        rows = torch.randint(len(self), (size,), generator=generator)
         return PictureSet(*(getattr(self, field.name)[rows] for field in fields(self)))
-
-
-def joined(sets: Sequence[PictureSet]) -> PictureSet:
-    """Return all pictures of several sets, in order."""
-    return PictureSet(*(torch.cat([getattr(each, field.name) for each in sets]) for field in fields(PictureSet)))
 
 
 def drawn_from(
