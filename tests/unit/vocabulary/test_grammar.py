@@ -66,7 +66,6 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a badger", ["badger"], ["a bear", "a wolf", "a fox"]),
         ("a tall pulpit", ["pulpit"], ["a tall church"]),
         ("two schooners", ["two", "schooners"], ["a boat"]),
-        ("a sandal", ["sandal"], ["a boot"]),
         ("a bote", ["bote"], ["a bottle"]),
         ("a dog and a cat", [], ["a dog", "a cat"]),
         ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
