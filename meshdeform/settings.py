@@ -54,6 +54,11 @@ class Settings(BaseSettings):
         description="Folder for what can be made again, at most 512 MB: readings of assets, and samples of nouns for "
         "them. Default: `meshdeform` in the user's cache folder.",
     )
+    words: str = Field(
+        "",
+        description="Folder of the words of your own, for commands on this machine. Default: `meshdeform/words` in the "
+        "user's data folder.",
+    )
     database_url: str = Field("", description="SQLAlchemy URL of the record. Default: SQLite in the data directory.")
     redis_url: str = Field("", description="Redis of the queue. Default: `serve` starts its own.")
     storage_url: str = Field(
@@ -179,6 +184,16 @@ class Settings(BaseSettings):
             return folder.expanduser()
         except RuntimeError:  # a user without a home
             return self.data_dir / "cache"
+
+    @property
+    def words_folder(self) -> Path:
+        """The folder of the words of one's own, with the default filled in."""
+        users = os.environ.get("XDG_DATA_HOME") or "~/.local/share"
+        folder = Path(self.words or Path(users, "meshdeform", "words"))
+        try:
+            return folder.expanduser()
+        except RuntimeError:  # a user without a home
+            return self.data_dir / "words"
 
     @property
     def offered_models(self) -> list[str]:

@@ -38,9 +38,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "scalars"]
+FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "scalars", "words"]
 """Contents of a file: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, a fitted family, or values at points."""
+in a ZIP, a fitted family, values at points, or words of somebody's own."""
 
 SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
 """File extensions of surfaces without triangles; points may also be in a PLY."""
@@ -162,6 +162,7 @@ def main(arguments: list[str] | None = None) -> int:
         "collection": _read_collection,
         "family": _read_family,
         "scalars": _read_scalars,
+        "words": _read_words,
     }.get(options.content, _decode)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
@@ -234,6 +235,15 @@ def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     family = read_family(path.read_bytes(), limits)
     triangles = sum(len(segments) for segments in family.segments)
     return asdict(AssetSummary("safetensors", 0, triangles, meshes=len(family.names)))
+
+
+def _read_words(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    limits.check_bytes(path.stat().st_size)
+    from meshdeform.words.file import read_words
+
+    words = [word.checked() for word in read_words(path.read_bytes())]
+    return asdict(AssetSummary("safetensors", 0, sum(sum(word.faces) for word in words), meshes=len(words)))
 
 
 def has_area(surface: Surface) -> bool:

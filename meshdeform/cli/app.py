@@ -29,6 +29,7 @@ from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
+from meshdeform.cli.words import words
 from meshdeform.support.threads import limit_spinning, quick_end
 
 # From the click that typer uses, which may be a copy of its own.
@@ -123,6 +124,7 @@ for _panel, _commands in {
 }.items():
     for _each in _commands:
         app.command(cls=form_command(*getattr(_each, "forms", ())), rich_help_panel=_panel)(_each)
+app.add_typer(words, name="words", rich_help_panel=_MACHINE)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 
 

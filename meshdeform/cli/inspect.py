@@ -55,13 +55,17 @@ def inspect(
     require("torch", "deform")
     check_parts_glb(parts_glb, asset, force=force)
     from meshdeform.runs.control import inspect_parts
+    from meshdeform.words import WordFolder, in_use
 
     given = {} if front is None else {"guidance": {"orientation": front}}
     params = overlaid(merge_params(ctx, param), given)
-    loaded, resolved, source = _read(asset, params)
-    parts = inspect_parts(loaded, resolved, source)
-    if parts_glb is not None:
-        typer.echo(write_parts_glb(parts_glb, loaded, parts_as, resolved, source), err=True)
+    own = WordFolder(load_settings().words_folder).words()
+    with in_use(own):
+        loaded, resolved, source = _read(asset, params)
+        resolved = resolved.model_copy(update={"words": {word.noun: word.sha256 for word in own}})
+        parts = inspect_parts(loaded, resolved, source)
+        if parts_glb is not None:
+            typer.echo(write_parts_glb(parts_glb, loaded, parts_as, resolved, source), err=True)
     if as_json:
         emit(parts)
         return

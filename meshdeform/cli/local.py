@@ -70,15 +70,17 @@ class LocalJob:
     resume: Path | None = None
     whole_folder: bool = False
     load: Callable[..., Prior] | None = None
+    _words: bytes | None = field(default=None, init=False)
     _losses: dict[str, float] = field(default_factory=dict, init=False)
     _step: tuple[int, int] | None = field(default=None, init=False)
     _saved_step: int | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        """Decide the kind of guidance of a request that names none."""
+        """Decide the kind of guidance of a request that names none, and pin the words that it names."""
         from meshdeform.requests.default_kind import with_kind
 
-        self.request = with_kind(self.request, self.settings.model, self.files)
+        request = with_kind(self.request, self.settings.model, self.files)
+        self.request, self._words = pinned_here(request, self.settings)
 
     def check(self, *, force: bool = False, also: Sequence[Path] = ()) -> None:
         """Refuse, without torch, what could not run here, and unless with `force` to lose a file.
@@ -107,6 +109,7 @@ class LocalJob:
         """Read the files and start the run."""
         from meshdeform.assets import Limits
         from meshdeform.assets.bundle import read_with_files
+        from meshdeform.requests.parameters import WORDS_PART
         from meshdeform.runs import kind_of, start_run
         from meshdeform.runs.base import InputFile, RunInput
         from meshdeform.runs.kept_readings import FolderReadings
@@ -116,11 +119,14 @@ class LocalJob:
             kind_of(self.request.kind).load()
             from meshdeform.runs.devices import resolve_device, use_threads
 
+        files = {part: InputFile(read_with_files(path, limits), path.name) for part, path in self.files.items()}
+        if self._words is not None:
+            files[WORDS_PART] = InputFile(self._words, "words.word")
         use_threads(self.settings.threads)
         device = resolve_device(self.settings.device)
         job_input = RunInput(
             request=self.request,
-            files={part: InputFile(read_with_files(path, limits), path.name) for part, path in self.files.items()},
+            files=files,
             checkpoint=self.resume.read_bytes() if self.resume else None,
             load_prior=lambda model: self._prior(model, device),
             default_model=self.settings.model,
@@ -216,12 +222,25 @@ def read_asset(path: Path, limits: Limits) -> Asset:
 
 def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:
     """Refuse a request that could not run on this machine, where any model may be named; without torch."""
+    from meshdeform.requests.parameters import WORDS_PART
     from meshdeform.runs import check_request
+    from meshdeform.words import in_use, read_words
 
+    request, words = pinned_here(request, settings)
     model = getattr(request.params, "model", None)
     if model:
         settings = settings.model_copy(update={"allowed_models": [*settings.allowed_models, model]})
-    check_request(request, settings, files=parts)
+    sent = [] if words is None else [WORDS_PART]
+    with in_use([] if words is None else read_words(words)):
+        check_request(request, settings, files=[*parts, *sent])
+
+
+def pinned_here(request: JobRequest, settings: Settings) -> tuple[JobRequest, bytes | None]:
+    """Return the request with the user's words that it names, pinned by their hashes, and their content."""
+    from meshdeform.runs.word_pins import pinned
+    from meshdeform.words import WordFolder
+
+    return pinned(request, WordFolder(settings.words_folder).words())
 
 
 def check_outputs(outputs: Mapping[str, Path], inputs: Sequence[Path], *, also: Sequence[Path], kind: str) -> None:

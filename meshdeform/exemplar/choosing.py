@@ -17,7 +17,8 @@ quarter turn is taken if it is 13 % nearer.
 
 Seeds other than 0 take others that are still near and unlike each other: the near ones are divided among centres, each
 the one farthest from the centres before it (Gonzalez 1985, Clustering to minimize the maximum intercluster distance),
-and a seed takes those of one centre.
+and a seed takes those of one centre. Of a word of somebody's own with few shapes, each seed takes one, the nearest
+first.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.kinds import is_built, is_living
+from meshdeform.exemplar.kinds import is_built, is_living, is_turned
 from meshdeform.exemplar.pieces import pieces_of
 from meshdeform.exemplar.posture import Posture, held_like, postures, unlikeness
 from meshdeform.exemplar.shapes import Shape, Wish
@@ -40,8 +41,9 @@ from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
-from meshdeform.vocabulary.nouns import AFLOAT, ROUND
+from meshdeform.vocabulary.nouns import AFLOAT
 from meshdeform.vocabulary.solids import PART_NAMES
+from meshdeform.words.in_use import like_of
 
 __all__ = ["Exemplar", "exemplars", "nearest_of"]
 
@@ -134,6 +136,8 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
     """
     asset = _Asset(source)
     chooser = _Chooser(asset, wish, cache)
+    if chooser.few:
+        return chooser.drawn([chooser.few[wish.seed % len(chooser.few)]])
     nearest = chooser.drawn(chooser.graded[: max(_FINALISTS, 2 * count)])[:count]
     if wish.seed == 0:
         return nearest
@@ -142,9 +146,9 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
 
 def nearest_of(source: Shape, noun: str) -> Exemplar:
     """Return the nearest of a few members of a noun, drawn without a table: to tell how near the noun is at all."""
-    few = range(_SKETCHED)
+    some = range(_SKETCHED)
     chooser = _Chooser(_Asset(source), Wish(noun))
-    return chooser.drawn(_Graded(number, 0.0, 0.0, 0.0) for number in few)[0]
+    return chooser.drawn(_Graded(number, 0.0, 0.0, 0.0) for number in some)[0]
 
 
 class _Chooser:
@@ -154,11 +158,21 @@ class _Chooser:
         self._asset, self._wish, self._cache = asset, wish, cache
         whole = any(attribute.part == "whole" for attribute in wish.attributes)
         self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
-        self._afloat = wish.noun in AFLOAT
+        self._afloat = like_of(wish.noun) in AFLOAT
 
     @cached_property
     def _bank(self) -> Bank:
         return bank_of(self._wish.noun, self._cache, self._wish.attributes)
+
+    @cached_property
+    def few(self) -> list[_Graded]:
+        """All members, each as it is nearest, the best first, where there are few: seeds take them in turn."""
+        if len(self._bank) >= _LEAST_NEAR:
+            return []
+        nearest: dict[int, _Graded] = {}
+        for one in self.graded:
+            nearest.setdefault(one.number, one)
+        return list(nearest.values())
 
     def cell(self, taken: Set[object]) -> list[_Graded]:
         """Return the members that a seed other than 0 takes, none of those that 0 does."""
@@ -173,7 +187,7 @@ class _Chooser:
     def graded(self) -> list[_Graded]:
         """All members by the tables, the best first."""
         asset, bank = self._asset, self._bank
-        turns = (0.0,) if asset.has_parts or self._wish.noun in ROUND else _QUARTERS
+        turns = (0.0,) if asset.has_parts or is_turned(self._wish.noun) else _QUARTERS
         other = self._others()
         result = []
         for turn_deg in turns:

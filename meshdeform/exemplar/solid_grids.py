@@ -1,8 +1,9 @@
 """Which nodes of a grid lie inside a union of closed solids, and how far all are from its surface.
 
 The winding number of a node is the sum over the crossings of the ray from it along -x, +1 where the ray's opposite
-enters a solid; it is positive inside a union of closed solids that face outward, whether they overlap or not. The
-distance to the nearest triangle is exact within a band, found triangle by triangle over the nodes near it.
+enters a solid; it is positive inside a union of closed solids that face outward, whether they overlap or not. A ray
+whose crossings do not add up to 0 has met a hole and says nothing; if there are any, rays along all three axes vote.
+The distance to the nearest triangle is exact within a band, found triangle by triangle over the nodes near it.
 
 Source: Ericson 2005, Real-Time Collision Detection, section 5.1.5 (the nearest place on a triangle).
 """
@@ -56,13 +57,29 @@ def solid_grid(verts: Floats, faces: Index, spacing: float, band: float, least_x
         low[0] = least_x
     count = np.ceil((high - low) / spacing).astype(int) + 1
     grid = Grid(low, spacing, (int(count[0]), int(count[1]), int(count[2])))
-    crossings = np.zeros((grid.shape[0] + 1, *grid.shape[1:]), np.int32)
     distance = np.full(grid.shape, (band * spacing) ** 2)
     nearest = np.full(grid.shape, -1)
-    _cross(verts, faces, low, spacing, crossings)
     _approach(verts, faces, low, spacing, band, distance, nearest)
-    inside = np.cumsum(crossings[:-1], axis=0) > 0
-    return SolidGrid(grid, inside, np.sqrt(distance), nearest, band * spacing)
+    return SolidGrid(grid, _inside(verts, faces, grid), np.sqrt(distance), nearest, band * spacing)
+
+
+def _inside(verts: Floats, faces: Index, grid: Grid) -> Flags:
+    """Return which nodes (X, Y, Z) are inside; where a surface has holes, as most rays say that meet none."""
+    votes = _votes(verts, faces, grid, 0)
+    if votes.all():
+        return votes > 0
+    return np.asarray(votes + _votes(verts, faces, grid, 1) + _votes(verts, faces, grid, 2) > 0)
+
+
+def _votes(verts: Floats, faces: Index, grid: Grid, axis: int) -> Index:
+    """Return by rays along an axis 1 of nodes (X, Y, Z) inside, -1 outside, and 0 where a ray leaves by a hole."""
+    order = [axis, (axis + 1) % 3, (axis + 2) % 3]
+    count = [grid.shape[k] for k in order]
+    crossings = np.zeros((count[0] + 1, *count[1:]), np.int32)
+    _cross(np.ascontiguousarray(verts[:, order]), faces, grid.origin[order], grid.spacing, crossings)
+    winding = np.cumsum(crossings, axis=0)
+    votes = np.where(winding[:-1] > 0, 1, -1) * (winding[-1] == 0)
+    return np.transpose(votes, np.argsort(order))
 
 
 def nearest_places(points: Floats, verts: Floats, faces: Index, solid: SolidGrid) -> tuple[Floats, Floats]:

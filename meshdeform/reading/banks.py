@@ -5,8 +5,11 @@ form, whether there are random attributes of parts (every other one), and the po
 stand otherwise). What has given attributes, which may be none, has exactly these; it is of a form that no other noun
 has, and is drawn in all poses in turn.
 
-A file has the name of its noun, of its attributes and of the version of the code that drew it; it is written aside and
-renamed, and one that is damaged is drawn anew. Of those with attributes, the newest `_MOST_FILES` are kept.
+Members of a word of somebody's own (`meshdeform.words`) are its shapes.
+
+A file has the name of its noun, or of the word's hash, of its attributes and of the version of the code that drew it;
+it is written aside and renamed, and one that is damaged is drawn anew. Of those with attributes and those of words, the
+newest `_MOST_FILES` are kept.
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.support.files import write_files
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
+from meshdeform.words.in_use import own_word
+from meshdeform.words.members import word_member
 
 __all__ = [
     "MEMBERS",
@@ -82,8 +87,11 @@ _SHAPES["limbs"] = _SHAPES["labels"]
 _SMALL = ("labels", "limbs")
 
 
-def members_of(attributes: Attributes) -> int:
+def members_of(noun: str, attributes: Attributes) -> int:
     """Return how many members a bank has."""
+    word = own_word(noun)
+    if word is not None:
+        return len(word.sources)
     if attributes is None:
         return MEMBERS
     return _WISHED_WITH_ATTRIBUTES if attributes else _WISHED
@@ -91,12 +99,16 @@ def members_of(attributes: Attributes) -> int:
 
 def form_of(noun: str, number: int, attributes: Attributes = None) -> str:
     """Return the family or the form of the member of a number."""
+    if own_word(noun) is not None:
+        return noun
     forms = FORMS[noun] if attributes is None else own_forms(noun, attributes)
     return forms[number % len(forms)]
 
 
 def pose_of(noun: str, number: int, attributes: tuple[Attribute, ...]) -> str:
     """Return the pose of the member of a number that has given attributes; empty if it is that of its family."""
+    if own_word(noun) is not None:
+        return ""
     forms = own_forms(noun, attributes)
     others = [pose for pose in POSES.get(forms[number % len(forms)], ()) if pose not in _LIKENESS]
     return ["", *others][number // len(forms) % (1 + len(others))]
@@ -109,6 +121,9 @@ def is_general(noun: str, number: int) -> bool:
 
 def candidate_member(noun: str, number: int, attributes: Attributes = None) -> LabelledMember:
     """Draw the member of a number, with a pose of its own; without given attributes, with some of its own."""
+    word = own_word(noun)
+    if word is not None:
+        return word_member(word, number, attributes or ())
     form, seed = form_of(noun, number, attributes), number // len(FORMS[noun]) + 1
     if attributes is not None:
         return _wished(form, pose_of(noun, number, attributes), number, attributes)
@@ -134,11 +149,17 @@ def _wished(form: str, pose: str, number: int, attributes: tuple[Attribute, ...]
     return posed(member, pose, np.random.default_rng([number, 73])) if pose else member
 
 
-@lru_cache(maxsize=_IN_MEMORY)
 def bank_of(noun: str, folder: Path | None = None, attributes: Attributes = None) -> Bank:
     """Return the samples of a noun's members: of a file in the folder, or drawn and then written there."""
-    path = None if folder is None else folder / f"{_name(noun, attributes)}-{MEMBERS_VERSION}.npz"
-    kept = None if path is None else _kept(path, members_of(attributes))
+    word = own_word(noun)
+    return _bank_of(noun, noun if word is None else f"own+{word.sha256[:16]}", folder, attributes)
+
+
+@lru_cache(maxsize=_IN_MEMORY)
+def _bank_of(noun: str, called: str, folder: Path | None, attributes: Attributes) -> Bank:
+    """Return the bank of a noun; `called` tells it from others of the same noun."""
+    path = None if folder is None else folder / f"{_name(called, attributes)}-{MEMBERS_VERSION}.npz"
+    kept = None if path is None else _kept(path, members_of(noun, attributes))
     if kept is not None:
         return kept
     bank = _drawn(noun, attributes)
@@ -152,15 +173,15 @@ def prepare(noun: str, folder: Path | None = None) -> None:
     bank_of(noun, folder)
 
 
-def _name(noun: str, attributes: Attributes) -> str:
+def _name(called: str, attributes: Attributes) -> str:
     """Return the name of the bank of a noun with attributes: `dog`, `dog+`, `dog+long_tail`; without hyphens."""
     if attributes is None:
-        return noun
-    return f"{noun}+" + "+".join(sorted(f"{each.degree}_{each.part}" for each in attributes))
+        return called
+    return f"{called}+" + "+".join(sorted(f"{each.degree}_{each.part}" for each in attributes))
 
 
 def _drawn(noun: str, attributes: Attributes) -> Bank:
-    members = [candidate_member(noun, number, attributes) for number in range(members_of(attributes))]
+    members = [candidate_member(noun, number, attributes) for number in range(members_of(noun, attributes))]
     samples = [spread(member.verts, member.faces, SAMPLES, 2) for member in members]
     mixed = np.random.default_rng(5).permutation(SAMPLES)  # so that the first few are spread as all are
     places = np.stack([one.places[mixed] for one in samples])

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
-from meshdeform.reading.banks import MEMBERS, SAMPLES, Bank, Singles, bank_of, is_general
+from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, is_general
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
 
 __all__ = ["Candidate", "Frame", "Surface", "candidates", "facing", "nearness"]
@@ -124,7 +124,7 @@ def placed(points: Floats, low: Floats, high: Floats, scale: Floats, frame: Fram
 def candidates(frame: Frame, noun: str, count: int, folder: Path | None = None) -> list[Candidate]:
     """Return the nearest members of a noun, the best first; `folder` keeps samples of them (`banks`)."""
     bank = bank_of(noun, folder)
-    rough = _graded(frame, bank, noun, range(MEMBERS), _FEW)
+    rough = _graded(frame, bank, noun, range(len(bank)), _FEW)
     return _refined(frame, bank, noun, rough, _FINALISTS)[:count]
 
 
@@ -137,7 +137,7 @@ def nearness(
     grades of each frame are multiplied by when the two are chosen.
     """
     bank = bank_of(noun, folder)
-    rough = [_graded(frame, bank, noun, range(MEMBERS), _FEW) for frame in frames]
+    rough = [_graded(frame, bank, noun, range(len(bank)), _FEW) for frame in frames]
     best = sorted(range(len(frames)), key=lambda k: rough[k][0].grade * dearer[k])[:2]
     fine = [(k, _refined(frames[k], bank, noun, rough[k], _FINALISTS // 2)) for k in best]
     return [(k, own[0].grade, next((one.grade for one in own if not one.general), own[0].grade)) for k, own in fine]

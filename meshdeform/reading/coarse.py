@@ -58,24 +58,24 @@ class Coarse:
         return np.where(self.of_face >= 0, labels[self.of_face], of_vert[self.of_vert[faces[:, 0]]])
 
 
-def coarse(body: Part) -> Coarse:
-    """Return a mesh of at most `_FEWER` faces; components stay apart in one of up to two million."""
+def coarse(body: Part, fewer: int = _FEWER) -> Coarse:
+    """Return a mesh of at most so many faces; components stay apart in one of up to two million."""
     faces = np.asarray(body.faces)
     told_apart = len(faces) <= _MOST_JOINED
     components = solids_of(Part(body.verts, faces)) if told_apart else np.zeros(len(body.verts), np.int64)
     used = np.zeros(len(body.verts), bool)
     used[faces] = True
     low, longest = body.verts[used].min(0), float(np.ptp(body.verts[used], axis=0).max())
-    side = max(float(np.sqrt(2 * _area(body.verts, faces) / _FEWER)), longest / _FINEST)
+    side = max(float(np.sqrt(2 * _area(body.verts, faces) / fewer)), longest / _FINEST)
     while True:
         of_vert = _places(body.verts, low, side, components)
         corners = of_vert[faces]
         kept = np.flatnonzero(
             (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
         )
-        if len(kept) <= _FEWER or side > longest:
+        if len(kept) <= fewer or side > longest:
             break
-        side *= max(1.15, float(np.sqrt(len(kept) / _FEWER)))
+        side *= max(1.15, float(np.sqrt(len(kept) / fewer)))
     count = int(of_vert.max()) + 1
     each = np.bincount(of_vert, minlength=count)
     verts = np.stack([np.bincount(of_vert, body.verts[:, axis], count) for axis in range(3)], 1) / each[:, None]

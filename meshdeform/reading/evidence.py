@@ -20,6 +20,7 @@ from meshdeform.reading.cells import Cells
 from meshdeform.vocabulary.grammar import nearest, noun_of
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 from meshdeform.vocabulary.solids import PART_NAMES, carrier, parts_of
+from meshdeform.words.in_use import like_of
 
 __all__ = ["Evidence", "nouns_named", "weighed"]
 
@@ -141,7 +142,7 @@ def parts_told(evidence: Evidence, faces: Index, noun: str, present: Index) -> I
     names = {PART_NAMES[number] for number in present}
     moved = {part for part, shares in evidence.joints.items() if shares.max() > _MOVED and part in _NEVER_FINS}
     told = {part for part in moved if not JOINT_PARTS[part] & names} | set(evidence.told(faces))
-    return np.array([code(part) for part in sorted(told & _PARTS_OF_GROUP[noun])], np.int64)
+    return np.array([code(part) for part in sorted(told & _PARTS_OF_GROUP.get(like_of(noun), told))], np.int64)
 
 
 def weighed(

@@ -68,11 +68,13 @@ __all__ = [
     "MAX_SILHOUETTES",
     "MAX_STEPS",
     "MAX_TARGETS",
+    "MAX_WORDS",
     "OF_OPTIMISER",
     "OPEN",
     "OVERRIDES",
     "SILHOUETTE_PARTS",
     "TARGET_PARTS",
+    "WORDS_PART",
     "Control",
     "DeformParams",
     "ExemplarGuidance",
@@ -95,6 +97,8 @@ _MAX_LENGTH = 1_000
 
 _MAX_PROMPT_WEIGHT = 100.0
 
+_Noun = Annotated[str, StringConstraints(pattern=r"^[a-z]+(-[a-z]+)*$", max_length=40)]
+_Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 _Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=_MAX_LENGTH)]
 
 
@@ -111,6 +115,12 @@ MAX_TARGETS = 8
 
 TARGET_PARTS = ("target", *(f"target_{number}" for number in range(2, MAX_TARGETS + 1)))
 """The names of the parts with target meshes; `target` guidance has the first alone."""
+
+MAX_WORDS = 8
+"""Words of somebody's own that one request can name."""
+
+WORDS_PART = "words"
+"""The name of the part with the content of words of one's own."""
 
 _MAX_WEIGHT = 1e6
 
@@ -475,6 +485,13 @@ class TargetParams(PlacementParams):
 class ExemplarParams(PlacementParams, WordParams, PictureParams):
     """The parameters of a fit to what a noun stands for, or to meshes that are sent."""
 
+    words: dict[_Noun, _Sha256] = Field(
+        {},
+        max_length=MAX_WORDS,
+        description="The words of your own that the prompts name, each with the SHA-256 of its content, which goes "
+        "with the job ([Words](words.md)). Filled in when the job is accepted.",
+        examples=[{}],
+    )
     strength: float = Field(
         1.0,
         ge=0.0,

@@ -30,10 +30,11 @@ from meshdeform.plain.words import Sentence, described, read_changes
 from meshdeform.requests.choices import GuidanceKind, PartsAs, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.kept_readings import Readings
-from meshdeform.runs.questions import Question, answer_task
-from meshdeform.runs.read_questions import ask_about, loaded
+from meshdeform.runs.questions import Question
+from meshdeform.runs.read_questions import answer_about, ask_about, loaded
 from meshdeform.vocabulary.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.vocabulary.looks import SHAPES
+from meshdeform.words import words_in_use
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -58,7 +59,8 @@ def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
     changes = read_changes(prompt, noun_of)
     is_thing = changes is not None and changes.noun is None and not changes.compared and _names_thing(prompt)
     if fitted or is_builtin(params.model):
-        return _described(prompt) or changes if changes is None or is_thing else changes
+        described = _described(prompt, tuple(word.sha256 for word in words_in_use()))
+        return described or changes if changes is None or is_thing else changes
     # Other models read free text: theirs is every prompt that names a thing.
     return changes if changes is not None and changes.noun is None and changes.known and not is_thing else None
 
@@ -69,8 +71,11 @@ def _names_thing(prompt: str) -> bool:
 
 
 @lru_cache(maxsize=64)
-def _described(prompt: str) -> Sentence | None:
-    """Return the changes that a prompt of the builtin prior describes, in any of its languages; None if it has none."""
+def _described(prompt: str, _words: tuple[str, ...]) -> Sentence | None:
+    """Return the changes that a prompt describes, in any of its languages; None if it has none.
+
+    `_words`: the words of somebody's own that are known, on which the answer depends.
+    """
     try:
         reading = parse(prompt)
     except (PromptError, VocabularyError):
@@ -197,7 +202,7 @@ def parts_of(
 
 def main(arguments: list[str] | None = None) -> int:
     """Carry out the task in a file of JSON: print which part is missing, or all parts and what becomes of them."""
-    return answer_task(_answer, arguments)
+    return answer_about(_answer, arguments)
 
 
 def _answer(task: dict[str, Any]) -> dict[str, Any]:

@@ -43,7 +43,7 @@ from meshdeform.plain.read_parts import ReadParts
 from meshdeform.reading import NO_PART
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier
-from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS
+from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, WORDS_PART
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
 from meshdeform.runs.believed import believed_source
 from meshdeform.runs.control import WeldedSurface, read_control
@@ -104,7 +104,11 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
 
 def _identity(job_input: RunInput) -> dict[str, str]:
     """Return the identity of what guides a run: with the SHA-256 of what was sent, if anything was."""
-    sent = [job_input.files[name].digest for name in (*TARGET_PARTS, *SILHOUETTE_PARTS) if name in job_input.files]
+    sent = [
+        job_input.files[name].digest
+        for name in (*TARGET_PARTS, *SILHOUETTE_PARTS, WORDS_PART)
+        if name in job_input.files
+    ]
     sha256 = hashlib.sha256("".join(sent).encode()).hexdigest() if sent else ""
     return {"id": "exemplar", "revision": "", "sha256": sha256}
 

@@ -59,9 +59,10 @@ class Readings(Protocol):
 
 
 class Unkept:
-    """Keeps nothing."""
+    """Keeps nothing, or only samples of nouns, in a folder."""
 
-    samples = None
+    def __init__(self, samples: Path | None = None) -> None:
+        self.samples = samples
 
     def get(self, key: str) -> bytes | None:
         """Return None."""
@@ -183,5 +184,6 @@ def key_of(digest: str, suffix: str, params: ResolvedParams, *, subdivided: bool
         given_noun(params),
         None if front is None else front % 360.0,
         subdivided,
+        *([sorted(params.words.items())] if params.words else []),
     ]
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()

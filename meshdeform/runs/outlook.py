@@ -13,8 +13,8 @@ from meshdeform.errors import DependencyError, UnavailableError
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.parameters import active_prompts
 from meshdeform.runs.kept_readings import Readings
-from meshdeform.runs.questions import Question, answer_task
-from meshdeform.runs.read_questions import ask_about, is_read, loaded, samples_of
+from meshdeform.runs.questions import Question
+from meshdeform.runs.read_questions import answer_about, ask_about, is_read, loaded, samples_of
 
 __all__ = ["outlook_of"]
 
@@ -41,7 +41,7 @@ def outlook_of(
 
 def main(arguments: list[str] | None = None) -> int:
     """Carry out the task in a file of JSON: print the outlook."""
-    return answer_task(_answer, arguments)
+    return answer_about(_answer, arguments)
 
 
 def _answer(task: dict[str, Any]) -> dict[str, Any]:

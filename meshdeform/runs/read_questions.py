@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,13 +12,15 @@ from meshdeform.assets.limits import Limits
 from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.kept_readings import Readings, Unkept, key_of
-from meshdeform.runs.questions import Question
+from meshdeform.runs.questions import Question, answer_task
+from meshdeform.words import in_use, joined, read_words, words_in_use
+from meshdeform.words.file import SUFFIX
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
     from meshdeform.plain.body import Body
 
-__all__ = ["ask_about", "is_read", "loaded"]
+__all__ = ["answer_about", "ask_about", "is_read", "loaded"]
 
 _TIMEOUT_S = 120.0
 
@@ -50,8 +53,13 @@ def ask_about(
         "digest": digest,
         "reading": str(beside),
         "samples": None if readings.samples is None else str(readings.samples.absolute()),
+        "words": None,
         **more,
     }
+    if words := words_in_use():
+        content = asset.absolute().with_name(f"{key}{SUFFIX}")
+        content.write_bytes(joined(words))
+        task["words"] = str(content)
     answer: dict[str, Any] = question.ask_about(asset, task, _TIMEOUT_S)
     made = beside.read_bytes() if beside.is_file() else kept
     if made is not None and made != kept:
@@ -62,6 +70,16 @@ def ask_about(
 def is_read(asset: Path, filename: str, params: ResolvedParams, readings: Readings) -> bool:
     """Return whether a reading of an asset is kept."""
     return readings.get(key_of(_digest(asset), Path(filename).suffix[:16], params)) is not None
+
+
+def answer_about(find: Callable[[dict[str, Any]], Any], arguments: Sequence[str] | None) -> int:
+    """Answer the task of `ask_about` by what `find` makes of it, with the words that the parent knows."""
+
+    def found(task: dict[str, Any]) -> Any:
+        with in_use([] if task["words"] is None else read_words(Path(task["words"]).read_bytes())):
+            return find(task)
+
+    return answer_task(found, arguments)
 
 
 def loaded(task: dict[str, Any]) -> tuple[Asset, Body, ResolvedParams]:

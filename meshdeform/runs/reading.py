@@ -30,6 +30,7 @@ from meshdeform.runs.parted import given_parts
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.support.recent import Recent
 from meshdeform.vocabulary.nouns import NOUN_GROUPS
+from meshdeform.words import words_in_use
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -190,7 +191,11 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
         return {given: 1.0}
     nouns = _judged(points, body.faces)
     figure = any(nouns[noun] >= _CLEARLY for noun in nouns.keys() & NOUN_GROUPS["figures"])
-    return {"person": 1.0} if nouns and not figure and is_person(joint.name for joint in body.joints) else nouns
+    if not nouns:
+        return {}
+    if not figure and is_person(joint.name for joint in body.joints):
+        nouns = {"person": 1.0}
+    return {**nouns, **{word.noun: 0.0 for word in words_in_use()}}
 
 
 def _judged(points: Floats, faces: Index) -> Mapping[str, float]:

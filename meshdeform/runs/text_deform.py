@@ -26,7 +26,8 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.words import Sentence
 from meshdeform.reading import Reading
 from meshdeform.requests.choices import GuidanceKind
-from meshdeform.requests.parameters import SILHOUETTE_PARTS
+from meshdeform.requests.document import ResolvedParams
+from meshdeform.requests.parameters import SILHOUETTE_PARTS, WORDS_PART
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_model
 from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
@@ -52,16 +53,27 @@ from meshdeform.runs.text_report import (
     precision_of,
     sees_colours,
 )
+from meshdeform.runs.word_pins import KnowingRun, words_of
+from meshdeform.words import in_use
 
 _ON_ORIGIN = 0.01
 """Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
 
 
 def start(job_input: RunInput) -> JobRun:
-    """Read the files and start the run; a prompt that is a change in plain words is carried out at once."""
+    """Read the files and start the run, with the words of somebody's own that the request pins."""
+    params = resolved_params(job_input.request, job_input.default_model, job_input.resolved)
+    sent = job_input.files.get(WORDS_PART)
+    words = words_of(params.words, None if sent is None else sent.data)
+    with in_use(words):
+        run = _started(job_input, params)
+    return KnowingRun(run, words) if words else run
+
+
+def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
+    """Start the run; a prompt that is a change in plain words is carried out at once."""
     log = RunLog()
     request, file, limits, device = job_input.request, job_input.files["asset"], job_input.limits, job_input.device
-    params = resolved_params(request, job_input.default_model, job_input.resolved)
     sentence = asked_changes(request.prompt, params)
     # A change needs no prior; whether a description is one, only the asset tells.
     prior = load_model(params.model, job_input) if params.guidance is GuidanceKind.SDS and sentence is None else None

@@ -38,6 +38,7 @@ from meshdeform.requests.groups import PLACES
 from meshdeform.requests.parameters import (
     SILHOUETTE_PARTS,
     TARGET_PARTS,
+    WORDS_PART,
     Silhouette,
     active_prompts,
     prompt_words,
@@ -53,6 +54,7 @@ from meshdeform.runs.base import (
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
 from meshdeform.runs.exemplar_kind import check_exemplar, steps_of
 from meshdeform.runs.outlook import outlook_of
+from meshdeform.runs.word_pins import pins_of
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
@@ -125,7 +127,7 @@ def check(
 
 def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
-    from meshdeform.vocabulary.grammar import WORDS
+    from meshdeform.vocabulary.grammar import known_here
 
     check_exemplar(request, params, targets)
     if targets:
@@ -136,7 +138,7 @@ def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collec
         _check_given(params)
         return
     try:
-        _check_vocabulary(_filled(_prompts(request)), params, WORDS)
+        _check_vocabulary(_filled(_prompts(request)), params, known_here())
     except VocabularyError as error:
         refuse_unread_change(request.prompt, error)
         raise
@@ -300,10 +302,11 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
 
 def _check_given(params: ResolvedParams) -> None:
     """Refuse a noun of the source that has no shapes."""
-    from meshdeform.vocabulary.grammar import WORDS
+    from meshdeform.vocabulary.grammar import WORDS, known_here
 
+    known = known_here() if params.guidance is GuidanceKind.EXEMPLAR else WORDS
     if params.source_noun is not None:
-        _check_known(f"a {params.source_noun}", WORDS, params, ["params", "guidance", "source_noun"])
+        _check_known(f"a {params.source_noun}", known, params, ["params", "guidance", "source_noun"])
 
 
 def _check_known(text: str, known: Words, params: ResolvedParams, place: Sequence[str | int] | None) -> None:
@@ -498,6 +501,7 @@ def _uses(request: JobRequest) -> list[str]:
         "asset",
         *targets.get(params.kind, ()),
         *SILHOUETTE_PARTS[: len(params.silhouettes)],
+        *([WORDS_PART] if pins_of(request) else []),
     ]
 
 
@@ -543,6 +547,13 @@ TEXT_DEFORM = Kind(
                 content="silhouette",
             )
             for number, name in enumerate(SILHOUETTE_PARTS, 1)
+        ),
+        FilePart(
+            WORDS_PART,
+            "The words of your own that `words` pins, as `meshdeform words export` writes them; the service adds them.",
+            required=False,
+            media_types=("application/octet-stream",),
+            content="words",
         ),
     ),
     params=DeformParams,

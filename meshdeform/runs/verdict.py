@@ -21,6 +21,7 @@ from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.judge import Judge
 from meshdeform.runs.prompts import Prompts
 from meshdeform.vocabulary.grammar import parse
+from meshdeform.words import own_word
 
 _log = logging.getLogger(__name__)
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
@@ -126,15 +127,18 @@ def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
 def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     """Compare a mesh with the noun of a prompt of the builtin prior.
 
-    `mesh`: +Y up, of any position and size. Returns as in `summarize`, with the judge's identity; None if its weights
-    are missing or damaged, which is logged.
+    `mesh`: +Y up, of any position and size. Returns as in `summarize`, with the judge's identity; None for a word of
+    somebody's own, which no judge has seen, or if its weights are missing or damaged, which is logged.
     """
+    noun = parse(prompt).noun
+    if own_word(noun) is not None:
+        return None
     try:
         judge = Judge()
     except ModelError as error:
         _log.warning("the result's likeness is not estimated: %s", error)
         return None
-    return {**summarize(judge.noun_probabilities(mesh), parse(prompt).noun), "judge": judge.identity}
+    return {**summarize(judge.noun_probabilities(mesh), noun), "judge": judge.identity}
 
 
 def likeness_and_before(source: TriangleMesh, result: TriangleMesh, prompt: str) -> dict[str, Any] | None:

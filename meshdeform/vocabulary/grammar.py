@@ -27,7 +27,9 @@ import difflib
 import gzip
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -90,6 +92,23 @@ class Words:
 
 WORDS = Words(NOUNS, SYNONYMS, ())
 """The words of all nouns that have shapes."""
+
+_known: ContextVar[Words] = ContextVar("known", default=WORDS)
+
+
+@contextmanager
+def knowing(words: Words) -> Iterator[None]:
+    """Let prompts within the block have these words, in place of `WORDS` (`meshdeform.words.in_use`)."""
+    token = _known.set(words)
+    try:
+        yield
+    finally:
+        _known.reset(token)
+
+
+def known_here() -> Words:
+    """Return the words that prompts have here: those of the package, or of the block around."""
+    return _known.get()
 
 
 class Borrowed(NamedTuple):
@@ -158,8 +177,9 @@ def singular_forms(word: str) -> list[str]:
     return forms
 
 
-def noun_of(word: str, words: Words = WORDS) -> str | None:
-    """Return the canonical noun of a word, its plural or a synonym, or None."""
+def noun_of(word: str, words: Words | None = None) -> str | None:
+    """Return the canonical noun of a word, its plural or a synonym, or None; by default of what is known here."""
+    words = words or known_here()
     irregular = {"snowmen": "snowman", "cacti": "cactus", "octopi": "octopus"}
     for form in singular_forms(irregular.get(word, word)):
         canonical = form if form in words.nouns else words.synonyms.get(form, form)
@@ -189,7 +209,7 @@ def is_adjective(word: str) -> bool:
     return any(word in table for table in (ADJECTIVES, ADJECTIVE_SYNONYMS, DEGREE_SYNONYMS, LOOKS))
 
 
-def is_known(word: str, words: Words = WORDS) -> bool:
+def is_known(word: str, words: Words | None = None) -> bool:
     """Return whether a word has a role in the grammar."""
     return word in FILLERS or is_adjective(word) or part_of(word) is not None or noun_of(word, words) is not None
 
@@ -340,20 +360,20 @@ def unknown_shape(error: VocabularyError) -> VocabularyError:
     return VocabularyError(detail, advice=error.advice_text, **error.extra)
 
 
-def parse(prompt: str, known: Words = WORDS) -> ParsedPrompt:
+def parse(prompt: str, known: Words | None = None) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
     `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words that
-    it may have. Returns ParsedPrompt: canonical noun and attributes, equal for
+    it may have; by default those that are known here. Returns ParsedPrompt: canonical noun and attributes, equal for
     prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
     VocabularyError: a word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up
     to three prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning,
     by unknown word), `nouns` and `attributes`.
     """
-    return _assemble(_read(prompt, known))
+    return _assemble(_read(prompt, known or known_here()))
 
 
-def parse_negative(negative: str, prompt: str, known: Words = WORDS) -> ParsedPrompt:
+def parse_negative(negative: str, prompt: str, known: Words | None = None) -> ParsedPrompt:
     """Parse a negative prompt of the builtin prior.
 
     `negative`: a prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun;
@@ -361,6 +381,7 @@ def parse_negative(negative: str, prompt: str, known: Words = WORDS) -> ParsedPr
     prompt means the same as the prompt. Raises VocabularyError: as `parse`, but without suggestions, which are for
     prompts.
     """
+    known = known or known_here()
     wanted = parse(prompt, known)
     try:
         reading = _read(negative, known)
@@ -374,6 +395,11 @@ def parse_negative(negative: str, prompt: str, known: Words = WORDS) -> ParsedPr
             advice="Remove from one what is in the other.",
         )
     return unwanted
+
+
+def named_nouns(text: str) -> set[str]:
+    """Return the nouns that are known here and that a text names, also one that is no prompt."""
+    return {noun for word in _split(text, known_here()) if (noun := noun_of(word)) is not None}
 
 
 def _read(prompt: str, known: Words) -> _Reading:
@@ -534,7 +560,7 @@ def _check_borrowed(reading: _Reading) -> None:
         if each.part in _NOT_LENT:
             raise reading.refusal(f"A {each.part} carries more than itself: it cannot be another's.", [each.part])
         for noun in (reading.nouns[0], each.noun):
-            if part_label(each.part) not in parts_of(noun):
+            if part_label(each.part) not in parts_of(noun) and each.part not in reading.known.nouns[noun]:
                 raise reading.refusal(f"The {noun} has no {each.part}, which both must have.", [each.part])
         if each.degree is not None and each.part not in reading.known.nouns[each.noun]:
             raise reading.refusal(f"The {each.part} of a {each.noun} cannot be {each.degree}.", [each.degree])

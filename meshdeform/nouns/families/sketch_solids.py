@@ -7,6 +7,8 @@ from functools import partial
 
 import numpy as np
 
+from meshdeform.nouns.families.boards import bar, block
+from meshdeform.nouns.families.buildings import arch
 from meshdeform.nouns.families.kitchen import vessel
 from meshdeform.nouns.families.parts import (
     Array,
@@ -23,6 +25,7 @@ from meshdeform.nouns.families.parts import (
     plate,
     turned,
 )
+from meshdeform.nouns.families.walls import roof_of
 
 __all__ = ["Groups", "solid", "tapered"]
 
@@ -101,6 +104,15 @@ def _box(cells: int, round_by: float, groups: Groups) -> Part:
     return box(groups[0], groups[1], round_by=groups[2][0] if len(groups) > 2 else round_by, cells=cells)
 
 
+def _slab(cells: int, groups: Groups) -> Part:
+    return block(groups[0], groups[1], groups[2][0] if len(groups) > 2 else 0.1, cells)
+
+
+def _roof(kind: str, groups: Groups) -> Part:
+    base, (width, rise, depth) = groups
+    return moved(roof_of(kind, width, depth, rise), base)
+
+
 def _wheel(groups: Groups) -> Part:
     """Return a tyre about a sunk rim with a hub."""
     dish = np.array([(0.0, 0.75), (0.22, 0.75), (0.3, 0.45), (0.62, 1.0), (0.86, 1.0), (1.0, 0.55)]) * groups[1]
@@ -176,8 +188,11 @@ def _shell(groups: Groups) -> Part:
 
 
 _SHAPES: dict[str, Callable[[Groups], Part]] = {
+    "arch": lambda groups: arch(groups[1][0], groups[1][1], groups[1][2], groups[0]),
     "ball": lambda groups: ellipsoid(*groups, rings=8),
+    "bar": lambda groups: bar(groups[0], groups[1], groups[2][0]),
     "blob": partial(_plate, True),
+    "block": partial(_slab, 4),
     "board": partial(_box, 3, 0.12),
     "box": partial(_box, 4, 0.2),
     "brick": partial(_box, 2, 0.2),
@@ -189,9 +204,11 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "hull": _hull,
     "keys": _keys,
     "plate": partial(_plate, False),
+    **{kind: partial(_roof, kind) for kind in ("gable", "gambrel", "hip", "ridge", "slope")},
     "rod": partial(_rod, False),
     "shell": _shell,
     "side": _side,
+    "slab": partial(_slab, 2),
     "spoked": _spoked,
     "tube": partial(_rod, True),
     "wheel": _wheel,

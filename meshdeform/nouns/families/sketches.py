@@ -28,6 +28,10 @@ plate T [PUFF], X Y, X Y, ...       a plate of thickness T that faces +Z; `blob`
 side W [BEVEL], Z Y, Z Y, ...       a solid W wide with a side view; its bevel is .06 of W if left out
   X Y R FROM TO                     in an outline: an arc about a point, between two angles in degrees
 keys X Y Z, ROWS COLUMNS, W D H     rows of keys about a point
+slab X Y Z, W H D, R                a box on a point, R .1 if left out, of few faces; `block`: of more
+bar X Y Z, X Y Z, R                 a straight round bar between two points, of few faces
+arch X Y Z, W H T                   a plate on a point that faces +Z, T thick, its top half a circle
+gable X Y Z, W H D                  a roof on a level, its gable toward +Z; `ridge`, `hip`, `gambrel`, `slope`
 wheel X Y Z, R H                    a wheel along X; `spoked X Y Z, R H N` has N spokes right across
 cab W NARROW POSTS, Z Y, Z Y, ...   a `cabin` with a `window` all around, narrower above by a share
 wing SPAN CHORD SWEEP TAPER T RISE  a left wing, its root's front edge at the origin, its tip SWEEP behind, RISE degrees

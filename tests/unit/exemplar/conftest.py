@@ -13,6 +13,6 @@ from meshdeform.reading import banks
 def few_members(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(banks, "_WISHED", 48)
     monkeypatch.setattr(banks, "_WISHED_WITH_ATTRIBUTES", 24)
-    banks.bank_of.cache_clear()
+    banks._bank_of.cache_clear()
     yield
-    banks.bank_of.cache_clear()
+    banks._bank_of.cache_clear()

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from meshdeform.nouns.families import KINDS
 from meshdeform.nouns.forms import own_forms
 from meshdeform.reading import banks
 from meshdeform.reading.banks import Bank, bank_of, candidate_member, form_of, pose_of
@@ -23,13 +24,13 @@ def few_members(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(banks, "MEMBERS", 3)
     monkeypatch.setattr(banks, "_WISHED_WITH_ATTRIBUTES", 4)
     monkeypatch.setattr(banks, "_MOST_FILES", 2)
-    bank_of.cache_clear()
+    banks._bank_of.cache_clear()
     yield
-    bank_of.cache_clear()
+    banks._bank_of.cache_clear()
 
 
 def _again(folder: Path | None, noun: str = _NOUN, attributes: tuple[Attribute, ...] | None = None) -> Bank:
-    bank_of.cache_clear()
+    banks._bank_of.cache_clear()
     return bank_of(noun, folder, attributes)
 
 
@@ -96,9 +97,10 @@ def test_members_with_attributes_have_files_of_their_own_of_which_the_newest_sta
 def test_every_member_with_attributes_has_them_in_each_of_its_poses() -> None:
     tails = []
     for attributes in ((), (LONG_TAIL,)):
-        members = [candidate_member("dog", number, attributes) for number in range(8)]
-        assert {form_of("dog", number, attributes) for number in range(8)} == {"dog", "upright-dog"}
-        assert {pose_of("dog", number, attributes) for number in range(8)} == {"", "sitting", "lying", "T"}
+        numbers = [number for number in range(64) if form_of("dog", number, attributes) in ("dog", "upright-dog")]
+        members = [candidate_member("dog", number, attributes) for number in numbers]
+        assert {form_of("dog", number, attributes) for number in range(64)} >= {"dog", "upright-dog", "husky"}
+        assert {pose_of("dog", number, attributes) for number in numbers} == {"", "sitting", "lying", "T"}
         rows = [member.solids == member.solids_named("tail")[0] for member in members]
         size = [np.linalg.norm(np.ptp(member.verts[row], axis=0)) for member, row in zip(members, rows, strict=True)]
         tails.append(size)
@@ -106,7 +108,8 @@ def test_every_member_with_attributes_has_them_in_each_of_its_poses() -> None:
 
 
 def test_forms_of_a_noun_look_like_it_and_can_have_the_attributes() -> None:
-    assert own_forms("bear", ()) == own_forms("bear", (BIG_EARS,)) == ("bear", "standing-bear", "upright-bear")
+    bears = ("bear", "standing-bear", *KINDS["bear"], "upright-bear")
+    assert own_forms("bear", ()) == own_forms("bear", (BIG_EARS,)) == bears
     assert own_forms("chair", ()) == ("chair", "office-chair", "desk-chair")
     assert own_forms("giraffe", ()) == ("giraffe",)
-    assert own_forms("bear", (LONG_TAIL,)) == ("bear",)
+    assert not {"standing-bear", "upright-bear"} & set(own_forms("bear", (LONG_TAIL,)))

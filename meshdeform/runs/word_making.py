@@ -1,0 +1,133 @@
+"""Make a word of one's own of meshes. Without torch, but where nobody says what the meshes are like.
+
+All files are read before anything is made, so that what is wrong with any of them is told at once. What the first mesh
+is like, the judge and the reading say; if that is likely, the parts of all are read as that noun's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from meshdeform.assets import Limits, load_asset
+from meshdeform.assets.check import has_area
+from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
+from meshdeform.plain.body import loose_body
+from meshdeform.requests.choices import OrientationMode
+from meshdeform.requests.document import DeformParams, resolve
+from meshdeform.runs.base import sha256_hex
+from meshdeform.runs.kept_readings import Readings, Unkept
+from meshdeform.runs.reading import Source as ReadSource
+from meshdeform.runs.reading import corrected
+from meshdeform.runs.word_shapes import Parted, parted, shape_of, turn_between
+from meshdeform.words import MAX_SHAPES, Shape, Source, Word, WordOffer, write_word
+
+if TYPE_CHECKING:
+    from meshdeform.assets import Asset
+    from meshdeform.plain.body import Body
+
+__all__ = ["make_word"]
+
+_LIKELY = 0.5
+"""Probability of its noun from which the first mesh says what all are like."""
+
+
+def make_word(
+    offer: WordOffer, files: Mapping[str, bytes], limits: Limits | None = None, readings: Readings | None = None
+) -> Word:
+    """Return the word of meshes.
+
+    Parameters
+    ----------
+    files : mapping
+        Meshes by the names of their files, as `load_asset` takes them.
+    limits : Limits, optional
+        Of each file.
+    readings : Readings, optional
+        Where readings of meshes are kept.
+
+    Raises
+    ------
+    AssetError
+        A file is damaged or has no surface; of several, the message tells all.
+    ParameterError
+        There are too many files, or two face differently.
+    """
+    if not 1 <= len(files) <= MAX_SHAPES:
+        raise ParameterError(f"A word has 1 to {MAX_SHAPES} meshes, not {len(files)}.", advice="Choose some of them.")
+    if unknown := sorted(offer.fronts.keys() - files.keys()):
+        raise ParameterError.at(["front"], f"There is no mesh {unknown[0]!r}.", f"Name one of: {', '.join(files)}.")
+    like, meshes = _parted(_loaded(files, limits or Limits()), files, offer, readings or Unkept())
+    numbers: dict[str, int] = {}
+    shapes = {name: shape_of(mesh, numbers) for name, mesh in meshes.items()}
+    _check_fronts(shapes, meshes, offer)
+    sources = [Source(name, sha256_hex(data), offer.licence) for name, data in files.items()]
+    return write_word(
+        offer.noun, [*shapes.values()], sources, parts=[*numbers], synonyms=tuple(offer.synonyms), like=like
+    )
+
+
+def _loaded(files: Mapping[str, bytes], limits: Limits) -> dict[str, Asset]:
+    """Return all assets, or tell what is wrong with each that is damaged."""
+    assets, wrong = dict[str, "Asset"](), dict[str, AssetError]()
+    for name, data in files.items():
+        try:
+            assets[name] = load_asset(data, name, limits)
+            if not has_area(assets[name].surface):
+                raise AssetEmptyError(
+                    "Every triangle of the asset has zero area.", advice="Send a mesh with a surface."
+                )
+        except AssetError as error:
+            wrong[name] = error
+    if wrong:
+        raise _refusal(wrong, len(files))
+    return assets
+
+
+def _refusal(wrong: Mapping[str, AssetError], count: int) -> AssetError:
+    """Return one error about all files that cannot be used."""
+    first = next(iter(wrong.values()))
+    if count == 1:
+        return first
+    listed = " ".join(f"{name}: {error.detail}" for name, error in wrong.items())
+    told = [{"file": name, "code": error.code, "detail": error.detail} for name, error in wrong.items()]
+    detail = f"{len(wrong)} of {count} files cannot be used, and nothing was kept. {listed}"
+    return type(first)(detail, advice="Leave these out, or repair them.", files=told)
+
+
+def _parted(
+    assets: Mapping[str, Asset], files: Mapping[str, bytes], offer: WordOffer, readings: Readings
+) -> tuple[str, dict[str, Parted]]:
+    """Return the noun that all are like, or an empty text, and the meshes with their parts."""
+
+    def body_of(name: str, like: str) -> Body:
+        front = offer.front_of(name)
+        said = {"source_noun": like or None, "orientation": OrientationMode.AUTO if front is None else front}
+        source = ReadSource(sha256_hex(files[name]), name, kept=readings)
+        return corrected(
+            loose_body(assets[name]), assets[name], resolve(DeformParams()).model_copy(update=said), source
+        )
+
+    first, *others = assets
+    body = body_of(first, offer.like)
+    reading = body.reader.reading
+    like = offer.like or (reading.noun if reading is not None and reading.probability >= _LIKELY else "")
+    bodies = {first: body} | {name: body_of(name, like) for name in others}
+    return like, {
+        name: parted(each, each.reader.reading if like else None, offer.front_of(name)) for name, each in bodies.items()
+    }
+
+
+def _check_fronts(shapes: Mapping[str, Shape], meshes: Mapping[str, Parted], offer: WordOffer) -> None:
+    """Refuse shapes that face another way than the first, unless somebody says where they face."""
+    first, *others = shapes
+    asked = [name for name in others if offer.front_of(name) is None]
+    turned = {name: turn for name in asked if (turn := turn_between(shapes[first], shapes[name]))}
+    if not turned:
+        return
+    fronts = {name: round(meshes[name].front_deg + turn) % 360 for name, turn in turned.items()}
+    raise ParameterError.at(
+        ["front"],
+        f"Meshes of a word face one way, and these do not face as {first} does: {', '.join(turned)}.",
+        f"Turn them, or say where they face: {' '.join(f'--front {name}={front}' for name, front in fronts.items())}.",
+    )

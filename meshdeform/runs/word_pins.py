@@ -1,0 +1,128 @@
+"""Pin the words of somebody's own that a request names: their content goes with the job. Torch-free, numpy-free.
+
+A request has the SHA-256 of each word (`params.guidance.words`), and the job a further file, `WORDS_PART`, with their
+content. What becomes of a word later changes no job that has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from meshdeform.errors import ParameterError
+from meshdeform.requests.document import JobRequest
+from meshdeform.requests.parameters import MAX_WORDS, WORDS_PART, ExemplarParams
+from meshdeform.runs.base import ArtifactData, JobRun, StepReport
+from meshdeform.vocabulary.grammar import named_nouns
+from meshdeform.words import Word, in_use, joined, read_words
+
+__all__ = ["KnowingRun", "pinned", "pins_of", "words_named", "words_of"]
+
+_PLACE = ["params", "guidance", "words"]
+
+
+def pins_of(request: JobRequest) -> dict[str, str]:
+    """Return the SHA-256 of each word that a request pins, by noun; none of a kind of job that has no words."""
+    guidance = getattr(request.params, "guidance", None)
+    return dict(guidance.words) if isinstance(guidance, ExemplarParams) else {}
+
+
+def words_named(request: JobRequest, words: Iterable[Word]) -> list[Word]:
+    """Return those of an owner's words that a request names: in its prompts, or as what the asset is."""
+    guidance = getattr(request.params, "guidance", None)
+    if not isinstance(guidance, ExemplarParams):  # no model knows them
+        return []
+    own = {word.noun: word for word in words}
+    texts = [request.prompt, *(each.prompt for each in guidance.prompts), guidance.source_noun or ""]
+    with in_use(own.values()):
+        nouns = {noun for text in texts for noun in named_nouns(text)}
+    return [own[noun] for noun in sorted(nouns & own.keys())]
+
+
+def pinned(request: JobRequest, words: Iterable[Word]) -> tuple[JobRequest, bytes | None]:
+    """Return a request that pins the words it names, and the content of its part `WORDS_PART`, or None without any.
+
+    `words`: all that its owner has; for a branch, those that its job has before those of the same nouns.
+
+    Raises
+    ------
+    ParameterError
+        It names more than `MAX_WORDS`, or pins a word by a hash that none of them has.
+    """
+    available = list(words)
+    pins, chosen = pins_of(request), {word.noun: word for word in words_named(request, available)}
+    for noun, sha256 in pins.items():
+        word = next((each for each in available if each.noun == noun and each.sha256 == sha256), None)
+        if word is None:
+            raise ParameterError.at(
+                _PLACE, f"You have no word {noun!r} of that hash.", "Leave words out: it is filled."
+            )
+        chosen[noun] = word
+    if len(chosen) > MAX_WORDS:
+        detail = f"The prompts name {len(chosen)} words of your own, and a job has at most {MAX_WORDS}."
+        raise ParameterError.at(_PLACE, detail, "Name fewer.")
+    if not chosen:
+        return request, None
+    params = request.params
+    pins = {noun: word.sha256 for noun, word in sorted(chosen.items())}
+    guidance = params.guidance.model_copy(update={"words": pins})
+    request = request.model_copy(update={"params": params.model_copy(update={"guidance": guidance})})
+    return request, joined(chosen.values())
+
+
+def words_of(pins: Mapping[str, str], data: bytes | None) -> list[Word]:
+    """Return the words of the part `WORDS_PART`, which are to be those that a request pins.
+
+    Raises
+    ------
+    AssetError
+        The file is damaged.
+    ParameterError
+        A word is missing, is another one, or is not pinned.
+    """
+    words = [] if data is None else read_words(data)
+    found = {word.noun: word.sha256 for word in words}
+    if found != dict(pins):
+        wrong = sorted(noun for noun in {*found, *pins} if found.get(noun) != pins.get(noun))
+        detail = f"The content of {', '.join(map(repr, wrong))} is not what the request pins."
+        raise ParameterError.at(
+            _PLACE, detail, f"Send all words that it pins as the part `{WORDS_PART}`, and no others."
+        )
+    return words
+
+
+class KnowingRun(JobRun):
+    """A run that knows words of somebody's own at each of its steps, and no other code does in between."""
+
+    def __init__(self, run: JobRun, words: Sequence[Word]) -> None:
+        super().__init__(run.total_steps, run.first_step, run.log)
+        self.step = run.step
+        self._run, self._words = run, words
+
+    def __iter__(self) -> Iterator[StepReport]:
+        """Run the remaining steps."""
+        steps = iter(self._run)
+        while True:
+            with in_use(self._words):
+                report = next(steps, None)
+            if report is None:
+                return
+            self.step = report.step
+            yield report
+
+    def _steps(self) -> Iterator[dict[str, float]]:
+        raise NotImplementedError  # its iterator is that of the run
+
+    def checkpoint(self) -> bytes:
+        """Return the complete state of the run; call only between two steps."""
+        with in_use(self._words):
+            return self._run.checkpoint()
+
+    def snapshot(self) -> ArtifactData:
+        """Return the asset with its current shape; call only between two steps."""
+        with in_use(self._words):
+            return self._run.snapshot()
+
+    def finish(self) -> dict[str, ArtifactData]:
+        """Return the results, by artifact name."""
+        with in_use(self._words):
+            return self._run.finish()

@@ -1,0 +1,63 @@
+"""Make a word in a child process, for a process without torch. Torch-free, numpy-free."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from meshdeform.assets.limits import Limits
+from meshdeform.runs.questions import Question, answer_task
+from meshdeform.words import Word, WordOffer
+
+__all__ = ["made_word"]
+
+_TIMEOUT_S = 600.0
+_QUESTION = Question(
+    __name__,
+    cannot="The word cannot be made on this server.",
+    lacks="Words are made with the extra `deform`, which the API of this server lacks",
+    instead="Make it elsewhere (meshdeform words add), and send the file that `meshdeform words export` writes.",
+)
+
+
+def made_word(
+    offer: WordOffer, files: Mapping[str, Path], folder: Path, limits: Limits, samples: Path | None = None
+) -> Word:
+    """Return the word of meshes, as `word_making.make_word` makes it.
+
+    `files`: meshes by the names that the user gave them. `folder`: for files of the child. `samples`: folder
+    for samples of nouns, if the machine has one. Raises what `make_word` does, and UnavailableError or
+    DependencyError: it cannot be made here.
+    """
+    folder = folder.absolute()
+    task = {
+        "offer": asdict(offer),
+        "files": {name: str(path.absolute()) for name, path in files.items()},
+        "limits": asdict(limits),
+        "samples": None if samples is None else str(samples.absolute()),
+        "result": str(folder / "made.word"),
+    }
+    path = folder / "word.json"
+    path.write_text(json.dumps(task))
+    _QUESTION.ask([str(path)], folder, _TIMEOUT_S)
+    return Word.read((folder / "made.word").read_bytes())
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Carry out the task in a file of JSON: make the word, and write it where the task says."""
+    return answer_task(_answer, arguments)
+
+
+def _answer(task: dict[str, Any]) -> str:
+    from meshdeform.runs.kept_readings import Unkept
+    from meshdeform.runs.word_making import make_word
+
+    readings = Unkept(None if task["samples"] is None else Path(task["samples"]))
+    offer = WordOffer(**task["offer"])
+    files = {name: Path(path).read_bytes() for name, path in task["files"].items()}
+    word = make_word(offer, files, Limits(**task["limits"]), readings)
+    Path(task["result"]).write_bytes(word.data)
+    return word.sha256
