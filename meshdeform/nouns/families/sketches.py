@@ -19,8 +19,8 @@ box X Y Z, W H D, R                 a box about a point; R: its rounding, .2 if 
 drum X Y Z, R H                     a cylinder H to both sides of a point, along Y; `drumx`, `drumz`
 ball X Y Z, R [RY RZ]               an ellipsoid
 hoop X Y Z, R T [TALL]              a ring of thickness T in the plane of X and Y, TALL times as high as wide
-rod X Y Z R [D], X Y Z [R [D]] ...  straight rods through points; R: half its width along X, D: half its other one;
-                                    those of the point before if left out
+rod X Y Z R [D], X Y Z, ...         straight rods through points; R: half its width along X, D: half its other one,
+                                    as at the point before if left out
 tube X Y Z R, X Y Z R, ...          the same, bent smoothly
 lathe R Y, R Y, ...                 a surface of revolution; `turn`: of a smooth profile; `lathe6`: of six sides
 cup WALL FLOOR, R Y, R Y, ...       a vessel that is hollow down to FLOOR; `vase`: of a smooth profile; `cup4` ...
@@ -33,17 +33,19 @@ bar X Y Z, X Y Z, R                 a straight round bar between two points, of 
 arch X Y Z, W H T                   a plate on a point that faces +Z, T thick, its top half a circle
 gable X Y Z, W H D                  a roof on a level, its gable toward +Z; `ridge`, `hip`, `gambrel`, `slope`
 wheel X Y Z, R H                    a wheel along X; `spoked X Y Z, R H N` has N spokes right across
-cab W NARROW POSTS, Z Y, Z Y, ...   a `cabin` with a `window` all around, narrower above by a share
-wing SPAN CHORD SWEEP TAPER T RISE  a left wing, its root's front edge at the origin, its tip SWEEP behind, RISE degrees
-hull L B D, BOW STERN SHEER KEEL    a hull, half its length and beam, deck at D; by what shares it narrows; its rise
-shell L B D, RISE STERN             the same of a boat that is open; pointed behind unless STERN is 1
+cab W SHARE N, Z Y, Z Y, ...        a cabin with a `window` all around and N posts, narrower above by a share
+wing SPAN CHORD SWEEP TAPER T RISE  a left wing whose root begins at the origin; its tip is SWEEP behind, TAPER of its
+                                    chord, and RISE degrees up
+hull L B D, BOW STERN SHEER KEEL    a ship's hull, L and B half its length and beam, its deck at D; its ends rise by
+                                    SHEER; it narrows by shares to BOW, STERN and KEEL
+shell L B D, RISE STERN             an open boat; its ends rise, and it is pointed behind unless STERN is 1
 pair, flip, quad                    with its mirror image in x, in z, in both
 around N [DEGREES]                  N of them evenly around Y; `aroundx`, `aroundz`
 row N X Y Z                         N of them, each moved on by as much; `row N, X Y Z, X Y Z`: from place to place
 x, y, z DEGREES                     turned about an axis
 at X Y Z; by X Y Z                  moved, to each of several places if more follow; stretched
 taper SHARE; taperz SHARE           narrower along X, above or ahead
-if A; unless A                      only of members whose size A is, or is not, above 0
+if A; unless A                      only in members whose size A is, or is not, above 0
 ==================================  ==========================================================================
 """
 
