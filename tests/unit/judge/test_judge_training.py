@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.scoring import JudgeNetwork
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.judge.scoring import JudgeConfig, JudgeNetwork
+from meshdeform.vocabulary.nouns import NOUNS
 from training.judge.measure import calibration_error
 from training.judge.members import HELD_OUT, NOTHING, TRAINING, ViewSet, counts_of, draw_shape, seeded
 from training.judge.train import TrainConfig, Trainer, calibrate, targets
@@ -59,7 +59,7 @@ def test_what_is_no_noun_should_get_what_is_known_without_seeing_it() -> None:
 
 def test_calibration_softens_a_network_that_is_wrong(small: ViewSet) -> None:
     torch.manual_seed(0)
-    network = JudgeNetwork().eval()
+    network = JudgeNetwork(JudgeConfig(tuple(NOUNS))).eval()
     torch.nn.init.normal_(network.noun_head.weight, std=10.0)
     calibrate(network, small.rows(torch.arange(8)))
     assert float(network.sharpness) < 0.3
