@@ -11,7 +11,7 @@ that are indented. Statements are parted by `;` or by a new line, their words by
 
 before which may stand, for each solid that they make: `pair` (and its mirror image in x = 0), `hole`, `?.3` (in three
 draws of ten; `?` in half), `at` PLACE, `turn` DEGREES, `size` FACTOR, `ring` COUNT (about +Y), `row` COUNT STEP; the
-last two count `k` from 0. Values are expressions of Python without spaces; `sin` and `cos` take degrees.
+last two count `K` from 0. Values are expressions of Python without spaces; `sin` and `cos` take degrees.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class Table:
     def shape(self, noun: str, rng: np.random.Generator) -> list[Solid]:
         """Draw a noun's solids; a mistake in its paragraph raises ValueError."""
         scope = {
-            "u": rng.uniform, "pick": lambda *of: of[int(rng.integers(len(of)))], "max": max, "min": min,
-            "sin": lambda a: np.sin(np.radians(a)), "cos": lambda a: np.cos(np.radians(a)), "random": rng.random,
+            "u": rng.uniform, "pick": lambda *of: of[int(rng.integers(len(of)))], "abs": abs, "max": max,
+            "sin": lambda a: np.sin(np.radians(a)), "cos": lambda a: np.cos(np.radians(a)), "random": rng.random, "min": min,
         }  # fmt: skip
         try:
             return self._made([self._groups[noun]], scope)
@@ -92,7 +92,7 @@ class Table:
     def _copies(self, words: Statement, scope: dict[str, Any], way: str, places: list[Any]) -> Iterator[Solid]:
         """Draw a statement once for each place."""
         for k, place in enumerate(places):
-            scope["k"] = k
+            scope["K"] = k
             yield from (moved(solid, **{way: place}) for solid in self._made(words, scope))
 
 
