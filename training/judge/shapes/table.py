@@ -50,8 +50,9 @@ class Table:
     def shape(self, noun: str, rng: np.random.Generator) -> list[Solid]:
         """Draw a noun's solids; a mistake in its paragraph raises ValueError."""
         scope = {
-            "u": rng.uniform, "pick": lambda *of: of[int(rng.integers(len(of)))], "abs": abs, "max": max,
-            "sin": lambda a: np.sin(np.radians(a)), "cos": lambda a: np.cos(np.radians(a)), "random": rng.random, "min": min,
+            "u": rng.uniform, "pick": lambda *of: of[int(rng.integers(len(of)))], "random": rng.random,
+            "sin": lambda a: np.sin(np.radians(a)), "cos": lambda a: np.cos(np.radians(a)),
+            "abs": abs, "max": max, "min": min,
         }  # fmt: skip
         try:
             return self._made([self._groups[noun]], scope)
