@@ -37,6 +37,8 @@ _COUNTS_WITH = _table("""
     house lantern: tower
     periscope cap point: tower crown body
     propeller axle: body
+    step rail face perch bracket: body top base
+    water: dish basin
     nut: crown leaf trunk
     rope: basket
     guard: handle
@@ -73,7 +75,11 @@ _OTHER_ROLES = _table("""
     trunk: stem handle mast
     handle: stem trunk neck shaft
     mast: trunk stem pole
-    pole: mast stem
+    pole: mast stem column
+    column: pole leg
+    basin: dish body
+    dome: roof crown
+    chute: seat
     shaft: body stem skirt
     crown: cap canopy shade leaf cream head
     cap: crown canopy shade cream head
@@ -138,6 +144,7 @@ _GROWS_FROM = _table("""
     sleeve strap skirt shaft brim: body
     blade weight grip lens: body handle
     basket: rope body
+    dome: body
 """)
 """The parts of either noun from which one grows that the other lacks."""
 

@@ -81,10 +81,10 @@ HELD = nouns_with("held")
 
 LENGTH, SIZE = ("short", "long"), ("small", "big")
 _LENGTHS = (
-    "arms back beak beard blade feelers gun handle hat heel horns leaves legs lens neck nose sleeves spikes spout stem"
-    " tail tower trunk tusks"
+    "arms back beak beard blade chimney columns feelers gun handle hat heel horns leaves legs lens neck nose "
+    "sleeves spikes spout stem tail tower trunk tusks"
 )
-_SIZES = "brim cap claws crown ears eyes fins head humps mane roof sail shade shell wheels wings"
+_SIZES = "brim cap claws crown dome ears eyes fins head humps mane roof sail shade shell wheels wings"
 PARTS: dict[str, tuple[str, str]] = dict(
     sorted([*((part, LENGTH) for part in _LENGTHS.split()), *((part, SIZE) for part in _SIZES.split())])
 )

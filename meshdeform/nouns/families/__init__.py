@@ -24,9 +24,9 @@ __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animal_kinds animals beasts birds breeds buildings characters clothing creatures dungeon figure_kinds figures "
-    "food furniture hoofed household insects kitchen marine monsters movers plants prowlers reptiles rooms sitters "
-    "small swimmers things tools vehicles wheeled winged"
+    "animal_kinds animals beasts birds breeds bridges buildings characters clothing creatures dungeon figure_kinds "
+    "figures food furniture hoofed household insects kitchen marine monsters movers plants prowlers reptiles rooms "
+    "sitters small swimmers things tools vehicles wheeled winged"
 )
 
 

@@ -11,19 +11,19 @@ from meshdeform.nouns.families.traits import Rng, Traits
 __all__ = ["castle", "church", "igloo", "lighthouse", "skyscraper", "tent", "windmill"]
 
 
-def _pyramid(half: float, height: float, base: ArrayLike) -> Part:
+def pyramid(half: float, height: float, base: ArrayLike) -> Part:
     """Return an upright pyramid on a square of side 2 `half` whose centre is `base`."""
     side = half * np.sqrt(2.0)
     return moved(turned(lathe([(side, 0.0), (0.5 * side, 0.5 * height), (0.04, height)], segments=4), 45, "y"), base)
 
 
-def _gable(half: float, rise: float, depth: float, base: ArrayLike) -> Part:
+def gable(half: float, rise: float, depth: float, base: ArrayLike) -> Part:
     """Return a gabled roof whose ridge runs along Z; `base` is the middle of its eaves' plane."""
     outline = [(-half, 0.0), (-half, -0.1), (0.0, -0.1), (half, -0.1), (half, 0.0), (0.06, rise), (-0.06, rise)]
     return moved(extrude(outline, depth, bevel=0.03), base)
 
 
-def _arch(width: float, height: float, depth: float, base: ArrayLike) -> Part:
+def arch(width: float, height: float, depth: float, base: ArrayLike) -> Part:
     """Return a plate with a round top, a door or a window; `base` is the middle of its foot."""
     turn = np.linspace(0, np.pi, 9)
     half = width / 2
@@ -60,14 +60,14 @@ def church(rng: Rng, traits: Traits) -> Part:
     front, top = length / 2 + 0.08, wall + rise
     peak = top + spire
     parts = [box([0, wall / 2, 0], [width, wall, length], round_by=0.06)]
-    parts += [_gable(width / 2 + 0.1, roof, length + 0.12, [0, wall + 0.05, 0])]
+    parts += [gable(width / 2 + 0.1, roof, length + 0.12, [0, wall + 0.05, 0])]
     parts += [box([0, top / 2, front], [side, top, side], round_by=0.06)]
     parts += [box([0, top - 0.02, front], [side + 0.13, 0.13, side + 0.13], round_by=0.35)]
-    parts += [_pyramid(side / 2 + 0.03, spire, [0, top, front])]
+    parts += [pyramid(side / 2 + 0.03, spire, [0, top, front])]
     parts += [box([0, peak + 0.12, front], [0.11, 0.4, 0.11], round_by=0.25)]
     parts += [box([0, peak + 0.16, front], [0.32, 0.11, 0.11], round_by=0.25)]
-    parts += [_arch(0.26, 0.4, 0.12, [0, 0.0, front + side / 2 + 0.02])]
-    pane = turned(_arch(0.18, 0.36 * wall / 0.55, 0.12, [0, 0, 0]), 90, "y")
+    parts += [arch(0.26, 0.4, 0.12, [0, 0.0, front + side / 2 + 0.02])]
+    pane = turned(arch(0.18, 0.36 * wall / 0.55, 0.12, [0, 0, 0]), 90, "y")
     for z in (-0.36, -0.08, 0.2):
         parts += pair(moved(pane, [width / 2 + 0.01, wall * 0.22, z * length]))
     return join(parts)
@@ -107,8 +107,8 @@ def lighthouse(rng: Rng, _: Traits) -> Part:
     tower = lathe([(foot * 1.4, 0.0), (foot * 1.3, 0.14), *wall, *gallery, *lantern, (0.05, top + 0.8)])
     hut, wide = rng.uniform(0.34, 0.42), rng.uniform(0.4, 0.5)
     parts = [tower, box([foot + 0.2, hut / 2, 0.05], [wide + 0.2, hut, 0.46], round_by=0.06)]
-    parts.append(turned(_gable(0.31, 0.22, wide + 0.3, [-0.05, hut, foot + 0.2]), 90, "y"))
-    parts.append(_arch(0.2, 0.38, 0.14, [0, 0.12, foot + 0.02]))
+    parts.append(turned(gable(0.31, 0.22, wide + 0.3, [-0.05, hut, foot + 0.2]), 90, "y"))
+    parts.append(arch(0.2, 0.38, 0.14, [0, 0.12, foot + 0.02]))
     window = [
         ellipsoid([0, 0.14 + tall * level, foot + (waist - foot) * level + 0.05], 0.075) for level in (0.42, 0.75)
     ]
@@ -161,4 +161,4 @@ def windmill(rng: Rng, traits: Traits) -> Part:
     vane = [blade, limb([[0, 0, 0.02], [0, 0.14 + sail, 0.02]], [0.075, 0.07], segments=8)]
     turn = rng.uniform(38, 52)
     sails = [moved(turned(part, turn + 90 * step, "z"), [0, hub, front]) for step in range(4) for part in vane]
-    return join([tower, deck, cap, axle, *sails, _arch(0.26, 0.3, 0.14, [0, 0, foot - 0.05])])
+    return join([tower, deck, cap, axle, *sails, arch(0.26, 0.3, 0.14, [0, 0, foot - 0.05])])

@@ -20,6 +20,10 @@ lathe R Y, R Y, ...                 a surface of revolution; `turn`: of a smooth
 cup WALL FLOOR, R Y, R Y, ...       a vessel that is hollow down to FLOOR; `vase`: of a smooth profile; `cup4` ...
 plate T [PUFF], X Y, X Y, ...       a plate of thickness T that faces +Z; `blob`: of a smooth outline
 keys X Y Z, ROWS COLUMNS, W D H     rows of keys about a point
+slab X Y Z, W H D, R                a box on a point, R .1 if left out, of few faces; `block`: of more
+bar X Y Z, X Y Z, R                 a straight round bar between two points, of few faces
+arch X Y Z, W H T                   a plate on a point that faces +Z, T thick, its top half a circle
+gable X Y Z, W H D                  a roof on a level, its gable toward +Z; `ridge`, `hip`, `gambrel`, `slope`
 pair, flip, quad                    with its mirror image in x, in z, in both
 around N [DEGREES]                  N of them evenly around Y
 row N X Y Z                         N of them, each moved on by as much
@@ -38,6 +42,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from meshdeform.nouns.families.boards import bar, block
+from meshdeform.nouns.families.buildings import arch
 from meshdeform.nouns.families.dungeon import around
 from meshdeform.nouns.families.kitchen import vessel
 from meshdeform.nouns.families.parts import (
@@ -58,6 +64,7 @@ from meshdeform.nouns.families.parts import (
     turned,
 )
 from meshdeform.nouns.families.traits import Rng, Traits
+from meshdeform.nouns.families.walls import roof_of
 
 __all__ = ["SKETCHED_KINDS", "SKETCHES", "read"]
 
@@ -123,13 +130,25 @@ def _keys(groups: Groups) -> Part:
     return join([moved(key, [wide * a, 0, deep * b]) for b in z for a in x])
 
 
+def _roof(kind: str, groups: Groups) -> Part:
+    base, (width, rise, depth) = groups
+    return moved(roof_of(kind, width, depth, rise), base)
+
+
+def _slab(cells: int, groups: Groups) -> Part:
+    return block(groups[0], groups[1], groups[2][0] if len(groups) > 2 else 0.1, cells)
+
+
 def _box(cells: int, groups: Groups) -> Part:
     return box(groups[0], groups[1], round_by=groups[2][0] if len(groups) > 2 else 0.2, cells=cells)
 
 
 _SHAPES: dict[str, Callable[[Groups], Part]] = {
+    "arch": lambda groups: arch(groups[1][0], groups[1][1], groups[1][2], groups[0]),
     "ball": lambda groups: ellipsoid(*groups, rings=8),
+    "bar": lambda groups: bar(groups[0], groups[1], groups[2][0]),
     "blob": partial(_plate, True),
+    "block": partial(_slab, 4),
     "box": partial(_box, 4),
     "brick": partial(_box, 2),
     "drum": partial(_drum, "y"),
@@ -138,7 +157,9 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "hoop": _hoop,
     "keys": _keys,
     "plate": partial(_plate, False),
+    **{kind: partial(_roof, kind) for kind in ("gable", "gambrel", "hip", "ridge", "slope")},
     "rod": partial(_rod, False),
+    "slab": partial(_slab, 2),
     "tube": partial(_rod, True),
 }
 
