@@ -58,7 +58,7 @@ from meshdeform.vocabulary.words import (
 
 MAX_SUGGESTIONS = 3
 _SIMILARITY = 0.79
-_MIN_LENGTH = 4
+_MIN_LENGTH = 3
 _POPULAR = ("mushroom", "vase", "rabbit")
 
 _ALL_WORDS = "All words: meshdeform models builtin, or GET /v1/models."
@@ -257,65 +257,6 @@ def nearest_nouns(word: str, words: Words = WORDS) -> list[str]:
     return next(filter(None, (nearest(form, words.nouns) for form in singular_forms(word))), [])
 
 
-def suggest(
-    nouns: Sequence[str],
-    whole: Sequence[str],
-    parts: Sequence[tuple[str, Sequence[str]]],
-    unknown: Sequence[str],
-    words: Words = WORDS,
-) -> Suggestions:
-    """Return prompts in place of a refused one.
-
-    `nouns`: canonical nouns of the refused prompt; `whole`: adjectives of the whole; `parts`: canonical parts with
-    their adjectives; `unknown`: words that were not understood; `words`: the words that the model knows.
-    """
-    corrections = correct(unknown, with_nouns=not nouns, words=words)
-    corrected = list(corrections.values())
-    whole = [*whole, *(word for word in corrected if word in ADJECTIVES or word in ADJECTIVE_SYNONYMS)]
-    chosen = list(nouns) or [noun for word in corrected if (noun := noun_of(word, words))]
-    near: dict[str, list[str]] = {}
-    if not chosen:
-        near = {
-            word: near_nouns
-            for word in unknown
-            if word not in corrections and (near_nouns := nearest_nouns(word, words))
-        }
-        chosen = [noun for near_nouns in near.values() for noun in near_nouns]
-    prompts: list[str] = []
-    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in words.nouns] or words.nouns):
-        candidates = [*_of_whole(whole), *_of_parts(noun, parts, words)]
-        # The first of two attributes that contradict each other, or the last.
-        prompts += [str(_fitted(noun, order)) for order in (candidates, candidates[::-1])]
-    meant = bool(unknown and chosen)
-    return Suggestions(list(dict.fromkeys(prompts))[:MAX_SUGGESTIONS], corrections, near, meant)
-
-
-def _of_whole(words: Iterable[str]) -> list[Attribute]:
-    degrees = (word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word) for word in words)
-    return [Attribute("whole", degree) for degree in degrees if degree is not None]
-
-
-def _of_parts(noun: str, parts: Iterable[tuple[str, Sequence[str]]], words: Words) -> list[Attribute]:
-    attributes = []
-    for part, sizes in parts:
-        if part in words.nouns[noun]:
-            degrees = [degree for size in sizes if (degree := degree_of(size, part))]
-            attributes += [Attribute(part, degree) for degree in degrees or PARTS[part]]
-    return attributes
-
-
-def _fitted(noun: str, candidates: Iterable[Attribute]) -> ParsedPrompt:
-    """Take each attribute that does not contradict those before it."""
-    fitted: list[Attribute] = []
-    for attribute in candidates:
-        of_whole = {other.degree for other in [*fitted, attribute] if other.part == "whole"}
-        clash = any(pair <= of_whole for pair in OPPOSITES)
-        sized = attribute.part != "whole" and any(other.part == attribute.part for other in fitted)
-        if attribute not in fitted and not clash and not sized and len(fitted) < MAX_ATTRIBUTES:
-            fitted.append(attribute)
-    return ParsedPrompt(noun, tuple(sorted(fitted, key=ATTRIBUTES.index)))
-
-
 _Parts = list[tuple[str, list[str]]]
 
 
@@ -333,7 +274,7 @@ class _Reading:
 
     def refusal(self, detail: str, unknown: list[str]) -> VocabularyError:
         """Return an error with whole prompts that work instead, and with the vocabulary as data."""
-        suggestion = suggest(self.nouns, self.whole, self.parts, self.unknown, self.known)
+        suggestion = _suggest(self)
         offer = (
             f"Did you mean {_listed(suggestion.prompts, 'or')}?"
             if suggestion.near
@@ -349,6 +290,61 @@ class _Reading:
             nouns=sorted(self.known.nouns),
             attributes=[*ADJECTIVES, *(f"{low}/{high} {part}" for part, (low, high) in PARTS.items())],
         )
+
+
+def _suggest(reading: _Reading) -> Suggestions:
+    """Return prompts in place of a refused one, with what was understood of it and its misspelt words corrected."""
+    known = reading.known
+    corrections = correct(reading.unknown, with_nouns=not reading.nouns, words=known)
+    if corrections:
+        words = [corrections.get(word, word) for word in reading.words]
+        reading = _by_role(words, reading.borrowed, known)
+    chosen, near = reading.nouns, dict[str, list[str]]()
+    if not chosen:
+        looks = [word for word in reading.whole if word in LOOKS]
+        told = [*reading.unknown, *(part for part, _ in reading.parts), *looks]
+        near = {word: nouns for word in told if (nouns := nearest_nouns(word, known))}
+        chosen = [noun for nouns in near.values() for noun in nouns]
+    prompts: list[str] = []
+    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in known.nouns] or known.nouns):
+        candidates = [*_of_whole(noun, reading), *_of_parts(noun, reading)]
+        borrowed = tuple(each for each in reading.borrowed if _refused(each, noun, known) is None)
+        # The first of two attributes that contradict each other, or the last.
+        prompts += [str(_fitted(noun, order, borrowed)) for order in (candidates, candidates[::-1])]
+    meant = bool((near or corrections or reading.unknown) and chosen)
+    return Suggestions(list(dict.fromkeys(prompts))[:MAX_SUGGESTIONS], corrections, near, meant)
+
+
+def _of_whole(noun: str, reading: _Reading) -> list[Attribute]:
+    attributes: list[Attribute] = []
+    for word in reading.whole:
+        degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
+        if degree is not None:
+            attributes.append(Attribute("whole", degree))
+        elif word in LOOKS and not reading.known.tokens:
+            attributes += _of_look(word, noun, attributes, reading.known)
+    return attributes
+
+
+def _of_parts(noun: str, reading: _Reading) -> list[Attribute]:
+    attributes = []
+    for part, sizes in reading.parts:
+        if part in reading.known.nouns[noun]:
+            degrees = [degree for size in sizes if (degree := degree_of(size, part))]
+            attributes += [Attribute(part, degree) for degree in degrees or PARTS[part]]
+    return attributes
+
+
+def _fitted(noun: str, candidates: Iterable[Attribute], borrowed: tuple[Borrowed, ...]) -> ParsedPrompt:
+    """Take each attribute that does not contradict those before it."""
+    fitted: list[Attribute] = []
+    for attribute in candidates:
+        of_whole = {other.degree for other in [*fitted, attribute] if other.part == "whole"}
+        clash = any(pair <= of_whole for pair in OPPOSITES)
+        sized = attribute.part != "whole" and any(other.part == attribute.part for other in fitted)
+        if attribute not in fitted and not clash and not sized and len(fitted) < MAX_ATTRIBUTES:
+            fitted.append(attribute)
+    return ParsedPrompt(noun, tuple(sorted(fitted, key=ATTRIBUTES.index)), borrowed)
 
 
 def _listed(items: Iterable[str], conjunction: str) -> str:
@@ -403,7 +399,14 @@ def _read(prompt: str, known: Words) -> _Reading:
     words = _split(prompt, known)
     if not words:
         raise PromptError("The prompt is empty.", advice="Name an object, for example: a tall vase.")
-    words, borrowed = _without_borrowed(words, known)
+    reading = _by_role(*_without_borrowed(words, known), known)
+    if reading.unknown:
+        raise reading.refusal(" ".join(_reasons(reading)), reading.unknown)
+    return reading
+
+
+def _by_role(words: list[str], borrowed: list[Borrowed], known: Words) -> _Reading:
+    """Return words by their role."""
     reading = _Reading(known, words, nouns=[], whole=[], parts=[], borrowed=borrowed, unknown=[])
     pending: list[str] = []
     for word in words:
@@ -424,8 +427,6 @@ def _read(prompt: str, known: Words) -> _Reading:
     reading.whole.extend(pending)  # "a vase, tall and thin"
     if "pair" in reading.unknown and PAIRS.intersection(reading.nouns):
         reading.unknown.remove("pair")
-    if reading.unknown:
-        raise reading.refusal(" ".join(_reasons(reading)), reading.unknown)
     return reading
 
 
@@ -445,7 +446,8 @@ def _reasons(reading: _Reading) -> Iterator[str]:
     if reading.known.tokens:
         yield from _unknown_to_the_prior(list(rest))
     elif reading.nouns:
-        yield f"A prompt says what a thing is and how it is shaped: {_listed(rest, 'and')} says neither."
+        does = "does" if len(rest) == 1 else "do"
+        yield f"A prompt says what a thing is and how it is shaped, which {_listed(rest, 'and')} {does} not."
     else:
         count = len(reading.known.nouns)
         yield f"There is no shape for {_listed(rest, 'and')}: {count} nouns are known, with some attributes."
@@ -508,9 +510,16 @@ def _split(prompt: str, known: Words) -> list[str]:
         text = re.sub(rf"\b{compound.replace('-', '[ -]+')}(?=s?\b)", compound, text)
     words: list[str] = []
     for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", text):
-        pieces = [word] if noun_of(word, known) else word.split("-")
+        pieces = [word] if noun_of(word, known) else _pieces(word)
         words += pieces if all(is_known(piece, known) for piece in pieces) else [word]
     return _in_english(words, known)
+
+
+def _pieces(word: str) -> list[str]:
+    """Return the words that hyphens join, with the part of one such as "long-necked" at the end."""
+    *others, last = word.split("-")
+    parts = (form for form in (last[:-2], last[:-1], last[:-3]) if last.endswith("ed") and part_of(form))
+    return [*others, next(parts, last) if others else last]
 
 
 def _in_english(words: list[str], known: Words) -> list[str]:
@@ -558,7 +567,10 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
     for look in looks:
-        found_attributes += _of_look(look, noun, found_attributes, reading)
+        given = _of_look(look, noun, found_attributes, reading.known)
+        if not given:
+            raise reading.refusal(f"{look!r} changes nothing of a {noun}.", [look])
+        found_attributes += given
     unique = tuple(sorted(set(found_attributes), key=ATTRIBUTES.index))
     per_part = [attribute.part for attribute in unique if attribute.part != "whole"]
     if len(per_part) != len(set(per_part)):
@@ -576,20 +588,21 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     return ParsedPrompt(noun, unique, tuple(reading.borrowed), tuple(_notes(noun, reading)))
 
 
-def _of_look(look: str, noun: str, given: Sequence[Attribute], reading: _Reading) -> list[Attribute]:
+def _of_look(look: str, noun: str, given: Sequence[Attribute], known: Words) -> list[Attribute]:
     """Return what a look gives a noun, without what contradicts the attributes that are given."""
     sized = {attribute.part for attribute in given} - {"whole"}
     whole = {attribute.degree for attribute in given if attribute.part == "whole"}
-    attributes = []
-    for text in LOOKS[look].split(", "):
-        degree, _, part = text.partition(" ")
-        if not part and not any({degree, other} in OPPOSITES for other in whole):
-            attributes.append(Attribute("whole", degree))
-        elif part in reading.known.nouns[noun] and part not in sized:
-            attributes.append(Attribute(part, degree))
-    if not attributes:
-        raise reading.refusal(f"{look!r} changes nothing of a {noun}.", [look])
-    return attributes
+    for alternative in LOOKS[look].split("; "):
+        attributes = []
+        for text in alternative.split(", "):
+            degree, _, part = text.partition(" ")
+            if not part and not any({degree, other} in OPPOSITES for other in whole):
+                attributes.append(Attribute("whole", degree))
+            elif part in known.nouns[noun] and part not in sized:
+                attributes.append(Attribute(part, degree))
+        if attributes:
+            return attributes
+    return []
 
 
 def _notes(noun: str, reading: _Reading) -> Iterator[str]:
@@ -606,13 +619,21 @@ def _check_borrowed(reading: _Reading) -> None:
     for each in reading.borrowed:
         if reading.known.tokens:
             raise reading.refusal(f"The built-in model knows no {each.part} of a {each.noun}.", [each.part])
-        if each.part in _NOT_LENT:
-            raise reading.refusal(f"A {each.part} carries more than itself: it cannot be another's.", [each.part])
-        for noun in (reading.nouns[0], each.noun):
-            if part_label(each.part) not in parts_of(noun) and each.part not in reading.known.nouns[noun]:
-                raise reading.refusal(f"The {noun} has no {each.part}, which both must have.", [each.part])
-        if each.degree is not None and each.part not in reading.known.nouns[each.noun]:
-            raise reading.refusal(f"The {each.part} of a {each.noun} cannot be {each.degree}.", [each.degree])
+        if (reason := _refused(each, reading.nouns[0], reading.known)) is not None:
+            raise reading.refusal(reason, [each.part])
+
+
+def _refused(borrowed: Borrowed, noun: str, known: Words) -> str | None:
+    """Return why a noun cannot have a part of another, or None."""
+    part, owner, degree = borrowed
+    if part in _NOT_LENT:
+        return f"A {part} carries more than itself: it cannot be another's."
+    for each in (noun, owner):
+        if part_label(part) not in parts_of(each) and part not in known.nouns[each]:
+            return f"The {each} has no {part}, which both must have."
+    if degree is not None and part not in known.nouns[owner]:
+        return f"The {part} of a {owner} cannot be {degree}."
+    return None
 
 
 @lru_cache(maxsize=1)

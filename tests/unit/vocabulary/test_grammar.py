@@ -229,6 +229,7 @@ def test_the_rule_is_a_matter_of_names_alone() -> None:
         ("a cartoon dog", "a dog with a big head and short legs"),
         ("a cute rabbit with small ears", "a rabbit with small ears and a big head"),
         ("a blocky car", "a boxy car"),
+        ("a toy vase", "a fat vase"),
         ("a stocky tall horse", "a tall fat horse with short legs and a short neck"),
         ("a lanky robot with short legs", "a thin robot with long arms and short legs"),
     ],
@@ -263,7 +264,7 @@ def test_a_word_that_means_a_noun_is_told() -> None:
         ("two dogs", "One asset becomes one thing", "a dog"),
         ("a table with 3 legs", "One asset becomes one thing", "a table with short legs"),
         ("a red metal vase", "leave 'red' and 'metal' out", "a vase"),
-        ("a tall low-poly vase", "'low-poly' says neither", "a tall vase"),
+        ("a tall low-poly vase", "'low-poly' does not", "a tall vase"),
         ("a dog with long ears and a rabbit", "'dog' and 'rabbit' were found", "a dog with big ears"),
         ("a qwertz", "There is no shape for 'qwertz'", "a mushroom"),
     ],
@@ -299,6 +300,6 @@ def test_the_prior_says_what_shapes_alone_have() -> None:
 
 @each_case("look", LOOKS)
 def test_every_look_is_made_of_known_attributes(look: str) -> None:
-    for text in LOOKS[look].split(", "):
+    for text in LOOKS[look].replace(";", ",").split(", "):
         degree, _, part = text.partition(" ")
         assert Attribute(part or "whole", degree) in ATTRIBUTES
