@@ -1,7 +1,7 @@
 """Count the house: ``python -m bench.house [--write]``.
 
-Lines of the product's Python, of what trains and measures, of the page, of tests and of benchmarks; words of documents;
-parameters of `text_deform`. Libraries of others and generated files (`_OF_OTHERS`) are left out.
+Lines of the product's Python, of the families of shapes with their tables, of what trains and measures, of the page, of
+tests and of benchmarks; words of documents; parameters of `text_deform`. Libraries of others and generated files (`_OF_OTHERS`) are left out.
 ``bench/house.json`` holds the counts: a change that adds more than `ROOM` lines or a parameter changes that file as
 well, so that it is seen (`tests/unit/test_house.py`), and says who uses it.
 """
@@ -22,8 +22,11 @@ EXPECTED = Path(__file__).with_suffix(".json")
 ROOM = 500
 """Lines, and words, that a change may add without a change of the counts."""
 _THEIR_TESTS = ":(exclude,glob)integrations/*/tests/**"
+_FAMILIES = "meshdeform/nouns/families"
+_PRODUCT = ["meshdeform", "service", "worker", "clients", "integrations", "plugins", f":(exclude){_FAMILIES}"]
 _FOLDERS = {
-    "product": (["meshdeform", "service", "worker", "clients", "integrations", "plugins", _THEIR_TESTS], (".py",)),
+    "product": ([*_PRODUCT, _THEIR_TESTS], (".py",)),
+    "families": ([_FAMILIES], (".py", ".txt")),
     "training": (["training"], (".py",)),
     "page": (["service/web"], (".js", ".css", ".html")),
     "tests": (["tests", ":(glob)integrations/*/tests/**"], (".py",)),

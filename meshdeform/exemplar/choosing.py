@@ -15,6 +15,8 @@ it; not at all where the noun is built or an attribute is of the whole: proporti
 stands on the asset's ground with its mirror plane at x = 0. Where nobody knows which way the asset faces, another
 quarter turn is taken if it is 13 % nearer.
 
+A lump, of which no member is near, becomes the nearest of the noun's own family in its plain pose.
+
 Seeds other than 0 take others that are still near and unlike each other: the near ones are divided among centres, each
 the one farthest from the centres before it (Gonzalez 1985, Clustering to minimize the maximum intercluster distance),
 and a seed takes those of one centre. Of a word of somebody's own with few shapes, each seed takes one, the nearest
@@ -31,6 +33,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from meshdeform.exemplar.clay import is_clay
 from meshdeform.exemplar.kinds import is_built, is_living, is_turned
 from meshdeform.exemplar.pieces import pieces_of
 from meshdeform.exemplar.posture import Posture, held_like, postures, unlikeness
@@ -138,7 +141,8 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
     chooser = _Chooser(asset, wish, cache)
     if chooser.few:
         return chooser.drawn([chooser.few[wish.seed % len(chooser.few)]])
-    nearest = chooser.drawn(chooser.graded[: max(_FINALISTS, 2 * count)])[:count]
+    graded = [one for one in chooser.graded if chooser.is_plain(one.number)] if is_clay(source) else chooser.graded
+    nearest = chooser.drawn(graded[: max(_FINALISTS, 2 * count)])[:count]
     if wish.seed == 0:
         return nearest
     return chooser.drawn(chooser.cell({one.told["number"] for one in nearest})[:count])
@@ -196,6 +200,11 @@ class _Chooser:
                 merit = distance * self._dearer(turn_deg) + float(other[number])
                 result.append(_Graded(number, turn_deg, distance, merit))
         return sorted(result, key=lambda one: (one.merit, one.number, one.turn_deg))
+
+    def is_plain(self, number: int) -> bool:
+        """Return whether a member is of the noun's own family, in the pose in which that draws it."""
+        noun, attributes = self._wish.noun, self._wish.attributes
+        return form_of(noun, number, attributes) == noun and not self._pose(number)
 
     def _others(self) -> Floats:
         """Return what posture and parts add to the merit of each member (M,)."""

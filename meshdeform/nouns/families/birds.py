@@ -12,8 +12,8 @@ from meshdeform.nouns.families.drawing import Family, bead, bent_limb, kind, nea
 from meshdeform.nouns.families.parts import Array, Part, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["crow", "eagle", "flamingo", "goose", "hummingbird", "ostrich", "parrot", "peacock", "pelican", "pigeon",
-    "pterodactyl", "seagull", "stork", "toucan", "turkey", "vulture"]  # fmt: skip
+__all__ = ["crow", "eagle", "flamingo", "goose",  "ostrich", "parrot", "peacock",  "pigeon",
+    "pterodactyl", "seagull",   "turkey"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -187,21 +187,6 @@ def peacock(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **bird.solids, crest=plumes(bird.skull + [0, 0.7 * bird.head, 0], 0.22, (70, 95, 120), 0.022))
 
 
-def pelican(rng: Rng, traits: Traits) -> Part:
-    """Draw a pelican: a long bill over a deep pouch, a bent neck, a plump body on short legs."""
-    build = Build(girth=0.35, lean_deg=17, legs=0.16, neck=0.47, neck_deg=78, bow=0.2, head=0.16, beak=0.82,
-        bill=(0.3, 0.5), tail=0.21, wings=0.65)  # fmt: skip
-    bird = bird_of(rng, traits, build)
-    tip = bird.solids["beak"][0].verts
-    ends = bird.skull - [0, 0.5 * bird.head, 0], tip[tip[:, 2].argmax()]
-    path = [(1 - t) * ends[0] + t * ends[1] - [0, 0.4 * t * (1 - t), 0] for t in np.linspace(0.1, 0.9, 5)]
-    deep = rng.uniform(0.14, 0.2) * np.array([0.5, 1.0, 0.9, 0.5, 0.15])
-    pouch = limb(path, np.stack([deep, 0.6 * bird.head * np.array([0.9, 0.8, 0.6, 0.4, 0.2])], 1), samples=2)
-    return varied(rng, **bird.solids, jaw=pouch)
-
-
-toucan = bird_kind("toucan", Build(girth=0.27, lean_deg=52, legs=0.12, neck=0.08, neck_deg=68, head=0.22, beak=0.68,
-    hook=0.3, bill=(0.8, 0.5), tail=0.46, fan_deg=9))  # fmt: skip
 """A toucan: a beak nearly as long and as thick as its upright body."""
 
 
@@ -233,30 +218,6 @@ pigeon = bird_kind("pigeon", Build(girth=0.33, lean_deg=31, legs=0.14, neck=0.19
 """A pigeon: a full breast, a small round head, a tiny beak."""
 
 
-def vulture(rng: Rng, traits: Traits) -> Part:
-    """Draw a vulture: hunched shoulders, a ruff, a bare neck that hangs ahead, a hooked beak."""
-    build = replace(_PERCHED, girth=0.34, lean_deg=62, neck=0.51, neck_deg=22, bow=-0.2, head=0.14, beak=0.23, hook=0.8,
-        wings=0.9, tail=0.34)  # fmt: skip
-    bird = bird_of(rng, traits, build)
-    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    ruff = 0.27 * (1 + 0.1 * np.cos(8 * turn))
-    collar = plate(np.stack([ruff * np.cos(turn), ruff * np.sin(turn)], 1), 0.16, across="z", puff=0.2)
-    return varied(rng, **bird.solids, mane=moved(turned(collar, -30, "x"), bird.throat + [0, 0.0, 0.08]))
-
-
-def hummingbird(rng: Rng, traits: Traits) -> Part:
-    """Draw a hummingbird that hovers: a needle of a beak, raised narrow wings, a small upright body."""
-    build = Build(girth=0.22, length=0.43, lean_deg=48, neck=0.08, neck_deg=58, head=0.18, beak=0.61, hook=0.06,
-        bill=(0.2, 0.2), tail=0.46, fan_deg=15, tail_deg=-5, wings=0.82, chord=0.33)  # fmt: skip
-    bird = bird_of(rng, traits, build, flying=True)
-    lift = rng.uniform(15, 35)
-    shoulder = bird.middle + [0.1, 0.1, 0]
-    right = moved(turned(moved(bird.solids["wing"][0], -shoulder), lift, "z"), shoulder)
-    return varied(rng, **{**bird.solids, "wing": pair(right)})
-
-
-stork = bird_kind("stork", Build(girth=0.26, length=0.48, lean_deg=14, legs=0.93, shank=0.035, neck=0.55, neck_deg=70,
-    bow=0.12, head=0.128, beak=0.55, hook=0.04, bill=(0.42, 0.36), tail=0.23, wings=0.62))  # fmt: skip
 """A stork: long straight legs, a long neck, a long pointed beak."""
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.nouns.families.bodies import Animal, FourLegged, breed, of, strand, tube
-from meshdeform.nouns.families.parts import moved, plate, turned
 
-__all__ = ["antelope", "bison", "boar", "donkey", "goat", "hippo", "llama", "mammoth", "moose", "unicorn", "zebra"]
+__all__ = ["bison", "boar", "donkey", "goat", "hippo", "llama", "mammoth", "unicorn", "zebra"]
 
 HORSE = FourLegged(
     length=0.85, girth=0.24, waist=0.92, leg=0.58, thick=0.07, paw=0, neck=0.42, tilt=52, head=0.16, broad=0.85,
@@ -52,16 +51,6 @@ def unicorn(animal: Animal) -> None:
         animal.add("mane", strand(animal.on_head(0.3 * side, 0.8, 0.1), share * steps, [0.06, 0.1, 0.11, 0.03]))
 
 
-@of(DEER)
-def antelope(animal: Animal) -> None:
-    """Draw an antelope: a slim animal on thin legs with two long ringed horns that sweep up and back."""
-    steps = np.ones((9, 3))
-    steps[:, 0] = animal.rng.uniform(0.05, 0.35) * np.linspace(2.7, -0.9, 9)
-    steps[:, 2] = np.linspace(0.27, -0.54, 9)
-    rings = np.linspace(0.05, 0.018, 10) * np.where(np.arange(10) % 2, 1.25, 0.9)
-    animal.two("horn", strand(animal.on_head(0.35, 0.6, -0.1), animal.sized("horns", 0.6) / 9 * steps, rings))
-
-
 @of(CATTLE, girth=0.33, hips=0.66, waist=0.85, slope=0.07, tilt=-12, neck=0.1, head=0.25, drop=-62, muzzle=0.9,
     ear=0.13, leg=0.3, cap=0.75, beard=0.34, horns=(0.3, 0.06, _INWARD))  # fmt: skip
 def bison(animal: Animal) -> None:
@@ -70,16 +59,6 @@ def bison(animal: Animal) -> None:
     path = [[0, -0.1, -0.42], [0, 0.55 * hump, -0.12], [0, 0.7 * hump, 0.1], [0, 0.0, 0.36]]
     bulk = np.array([0.16, 0.27, 0.29, 0.24])
     animal.add("hump", tube(np.array(path) + animal.withers - [0, 0.26, 0.08], bulk, bulk + 0.1 * hump))
-
-
-@of(HORSE, girth=0.28, slope=0.06, neck=0.22, tilt=38, leg=0.62, head=0.17, muzzle=2.2, ears="side", beard=0.2,
-    snout=(0.75, 0.78), drop=-38, tail=0.12, brush=(0.05, 0.05, 0.04, 0.03))  # fmt: skip
-def moose(animal: Animal) -> None:
-    """Draw a moose: a tall animal with a humped back, a long hanging muzzle, a dewlap and antlers like shovels."""
-    rim = [(0, -0.1), (0.35, -0.18), (0.75, 0.05), (1.0, 0.5), (0.82, 0.45), (0.78, 0.75), (0.62, 0.55), (0.5, 0.85)]
-    rim += [(0.38, 0.52), (0.2, 0.7), (0.2, 0.35), (0.0, 0.12)]
-    shovel = turned(plate(animal.sized("horns", 0.62) * np.array(rim), 0.09, across="z"), -35, "x")
-    animal.two("horn", moved(turned(shovel, 8, "z"), animal.on_head(0.35, 0.5, -0.2)))
 
 
 @of(CATTLE, hips=0.75, slope=0.05, leg=0.25, thick=0.07, neck=0.05, tilt=2, head=0.25, muzzle=1.5, girth=0.29,

@@ -11,8 +11,8 @@ from meshdeform.nouns.families.drawing import bead, bent_limb, near, on, pairs, 
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["ant", "bee", "beetle", "caterpillar", "centipede", "dragonfly", "fly", "grasshopper", "ladybug", "mosquito",
-    "scorpion", "worm"]  # fmt: skip
+__all__ = ["ant", "bee", "beetle", "caterpillar",  "dragonfly", "fly", "grasshopper", "ladybug",
+    "scorpion"]  # fmt: skip
 
 _SIX = ((0.12, 35), (0.0, 0), (-0.12, -35))
 """Where (z) three legs a side begin, and their angles ahead of straight out."""
@@ -166,21 +166,6 @@ def fly(rng: Rng, traits: Traits) -> Part:
         rng.uniform(5, 25)), leg=legs_of(legs, y - 0.4 * girth, _SIX, lift=0.45, inner=0.15, thick=0.035))  # fmt: skip
 
 
-def mosquito(rng: Rng, traits: Traits) -> Part:
-    """Draw a mosquito: a needle of a nose, very long thin legs, a thin belly that hangs, narrow wings."""
-    nose, legs = sized(rng, traits, "nose", 0.44), sized(rng, traits, "legs", 0.85, by=1.8)
-    wings, y = sized(rng, traits, "wings", 0.68), 0.25 + 0.3 * legs
-    skull = np.array([0, y + 0.02, 0.26])
-    belly = bent_limb([[0, y, -0.05], [0, y - 0.02, -0.35], [0, y - rng.uniform(0.05, 0.2), -0.75]], [0.09, 0.1, 0.04])
-    return varied(rng, body=[bead([0, y + 0.06, 0.04], [0.14, 0.17, 0.18], segments=14, rings=8), belly],
-        head=bead(skull, 0.11, segments=12), nose=limb([skull, on(skull, nose, 0, -0.6, 0.8)], [0.035, 0.015],
-        segments=8), eye=pair(bead(skull + [0.07, 0.03, 0.05], 0.06)),
-        leg=legs_of(legs, y, _SIX, lift=0.55, thick=0.024), feeler=feelers_of(skull + [0.04, 0.08, 0.05],
-        np.array([0.12, 0.16, 0.24]), thick=0.02),
-        wing=_wings(np.array([0.05, y + 0.17, 0.0]), [(wings, 0.26 * wings, rng.uniform(35, 65))],
-        rng.uniform(10, 45)))  # fmt: skip
-
-
 def grasshopper(rng: Rng, traits: Traits) -> Part:
     """Draw a grasshopper: a long keel of a body, hind legs folded high above it, long feelers."""
     legs, feelers = sized(rng, traits, "legs", 0.69), sized(rng, traits, "feelers", 0.57)
@@ -220,36 +205,6 @@ def caterpillar(rng: Rng, traits: Traits) -> Part:
         head=bead(skull, head, segments=18, rings=10), eye=pair(bead(on(skull, head, 0.42, 0.2, 0.82), 0.2 * head)),
         feeler=feelers_of(on(skull, head, 0.4, 0.8, 0.1), feelers * np.array([0.45, 0.85, 0.2]), thick=0.035),
         foot=feet)  # fmt: skip
-
-
-def centipede(rng: Rng, traits: Traits) -> Part:
-    """Draw a centipede: a long flat winding row of plates, a pair of legs at each, long feelers."""
-    legs, feelers = sized(rng, traits, "legs", 0.23), sized(rng, traits, "feelers", 0.35)
-    row = _row(rng, 12, 2.3, 0.13, 0.0, rng.uniform(0.05, 0.16))
-    skull = row[0] + [0, 0.02, 0.05]
-    return varied(rng, body=[bead(place, [0.15, 0.1, 0.13], segments=10) for place in row[1:]],
-        head=bead(skull, [0.16, 0.11, 0.14], segments=12),
-        feeler=feelers_of(skull + [0.06, 0.04, 0.1], feelers * np.array([0.5, 0.4, 0.75])),
-        leg=[moved(side, place * [1, 0, 1]) for place in row[1:]
-        for side in pair(limb([[0.08, 0.13, 0], [0.1 + 0.5 * legs, 0.18, 0], [0.1 + legs, 0.02, -0.05]],
-        [0.03, 0.03, 0.02], segments=5, samples=1))])  # fmt: skip
-
-
-def worm(rng: Rng, traits: Traits) -> Part:
-    """Draw a worm: a tube of rings that winds on the ground with its head raised, and a band."""
-    head, girth = sized(rng, traits, "head", 0.11, by=1.7), rng.uniform(0.07, 0.1)
-    length, rise = rng.uniform(1.1, 1.6), rng.uniform(0.1, 0.7)
-    sway, turns = rng.uniform(0.12, 0.24), rng.uniform(8, 14)
-    rng.uniform(8, 14)
-    t = np.linspace(0, 1, 28)
-    path = np.stack([sway * np.sin(turns * t), girth + rise * np.clip(1 - 3.2 * t, 0, 1) ** 1.5, length * (0.5 - t)], 1)
-    widths = girth * (1 + 0.09 * (-1.0) ** np.arange(28)) * np.clip(6 - 5.8 * t, 0, 1)
-    place, way = path[9], path[11] - path[8]
-    ring = limb([place - 0.35 * way, place + 0.35 * way], [1.22 * girth] * 2, segments=14)
-    skull = path[0] + [0, 0.2 * head, 0.3 * head]
-    return varied(rng, body=bent_limb(path, widths, segments=12, samples=2), band=ring,
-        head=bead(skull, head, segments=16, rings=8),
-        eye=pair(bead(on(skull, head, 0.45, 0.45, 0.75), 0.26 * head)))  # fmt: skip
 
 
 def scorpion(rng: Rng, traits: Traits) -> Part:

@@ -12,8 +12,8 @@ from meshdeform.nouns.families.insects import claw_of, feelers_of, legs_of
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, lathe, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["anglerfish", "clam", "eel", "jellyfish", "lobster", "pufferfish", "ray", "seahorse", "shrimp", "squid",
-    "starfish", "swordfish"]  # fmt: skip
+__all__ = ["jellyfish", "lobster", "pufferfish", "ray", "seahorse", "shrimp", "squid",
+    "starfish"]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -63,47 +63,6 @@ def fish_of(rng: Rng, traits: Traits, build: Build) -> dict[str, list[Part]]:
 def fish_kind(name: str, build: Build) -> Family:
     """Return the family of fish that are known by their build alone."""
     return kind(name, lambda rng, traits: varied(rng, **fish_of(rng, traits, build)))
-
-
-def swordfish(rng: Rng, traits: Traits) -> Part:
-    """Draw a swordfish: a long flat sword ahead, a slim body, a sickle of a back fin and of a tail."""
-    build = Build(tall=0.25, wide=0.19, girths=(0.3, 0.85, 1.0, 0.8, 0.5, 0.2), tail=0.55, tail_tall=1.0, fork=0.65,
-        back=(0.5, 0.05), belly=(-0.5, -0.7), fin_lean=0.8)  # fmt: skip
-    nose = sized(rng, traits, "nose", 0.71)
-    sword = limb([[0, 0.02, 0.9], [0, 0.05, 1 + nose]], [[0.05, 0.09], [0.015, 0.02]], segments=10)
-    return varied(rng, **fish_of(rng, traits, build), nose=sword)
-
-
-def eel(rng: Rng, traits: Traits) -> Part:
-    """Draw an eel: a long winding body that ends flat, a fin all along its back, a blunt head."""
-    head, fins = sized(rng, traits, "head", 0.155, by=1.7), sized(rng, traits, "fins", 0.12)
-    t, turns, sway = np.linspace(0, 1, 18), rng.uniform(8, 13), rng.uniform(0.2, 0.32)
-    path = np.stack([sway * (0.3 + 0.7 * t) * np.sin(turns * t), 0 * t, 1.2 - 2.4 * t], 1)
-    thick = rng.uniform(0.1, 0.13) * np.clip(4.5 - 4.2 * t, 0.1, 1)
-    fin = np.stack([fins * np.clip(8 * t, 0.3, 1) * np.clip(5 - 4 * t, 0.8, 1), 0.02 + 0 * t], 1)
-    skull = path[0] + [0, 0, 0.02]
-    jaw = limb([skull - [0, 0.35 * head, 0], on(skull, head, 0, -0.5, 1.3)], [0.6 * head, 0.4 * head], segments=10)
-    return varied(rng, body=bent_limb(path, np.stack([thick, 0.8 * thick], 1), segments=12, samples=2),
-        fin=bent_limb(path[2:] + np.array([0, 1, 0]) * (0.7 * thick[2:, None] + 0.25 * fins), fin[2:], segments=8,
-        samples=2), head=bead(skull, head * np.array([0.85, 0.9, 1.35]), segments=16, rings=8), jaw=jaw,
-        eye=pair(bead(on(skull, head, 0.66, 0.4, 0.6), 0.2 * head)))  # fmt: skip
-
-
-def anglerfish(rng: Rng, traits: Traits) -> Part:
-    """Draw an anglerfish: a ball of a body, a gaping jaw full of teeth, a light on a rod from its brow."""
-    build = Build(tall=0.64, wide=0.54, girths=(0.45, 0.85, 1.0, 0.85, 0.45, 0.2), back=(-0.35, -0.75),
-        belly=(-0.4, -0.75), fork=0.12, tail=0.46, fins=0.29)  # fmt: skip
-    rod, gape = sized(rng, traits, "feelers", 0.62, by=2.0), rng.uniform(0.25, 0.4)
-    chin, brow = np.array([0, -0.18, 0.55]), np.array([0, 0.42, 0.55])
-    jaw = limb([chin - [0, 0.1, 0.2], chin + [0, -gape, 0.62]], [[0.13, 0.36], [0.1, 0.3]], segments=14)
-    teeth = []
-    for x in (0.06, 0.17, 0.27):
-        low, high = np.array([x, -0.2 - 0.7 * gape, 1.16 - 0.5 * x]), np.array([x, 0.2, 1.02 - 0.4 * x])
-        for root, way in ((low, 0.26), (high, -0.24)):
-            teeth += pair(limb([root, root + [0, way, 0.03]], [0.05, 0.012], segments=6, samples=1))
-    tip = on(brow, rod, 0, 0.55, 0.85)
-    light = bent_limb([brow, on(brow, rod, 0, 0.75, 0.3), tip], [0.045, 0.03, 0.025], segments=8)
-    return varied(rng, **fish_of(rng, traits, build), jaw=jaw, tooth=teeth, feeler=[light, bead(tip, 0.1)])
 
 
 def pufferfish(rng: Rng, traits: Traits) -> Part:
@@ -259,22 +218,3 @@ def starfish(rng: Rng, traits: Traits) -> Part:
     return varied(rng, body=bead([0, 0.13, 0], [1.15 * wide, 0.15, 1.15 * wide], segments=20, rings=8),
         arm=[turned(arm, 72 * k, "y") for k in range(5)],
         boss=[turned(knob, 72 * k, "y") for k in range(5) for knob in knobs])  # fmt: skip
-
-
-def clam(rng: Rng, traits: Traits) -> Part:
-    """Draw a clam ajar: two ribbed domed shells hinged behind, a pearl on a soft bed between them."""
-    shell, gape = sized(rng, traits, "shell", 0.82, by=1.9), rng.uniform(25, 55)
-    angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-    ahead = np.clip(np.cos(angle) + 0.6, 0, 1)
-    rim = shell * (1 + 0.07 * ahead * np.cos(10 * angle))
-    outline = np.stack([1.1 * rim * np.sin(angle), rim * np.cos(angle) * np.where(np.cos(angle) < 0, 0.7,
-        0.9) + 0.7 * shell], 1)  # fmt: skip
-    half = plate(outline, 0.1, across="y")
-    out = np.hypot(half.verts[:, 0] / (1.1 * shell), (half.verts[:, 2] - 0.7 * shell) / shell)
-    half.verts[:, 1] += rng.uniform(0.3, 0.42) * shell * (1 - np.clip(out, 0, 1) ** 2)
-    lower = turned(half, 180, "z")
-    ball = rng.uniform(0.13, 0.17)
-    halves = [moved(turned(half, -gape, "x"), [0, 0.03, -0.6]), moved(lower, [0, -0.03, -0.6])]
-    solids = {"shell": halves, "body": [bead([0, -0.12, 0], [0.5, 0.14, 0.34], segments=16)],
-        "jewel": [bead([0, 0.02 + ball, 0.1], ball, segments=16, rings=8)]}  # fmt: skip
-    return varied(rng, **solids)

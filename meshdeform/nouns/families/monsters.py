@@ -4,28 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.animals import Body
-from meshdeform.nouns.families.characters import Build, figure_of
 from meshdeform.nouns.families.drawing import bead, bent_limb, circle, on, sized, varied
-from meshdeform.nouns.families.parts import Part, ellipsoid, lathe, limb, moved, pair
+from meshdeform.nouns.families.parts import Part, ellipsoid, lathe, limb, pair
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["bust", "centaur", "slime", "teddy"]
-
-
-def centaur(rng: Rng, traits: Traits) -> Part:
-    """Draw a centaur: a person's trunk where the neck of a horse would be, four legs, a full tail."""
-    build = Build(trunk=0.55, legs=0.76, head=0.22, hips=0.75, wide=0.29)
-    figure = figure_of(rng, traits, build)
-    radius = rng.uniform(0.25, 0.3)
-    horse = Body(rng.uniform(0.85, 1.05), radius, figure.hips - 0.7 * radius, rng.uniform(0.1, 0.12))
-    behind = [0, 0, -0.5 * horse.length]
-    barrel, *legs = [moved(part, behind) for part in horse.parts(slope=0.03)]
-    rump = np.array([0, horse.height + 0.1, -horse.length - 0.8 * radius])
-    tail = bent_limb([rump, rump + [0, -0.05, -0.18], rump + [0, -0.55, -0.25]], [0.07, 0.1, 0.05])
-    solids = {part: own for part, own in figure.solids.items() if part != "foot"}
-    hair = bead(on(figure.skull, figure.head, 0, 0.3, -0.35), 1.02 * figure.head, segments=12)
-    return varied(rng, **{**solids, "body": [barrel, *solids["body"]], "leg": legs}, tail=tail, hair=hair)
+__all__ = ["bust", "slime", "teddy"]
 
 
 def slime(rng: Rng, traits: Traits) -> Part:

@@ -9,9 +9,7 @@ from meshdeform.nouns.families.bodies import Animal, FourLegged, Upright, of, st
 from meshdeform.nouns.families.parts import Part, ellipsoid, limb, moved, named, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = [
-    "bat", "beaver", "gorilla", "kangaroo", "koala", "meerkat", "panda", "seal", "sloth", "squirrel", "walrus",
-]  # fmt: skip
+__all__ = ["bat",  "gorilla", "kangaroo", "koala",  "panda", "seal",  "squirrel", "walrus"]  # fmt: skip
 
 
 def _patches(animal: Animal, wide: float, high: float, slant: float) -> None:
@@ -59,47 +57,6 @@ def kangaroo(animal: Animal) -> None:
     steps[:, 2] *= animal.sized("tail", 1.05)
     animal.add("tail", strand(animal.rump + [0, 0.05, 0.1], steps, [0.2, 0.12, 0.09, 0.05], segments=12))
     animal.ball("body", [0, y + 0.05, 0.2], [0.2, 0.2, 0.16])
-
-
-@of(Upright(thick=0.08, chest=0.24, head=0.26, muzzle=0.5, snout=(0.66, 0.6), ears="round", ear=0.1, reach=0.3,
-            lift=40, hold=1.0, foot=0.12, trunk=0.6))  # fmt: skip
-def beaver(animal: Animal) -> None:
-    """Draw a beaver that sits up: a stout body, a flat paddle of a tail, a blunt muzzle with two big teeth."""
-    chin = animal.muzzle + [0.05, -0.62 * animal.head, -0.02]
-    animal.two("tooth", limb([chin + [0, 0.12, 0], chin], [[0.048, 0.03], [0.044, 0.025]], segments=8, samples=2))
-    half = np.array([(0.1, 0.1), (0.22, -0.35), (0.23, -0.75), (0.13, -1.0)]) * [1, animal.sized("tail", 0.75)]
-    paddle = plate(np.concatenate([half, half[::-1] * [-1, 1]]), 0.09, across="y", puff=0.2)
-    animal.add("tail", moved(turned(paddle, animal.rng.uniform(-25, 5), "x"), animal.rump + [0, -0.02, 0.02]))
-
-
-@of(Upright(trunk=0.95, hips=0.2, belly=0.19, chest=0.14, lean=1, leg=0.22, thick=0.06, reach=0.42, lift=14, hold=0.5,
-            head=0.155, muzzle=0.9, snout=(0.6, 0.22), ears="round", ear=0.08, neck=0.08, foot=0.14, tails="level",
-            tail=0.7, brush=(0.06, 0.05, 0.035, 0.02)))  # fmt: skip
-def meerkat(animal: Animal) -> None:
-    """Draw a meerkat: it stands straight as a post on short legs, arms hanging, with a small pointed face."""
-    _patches(animal, 0.24, 0.28, 0)
-
-
-def sloth(rng: Rng, traits: Traits) -> Part:
-    """Draw a sloth with a small round head, a flat face and long limbs with two claws: it hangs from a branch."""
-    animal = Animal(rng, traits)
-    animal.head, reach, size = animal.sized("head", 0.22), animal.sized("arms", 0.75), animal.sized("claws", 0.16)
-    girth, sag, long, y = rng.uniform(0.22, 0.28), rng.uniform(0.0, 0.12), rng.uniform(0.4, 0.5), 0.62 * reach
-    animal.skull = np.array([0.0, -0.72 * y, long + 0.75 * animal.head + 0.1])
-    path = [[0, -0.6 * y, -long], [0, -y - sag, -0.4 * long], [0, -y - sag, 0.4 * long], [0, -0.75 * y, long]]
-    bulk = girth * np.array([0.7, 1.0, 1.0, 0.65])
-    animal.add("body", tube(path, bulk, bulk))
-    animal.add("branch", limb([[0, 0.06, -1.0], [0, 0.02, 0], [0, 0.07, 1.0]], [0.08, 0.075, 0.06], segments=10))
-    Upright(head=animal.head, broad=1.1, muzzle=0.25, snout=(0.5, 0.42), ears="", drop=10).add_head(animal)
-    for name, z in (("leg", -1.0), ("arm", 1.0)):
-        hip, hold = [0.55 * girth, -0.72 * y, 0.75 * z * long], np.array([0.06, -0.05, z * (long + 0.05)])
-        knee = [girth + 0.12, -0.45 * y, z * (long + 0.12)]
-        animal.two(name, limb([hip, knee, hold + [0.05, -0.06, 0]], [0.11, 0.09, 0.075], segments=10, samples=3))
-        for along in (-0.05, 0.05):
-            steps = size * np.array([[-0.35, 0.7, 0], [-0.5, 0.1, 0], [-0.15, -0.35, 0]])
-            animal.two("claw", strand(hold + [0.06, 0, along], steps, [0.04, 0.035, 0.03, 0.012], segments=5))
-    _patches(animal, 0.36, 0.16, -25)
-    return named(**animal.parts)
 
 
 @of(FourLegged(length=0.5, girth=0.3, hips=0.72, waist=0.9, deep=1.0, slope=0.26, leg=0.42, thick=0.12, neck=0, tilt=34,
