@@ -53,7 +53,7 @@ INTENSIFIERS = frozenset(("very", "really", "extremely", "super", "quite", "rath
 """Words for how much, which a prompt cannot say."""
 _NUMBERS = "two three four five six seven eight nine ten twelve dozen several many few both pair couple"
 NUMBERS = frozenset(_NUMBERS.split())
-_PAIRS = "binoculars fries glasses grapes headphones pliers scissors stairs trousers"
+_PAIRS = "fries glasses grapes headphones scissors stairs trousers"
 PAIRS = frozenset(_PAIRS.split())
 """Nouns in the plural that are one thing."""
 _SURFACES = (
