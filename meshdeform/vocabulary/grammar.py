@@ -432,15 +432,13 @@ def _by_role(words: list[str], borrowed: list[Borrowed], known: Words) -> _Readi
 
 def _reasons(reading: _Reading) -> Iterator[str]:
     """Yield a sentence for each kind of words that were not understood."""
-    rest = dict.fromkeys(reading.unknown)
-    if reading.nouns:
-        numbers = [word for word in rest if word in NUMBERS or word.isdigit()]
-        surfaces = [word for word in rest if word in SURFACES]
-        if numbers:
-            yield f"One asset becomes one thing, with the parts it has: leave {_listed(numbers, 'and')} out."
-        if surfaces:
-            yield f"Colours and materials stay as they are in the asset: leave {_listed(surfaces, 'and')} out."
-        rest = dict.fromkeys(word for word in rest if word not in (*numbers, *surfaces))
+    numbers = [word for word in reading.unknown if word in NUMBERS or word.isdigit()]
+    surfaces = [word for word in reading.unknown if reading.nouns and word in SURFACES]
+    rest = dict.fromkeys(word for word in reading.unknown if word not in (*numbers, *surfaces))
+    if numbers:
+        yield f"One asset becomes one thing, with the parts it has: leave {_listed(numbers, 'and')} out."
+    if surfaces:
+        yield f"Colours and materials stay as they are in the asset: leave {_listed(surfaces, 'and')} out."
     if not rest:
         return
     if reading.known.tokens:

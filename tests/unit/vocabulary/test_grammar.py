@@ -71,9 +71,9 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a tall red vase", ["red"], ["a tall vase"]),
         ("a twistd vase", ["twistd"], ["a twisted vase"]),
         ("a badger beside a house", ["badger", "beside"], ["a house"]),
-        ("a badger", ["badger"], ["a bear", "a wolf", "a fox"]),
-        ("a tall pulpit", ["pulpit"], ["a tall church"]),
-        ("two schooners", ["two", "schooners"], ["a boat"]),
+        ("a badger", ["badger"], ["a bear", "an otter", "a fox"]),
+        ("a tall palace", ["palace"], ["a tall house", "a tall cabin"]),
+        ("two ferries", ["two", "ferries"], ["a boat", "a canoe", "a ship"]),
         ("a bote", ["bote"], ["a bottle"]),
         ("a dog and a cat", [], ["a dog", "a cat"]),
         ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
@@ -106,12 +106,12 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
     assert {"tall", "short/long neck"} <= set(error.extra["attributes"])
     # It asks what was meant only where something is near.
     for prompt, nearest, begins in (
-        ("a schooner made quickly", ["boat"], "Did you mean 'a boat'? "),
+        ("a ferry made quickly", ["boat", "canoe", "ship"], "Did you mean 'a boat', 'a canoe' or 'a ship'? "),
         ("democracy", None, "Try 'a mushroom', 'a vase' or 'a rabbit'. "),
     ):
         with pytest.raises(VocabularyError) as caught:
             parse(prompt)
-        assert caught.value.extra["nearest"].get("schooner") == nearest
+        assert caught.value.extra["nearest"].get("ferry") == nearest
         assert caught.value.advice_text.startswith(begins)
     with pytest.raises(VocabularyError, match="negative prompt") as caught:
         parse_negative("blurry", "a vase")
