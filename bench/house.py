@@ -1,9 +1,9 @@
 """Count the house: ``python -m bench.house [--write]``.
 
 Lines of the product's Python, of the families of shapes with their tables, of what trains and measures, of the page, of
-tests and of benchmarks; words of documents; parameters of `text_deform`. Libraries of others and generated files (`_OF_OTHERS`) are left out.
-``bench/house.json`` holds the counts: a change that adds more than `ROOM` lines or a parameter changes that file as
-well, so that it is seen (`tests/unit/test_house.py`), and says who uses it.
+tests and of benchmarks; words of documents; parameters of `text_deform`. Libraries of others and generated files
+(`_OF_OTHERS`) are left out. ``bench/house.json`` holds the counts: a change that adds more than `ROOM` lines or a
+parameter changes that file as well, so that it is seen (`tests/unit/test_house.py`), and says who uses it.
 """
 
 from __future__ import annotations

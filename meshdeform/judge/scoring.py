@@ -13,7 +13,6 @@ Sources: He et al. 2016 (residual networks), Guo et al. 2017 (the sharpness is t
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,12 +26,10 @@ from torch import Tensor, nn
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.network import file_sha256
-from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.vocabulary.grammar import parse
 
-_NOUN_NUMBER = {noun: number for number, noun in enumerate(NOUNS)}
 VIEW_SIZE = 64
 _STYLE = RenderStyle(view_size=VIEW_SIZE, supersample=2, shading="lambert", background=(0.0, 0.0, 0.0))
 _FOV_DEG = (20.0, 28.0)
@@ -42,8 +39,9 @@ _FROM_ABOVE_DEG = (36.0, 58.0)
 
 @dataclass(frozen=True)
 class JudgeConfig:
-    """Sizes of the network; the defaults are those of the shipped weights."""
+    """Sizes of the network, whose defaults are those of the shipped weights, and the nouns that it tells apart."""
 
+    nouns: tuple[str, ...]
     stem: int = 24
     channels: tuple[int, int, int] = (48, 96, 128)
 
@@ -70,13 +68,13 @@ class JudgeNetwork(nn.Module):
 
     sharpness: Tensor
 
-    def __init__(self, config: JudgeConfig | None = None) -> None:
+    def __init__(self, config: JudgeConfig) -> None:
         super().__init__()
-        self.config = config or JudgeConfig()
+        self.config = config
         c0, (c1, c2, c3) = self.config.stem, self.config.channels
         self.stem = nn.Sequential(nn.Conv2d(1, c0, 5, stride=2, padding=2, bias=False), nn.BatchNorm2d(c0), nn.ReLU())
         self.blocks = nn.Sequential(_Block(c0, c1), _Block(c1, c2), _Block(c2, c3))
-        self.noun_head = nn.Linear(c3, len(NOUNS))
+        self.noun_head = nn.Linear(c3, len(config.nouns))
         # A factor of the mean over the views: views of one mesh are correlated, so their sum would be overconfident.
         self.register_buffer("sharpness", torch.ones(()))
 
@@ -94,18 +92,13 @@ _ADVICE = (
 )
 
 
-def vocabulary_hash() -> str:
-    """Hash the nouns in the order of their numbers."""
-    return hashlib.sha256(",".join(NOUNS).encode()).hexdigest()[:16]
-
-
 def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:
     """Read the network in float32 for inference, and the file's metadata.
 
     Raises
     ------
     ModelError
-        The file is missing, not safetensors, or of another vocabulary or network.
+        The file is missing, not safetensors, or of another network.
     """
     if not path.is_file():
         raise ModelError(f"The judge's weights are missing: there is no {path.name} in {path.parent}.", advice=_ADVICE)
@@ -115,11 +108,9 @@ def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:
             state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118 (not a dict)
     except SafetensorError as error:
         raise ModelError(f"The judge's weights in {path} cannot be read: {error}.", advice=_ADVICE) from error
-    if metadata.get("vocabulary") != vocabulary_hash():
-        raise ModelError(f"The judge's weights in {path} were trained for another vocabulary.", advice=_ADVICE)
     try:
         config = json.loads(metadata["config"])
-        network = JudgeNetwork(JudgeConfig(**{**config, "channels": tuple(config["channels"])}))
+        network = JudgeNetwork(JudgeConfig(tuple(config["nouns"]), config["stem"], tuple(config["channels"])))
         missing, strange = network.load_state_dict(state, strict=False)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ModelError(f"The judge's weights in {path} are of another network.", advice=_ADVICE) from error
@@ -182,7 +173,7 @@ def draw_views(mesh: TriangleMesh, *cameras: Cameras) -> Tensor:
 
 
 class Judge:
-    """Classifier of meshes that shares only the vocabulary with the builtin prior.
+    """Classifier of meshes, which shares nothing with the families of shapes but their nouns.
 
     Parameters
     ----------
@@ -193,15 +184,18 @@ class Judge:
     ----------
     identity : dict of str
         `id`, `revision` and `sha256` of the weights, for reports.
+    nouns : tuple of str
+        What it tells apart: the nouns when it was trained.
 
     Raises
     ------
     ModelError
-        The weights are missing, unreadable or of another vocabulary.
+        The weights are missing or unreadable.
     """
 
     def __init__(self, weights: Path = WEIGHTS) -> None:
         self._network, metadata = read_judge(weights)
+        self.nouns = self._network.config.nouns
         self._cameras = judging_cameras()
         self.identity: dict[str, str] = {
             "id": "judge",
@@ -217,7 +211,7 @@ class Judge:
         mesh : TriangleMesh
             +Y up, of any position, size and heading.
         prompts : sequence of P str
-            Prompts of the builtin prior's grammar.
+            Prompts whose nouns it knows.
 
         Returns
         -------
@@ -227,20 +221,22 @@ class Judge:
         ------
         PromptError, VocabularyError
             A prompt is outside the grammar.
+        ValueError
+            It does not know the noun of a prompt.
         ShapeError
             The mesh has no faces, no extent or positions that are not finite.
         """
-        return self._scores(mesh)[[_NOUN_NUMBER[parse(prompt).noun] for prompt in prompts]]
+        return self._scores(mesh)[[self.nouns.index(parse(prompt).noun) for prompt in prompts]]
 
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
-        """Return the probability of each noun of the vocabulary if all are equally likely beforehand; they sum to 1.
+        """Return the probability of each noun that it knows if all are equally likely beforehand; they sum to 1.
 
         Raises
         ------
         ShapeError
             As in `log_likelihoods`.
         """
-        return dict(zip(NOUNS, torch.softmax(self._scores(mesh), 0).tolist(), strict=True))
+        return dict(zip(self.nouns, torch.softmax(self._scores(mesh), 0).tolist(), strict=True))
 
     @torch.no_grad()
     def _scores(self, mesh: TriangleMesh) -> Tensor:

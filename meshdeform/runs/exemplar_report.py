@@ -39,6 +39,7 @@ from meshdeform.runs.worth import (
     of_noun,
     of_pictures,
     of_prompts,
+    of_shape_alone,
     of_target,
     worst,
 )
@@ -183,6 +184,9 @@ def _comparisons(
         if compared["likeness"] is not None:
             source = source_of(shown, noun=known.noun, sure=known.sure)
             verdicts.append(of_noun(prompt, compared["likeness"], shape, source, fitted=True))
+        else:
+            result = fits[0].result
+            verdicts.append(of_shape_alone(result.distance / max(result.distance_before, 1e-9), shape))
     verdicts.append(of_exemplars(kept, shape, _left(fits)))
     return {**compared, "verdict": worst(verdicts)}
 

@@ -127,8 +127,8 @@ def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
 def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     """Compare a mesh with the noun of a prompt of the builtin prior.
 
-    `mesh`: +Y up, of any position and size. Returns as in `summarize`, with the judge's identity; None for a word of
-    somebody's own, which no judge has seen, or if its weights are missing or damaged, which is logged.
+    `mesh`: +Y up, of any position and size. Returns as in `summarize`, with the judge's identity; None for what no
+    judge has seen, such as a word of somebody's own, or if its weights are missing or damaged, which is logged.
     """
     noun = parse(prompt).noun
     if own_word(noun) is not None:
@@ -137,6 +137,8 @@ def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
         judge = Judge()
     except ModelError as error:
         _log.warning("the result's likeness is not estimated: %s", error)
+        return None
+    if noun not in judge.nouns:
         return None
     return {**summarize(judge.noun_probabilities(mesh), noun), "judge": judge.identity}
 

@@ -254,6 +254,11 @@ def of_exemplars(kept: float, shape: Shape, left: float | None = None) -> dict[s
     return _said(Verdict.DOUBTFUL if reasons else Verdict.GOOD, reasons, shape, [_NEARER] if reasons else [])
 
 
+def of_shape_alone(left: float, shape: Shape) -> dict[str, Any]:
+    """Return the verdict of a fit to a noun that the judge does not know; `left`: the share of the distance left."""
+    return _by_distance(left <= _LEFT, f"{left:.0%} of the distance to that shape is left.", shape, [_NEARER])
+
+
 def as_foreseen(verdict: Mapping[str, Any], outlook: Outlook | None) -> dict[str, Any]:
     """Return a verdict with what there was to expect of a fit, where that was doubtful, and what to ask for instead."""
     if outlook is None or not outlook.doubtful:

@@ -12,7 +12,7 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.judge.scoring import judging_cameras
 from meshdeform.plain.body import loose_body
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUNS
 from training.judge.members import ViewSet, pictures
 
 _LIST = Path(__file__).parents[2] / "bench" / "keep" / "assets.json"

@@ -17,7 +17,7 @@ from torch import Tensor
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, read_judge
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.vocabulary.nouns import NOUNS
 from training.collections import sources as collections
 from training.collections.members import RealShapes
 from training.judge.assets import views_of_assets

@@ -28,9 +28,9 @@ from meshdeform.judge.scoring import VIEW_SIZE, draw_views, judging_cameras, tra
 from meshdeform.nouns.deformed import normalised
 from meshdeform.nouns.families import Part, member
 from meshdeform.nouns.families.parts import box, ellipsoid, join, limb
-from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.rendering.cameras import Cameras
 from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.nouns import NOUNS
 from meshdeform.vocabulary.words import ADJECTIVES
 from training.collections.members import RealShapes
 from training.judge import shapes

@@ -24,8 +24,8 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.judge.scoring import WEIGHTS, JudgeNetwork, read_judge, vocabulary_hash
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.judge.scoring import WEIGHTS, JudgeConfig, JudgeNetwork, read_judge
+from meshdeform.vocabulary.nouns import NOUNS
 from training.collections.members import RealShapes
 from training.collections.sources import JUDGE, PRIOR
 from training.judge.assets import views_of_assets
@@ -54,7 +54,7 @@ class Trainer:
         torch.manual_seed(config.seed)
         self.data, self.config = data, config
         self.generator = torch.Generator().manual_seed(config.seed)
-        self.network = JudgeNetwork().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = JudgeNetwork(JudgeConfig(tuple(NOUNS))).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         decayed = [p for p in self.network.parameters() if p.ndim > 1]
         plain = [p for p in self.network.parameters() if p.ndim <= 1]
         groups = [{"params": decayed, "weight_decay": config.weight_decay}, {"params": plain, "weight_decay": 0.0}]
@@ -154,7 +154,7 @@ def _arguments() -> argparse.Namespace:
 def write_judge(path: Path, network: JudgeNetwork, provenance: Mapping[str, str]) -> None:
     """Write the network as float16, atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    metadata = {**provenance, "config": json.dumps(asdict(network.config)), "vocabulary": vocabulary_hash()}
+    metadata = {**provenance, "config": json.dumps(asdict(network.config))}
     state = {
         name: tensor.detach().to(torch.float16).contiguous()
         for name, tensor in network.state_dict().items()

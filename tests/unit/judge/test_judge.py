@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from pathlib import Path
 
@@ -101,7 +102,7 @@ def test_identity_names_the_file(judge: Judge) -> None:
 
 def test_bad_input_is_refused(judge: Judge) -> None:
     with pytest.raises(VocabularyError):
-        judge.log_likelihoods(icosphere(1), ["a zeppelin"])
+        judge.log_likelihoods(icosphere(1), ["a pulpit"])
     with pytest.raises(PromptError):
         judge.log_likelihoods(icosphere(1), [""])
     point = TriangleMesh(torch.zeros(3, 3, dtype=torch.float64), torch.tensor([[0, 1, 2]]))
@@ -121,16 +122,21 @@ def rewritten(path: Path, *, metadata: dict[str, str] | None = None, without: st
     return path
 
 
+def _config(**changes: object) -> str:
+    with safe_open(WEIGHTS, framework="pt") as file:
+        return json.dumps({**json.loads(file.metadata()["config"]), **changes})
+
+
 def test_foreign_weights_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="missing"):
         Judge(tmp_path / "none.safetensors")
     (tmp_path / "torn").write_bytes(WEIGHTS.read_bytes()[:5000])
     with pytest.raises(ModelError, match="cannot be read"):
         Judge(tmp_path / "torn")
-    with pytest.raises(ModelError, match="another vocabulary"):
-        Judge(rewritten(tmp_path / "foreign", metadata={"vocabulary": "0" * 16}))
+    with pytest.raises(ModelError, match="another network"):
+        Judge(rewritten(tmp_path / "fewer", metadata={"config": _config(nouns=["cat", "dog"])}))
     with pytest.raises(ModelError, match="another network"):
         Judge(rewritten(tmp_path / "lacking", without="noun_head.weight"))
     with pytest.raises(ModelError, match="another network"):
-        Judge(rewritten(tmp_path / "wider", metadata={"config": '{"stem": 32, "channels": [48, 96, 128]}'}))
+        Judge(rewritten(tmp_path / "wider", metadata={"config": _config(stem=32)}))
     assert Judge(rewritten(tmp_path / "same")).log_likelihoods(icosphere(2), SUITE).isfinite().all()

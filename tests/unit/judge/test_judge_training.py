@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.scoring import JudgeNetwork
-from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.judge.scoring import JudgeConfig, JudgeNetwork
+from meshdeform.vocabulary.nouns import NOUNS
 from training.judge.measure import calibration_error
 from training.judge.members import HELD_OUT, NOTHING, TRAINING, ViewSet, counts_of, draw_shape, seeded
 from training.judge.train import TrainConfig, Trainer, calibrate, targets
@@ -25,7 +25,8 @@ def small() -> ViewSet:
 
 def test_every_noun_has_shapes_of_other_code_that_are_closed_and_face_outward() -> None:
     for noun in NOUNS:
-        verts, faces = draw_shape(f"other {noun}", seeded(HELD_OUT, f"other {noun}", 1))
+        part = draw_shape(f"other {noun}", seeded(HELD_OUT, f"other {noun}", 1))
+        verts, faces = part.verts, part.faces
         assert np.linalg.norm(verts, axis=1).max() == pytest.approx(1.0)
         a, b, c = verts[faces].transpose(1, 0, 2)
         assert (a * np.cross(b, c)).sum() > 0
@@ -59,7 +60,7 @@ def test_what_is_no_noun_should_get_what_is_known_without_seeing_it() -> None:
 
 def test_calibration_softens_a_network_that_is_wrong(small: ViewSet) -> None:
     torch.manual_seed(0)
-    network = JudgeNetwork().eval()
+    network = JudgeNetwork(JudgeConfig(tuple(NOUNS))).eval()
     torch.nn.init.normal_(network.noun_head.weight, std=10.0)
     calibrate(network, small.rows(torch.arange(8)))
     assert float(network.sharpness) < 0.3

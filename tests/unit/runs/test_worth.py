@@ -15,6 +15,7 @@ from meshdeform.runs.worth import (
     of_pictures,
     of_prompts,
     of_shape,
+    of_shape_alone,
     of_target,
     verdict_of_change,
     worst,
@@ -334,3 +335,9 @@ def test_a_stored_verdict_is_read_whichever_version_wrote_it(
     assert found["value"] in list(Verdict)
     assert found["reasons"][0].startswith(reasons[0])
     assert found["advice"] == []
+
+
+def test_what_the_judge_does_not_know_is_told_by_the_distance_that_is_left() -> None:
+    near, far = of_shape_alone(0.03, WHOLE), of_shape_alone(0.8, WHOLE)
+    assert (near["value"], near["reasons"]) == (GOOD, ["3% of the distance to that shape is left."])
+    assert (far["value"], far["advice"][0][:3]) == (DOUBTFUL, "Ask")

@@ -4,8 +4,8 @@ Results are fitted to members of the families. A judge that knew these rabbits w
 its goal, not whether it is a rabbit. These shapes have other poses and kinds, other proportions, one blended or creased
 surface instead of joined parts, and the styles of kits of assets, low-poly and voxels. Most were written without
 reading the families; those of `yard`, and of the other nouns that came with it, are by the hand that drew their
-families. `drawn(noun, attributes, rng)` is the interface; the same
-generator state gives the same mesh.
+families. Those of tables (`*.txt`, see `table`) were all written without. `drawn(noun, attributes, rng)` is the
+interface; the same generator state gives the same mesh.
 
 Attributes of the whole are those of the families (`traits.deformed`), because they are operations, not ideas. Parts
 have no attributes here: their sizes vary as the kinds do.
@@ -14,7 +14,9 @@ have no attributes here: their sizes vary as the kinds do.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from importlib import import_module
+from pathlib import Path
 
 import fast_simplification
 import numpy as np
@@ -23,14 +25,16 @@ from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families.parts import Part
 from meshdeform.vocabulary.grammar import Attribute
 from training.judge.shapes.solids import Solid, surfaced
+from training.judge.shapes.table import Table
 
 __all__ = ["SHAPES", "drawn"]
 
 _SUBJECTS = "beasts birds buildings clothing craft creatures figures food furniture plants tools vehicles vessels yard"
 _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
+_TABLE = Table("\n".join(path.read_text() for path in sorted(Path(__file__).parent.glob("*.txt"))))
 SHAPES: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     name: getattr(module, name) for module in _MODULES for name in module.__all__
-}
+} | {noun: partial(_TABLE.shape, noun) for noun in _TABLE.nouns}
 """The shapes of each noun."""
 
 

@@ -100,6 +100,15 @@ def rods(path: Sequence[ArrayLike], radii: Sequence[float]) -> list[Solid]:
     return [rod(path[k], path[k + 1], radii[k], radii[k + 1]) for k in range(len(path) - 1)]
 
 
+def arc(centre: ArrayLike, radius: float, thick: ArrayLike, start: float, stop: float) -> list[Solid]:
+    """Return a bent rod across z, its angles in degrees from +x; two values of `thick` are its radii at the ends."""
+    angles = np.radians(np.linspace(start, stop, max(3, int(abs(stop - start) / 20) + 2)))
+    first, last = np.broadcast_to(np.asarray(thick, float), 2)
+    radii = np.linspace(first, last, len(angles))
+    middle = np.asarray(centre, float)
+    return rods([middle + radius * np.array([np.cos(a), np.sin(a), 0.0]) for a in angles], radii.tolist())
+
+
 def drum(start: ArrayLike, end: ArrayLike, radius: float, last: float | None = None, sides: int = 0) -> Solid:
     """Return a cylinder or the stump of a cone between two flat ends; with `sides`, a prism or pyramid stump."""
     a, b = np.asarray(start, float), np.asarray(end, float)
@@ -217,6 +226,19 @@ def _mirror_image(solid: Solid) -> Solid:
 def carved(solid: Solid) -> Solid:
     """Return the solid as a hole."""
     return replace(solid, hole=True)
+
+
+def moved(solid: Solid, *, at: ArrayLike = (0, 0, 0), turn: Sequence[float] = (0, 0, 0), size: ArrayLike = 1) -> Solid:
+    """Scale a solid (negative: mirror it), turn it by Euler angles in degrees, and shift it."""
+    shift, matrix = np.asarray(at, float), _rotation(turn)
+    scale = np.broadcast_to(np.asarray(size, float), 3)
+    middle = matrix @ (scale * (solid.low + solid.high) / 2) + shift
+    reach = np.abs(matrix) @ (np.abs(scale) * (solid.high - solid.low) / 2)
+
+    def field(p: Floats) -> Floats:
+        return solid.field((p - shift) @ matrix / scale) * float(np.abs(scale).min())
+
+    return Solid(field, middle - reach, middle + reach, solid.hole)
 
 
 def around(count: int, turn: float = 0.0) -> list[tuple[Floats, float]]:
