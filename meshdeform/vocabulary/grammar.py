@@ -409,7 +409,9 @@ def _by_role(words: list[str], borrowed: list[Borrowed], known: Words) -> _Readi
     """Return words by their role."""
     reading = _Reading(known, words, nouns=[], whole=[], parts=[], borrowed=borrowed, unknown=[])
     pending: list[str] = []
+    of_parts = False
     for word in words:
+        of_parts |= word in ("with", "has", "having")
         if word in FILLERS or word in INTENSIFIERS:
             continue
         part, noun = part_of(word), noun_of(word, known)
@@ -424,6 +426,7 @@ def _by_role(words: list[str], borrowed: list[Borrowed], known: Words) -> _Readi
             pending.append(word)
         else:
             reading.unknown.append(word)
+            pending = [] if of_parts else pending  # of a part that is not known
     reading.whole.extend(pending)  # "a vase, tall and thin"
     if "pair" in reading.unknown and PAIRS.intersection(reading.nouns):
         reading.unknown.remove("pair")

@@ -266,6 +266,8 @@ def test_a_word_that_means_a_noun_is_told() -> None:
         ("a red metal vase", "leave 'red' and 'metal' out", "a vase"),
         ("a tall low-poly vase", "'low-poly' does not", "a tall vase"),
         ("a dog with long ears and a rabbit", "'dog' and 'rabbit' were found", "a dog with big ears"),
+        ("a traffic light with a long ladder-rung", "does not", "a traffic light"),
+        ("a girafe with a long nek", "'girafe' and 'nek'", "a giraffe with a long neck"),
         ("a qwertz", "There is no shape for 'qwertz'", "a mushroom"),
     ],
 )
