@@ -31,7 +31,8 @@ from meshdeform.plain.vocabulary import (
     adjective,
     singular,
 )
-from meshdeform.vocabulary.grammar import LANGUAGES, english_of, is_noun
+from meshdeform.vocabulary.grammar import is_noun
+from meshdeform.vocabulary.translation import LANGUAGES, english_of
 
 _OWN = Path(__file__).with_name("translations.txt")
 _JOINING = frozenset(

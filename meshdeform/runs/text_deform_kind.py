@@ -289,7 +289,7 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
     from meshdeform.vocabulary.grammar import parse_negative
 
     for place, prompt in prompts:
-        _check_known(prompt, known, params, place if len(prompts) > 1 else None)  # of several, say which
+        _check_known(prompt, known, place if len(prompts) > 1 else None)  # of several, say which
         if params.negative_prompt.strip():
             try:
                 parse_negative(params.negative_prompt, prompt, known)
@@ -306,19 +306,17 @@ def _check_given(params: ResolvedParams) -> None:
 
     known = known_here() if params.guidance is GuidanceKind.EXEMPLAR else WORDS
     if params.source_noun is not None:
-        _check_known(f"a {params.source_noun}", known, params, ["params", "guidance", "source_noun"])
+        _check_known(f"a {params.source_noun}", known, ["params", "guidance", "source_noun"])
 
 
-def _check_known(text: str, known: Words, params: ResolvedParams, place: Sequence[str | int] | None) -> None:
+def _check_known(text: str, known: Words, place: Sequence[str | int] | None) -> None:
     """Refuse a text that cannot be read with these words, at its place in the request."""
-    from meshdeform.vocabulary.grammar import parse, unknown_shape
+    from meshdeform.vocabulary.grammar import parse
 
     try:
         parse(text, known)
     except (PromptError, VocabularyError) as error:
-        fitted = params.guidance is GuidanceKind.EXEMPLAR
-        refused = unknown_shape(error) if fitted and isinstance(error, VocabularyError) else error
-        raise (refused if place is None else refused.located(place)) from None
+        raise (error if place is None else error.located(place)) from None
 
 
 def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:

@@ -18,7 +18,7 @@ alike, if the word is not a noun itself; then nouns that look alike; then nouns 
 every English word for a thing are in `near_nouns.txt.gz`, made by `release/nouns.py` (WordNet and a sentence encoder;
 WordNet's licence is at its head).
 
-German and Spanish prompts are translated word by word; `translations.txt` has the words without their endings.
+German and Spanish prompts are translated word by word (`translation`).
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from __future__ import annotations
 import difflib
 import gzip
 import re
-import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,24 +39,31 @@ from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.vocabulary.looks import LOOKS, SHAPES
 from meshdeform.vocabulary.nouns import LENGTH, NOUNS, PARTS, SYNONYMS
 from meshdeform.vocabulary.solids import part_label, parts_of
+from meshdeform.vocabulary.translation import translated
 from meshdeform.vocabulary.words import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
     DEGREE_SYNONYMS,
     FILLERS,
+    INTENSIFIERS,
+    JOINING,
     LENGTHWISE,
+    NUMBERS,
     OPPOSITES,
+    PAIRS,
     PART_SYNONYMS,
     SIZEWISE,
+    SURFACES,
 )
 
 MAX_SUGGESTIONS = 3
 _SIMILARITY = 0.79
-_MIN_LENGTH = 4
+_MIN_LENGTH = 3
 _POPULAR = ("mushroom", "vase", "rabbit")
 
+_ALL_WORDS = "All words: meshdeform models builtin, or GET /v1/models."
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
-_ADVICE = f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
+_ADVICE = f"{_ALL_WORDS} {_FREE_TEXT}"
 _NOT_LENT = ("neck", "stem", "trunk", "tower")
 """Parts that others stand on."""
 
@@ -132,18 +139,13 @@ class Borrowed(NamedTuple):
 class ParsedPrompt:
     """Noun and attributes of a prompt, and the parts that it has of other nouns.
 
-    `read_as`: words that mean the noun and are not its name, such as `hound`, which are worth a note.
+    `notes`: sentences on words that mean the noun and are not its name, such as `hound`, or that change nothing.
     """
 
     noun: str
     attributes: tuple[Attribute, ...] = ()
     borrowed: tuple[Borrowed, ...] = ()
-    read_as: tuple[str, ...] = field(default=(), compare=False)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """A sentence for each word that means the noun and is not its name."""
-        return tuple(f"{word!r} is read as {self.noun!r}." for word in self.read_as)
+    notes: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def tokens(self) -> tuple[str, ...]:
@@ -161,27 +163,29 @@ class ParsedPrompt:
 
 
 def _articled(words: str) -> str:
-    """Return words with an article before them; a noun of several words is written without hyphens."""
-    return f"{'an' if words[0] in 'aeiou' else 'a'} {words.replace('-', ' ')}"
+    """Return words with an article, if they take one; a noun of several words is written without hyphens."""
+    article = "" if words.rpartition(" ")[2] in PAIRS else "an " if words[0] in "aeiou" else "a "
+    return article + words.replace("-", " ")
+
+
+_IRREGULAR = {
+    "mice": "mouse", "geese": "goose", "teeth": "tooth", "feet": "foot", "oxen": "ox", "people": "person",
+    "children": "child",
+}  # fmt: skip
+_PLURALS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("men", "man"), ("es", ""), ("s", ""), ("i", "us"))
+"""Endings of plurals with those of their singulars."""
 
 
 def singular_forms(word: str) -> list[str]:
     """Return the word and its possible singular forms."""
-    forms = [word]
-    if word.endswith("ies"):
-        forms.append(word[:-3] + "y")
-    if word.endswith("es"):
-        forms.append(word[:-2])
-    if word.endswith("s"):
-        forms.append(word[:-1])
-    return forms
+    formed = [word.removesuffix(plural) + singular for plural, singular in _PLURALS if word.endswith(plural)]
+    return [word, *([_IRREGULAR[word]] if word in _IRREGULAR else []), *formed]
 
 
 def noun_of(word: str, words: Words | None = None) -> str | None:
     """Return the canonical noun of a word, its plural or a synonym, or None; by default of what is known here."""
     words = words or known_here()
-    irregular = {"snowmen": "snowman", "cacti": "cactus", "octopi": "octopus"}
-    for form in singular_forms(irregular.get(word, word)):
+    for form in singular_forms(word):
         canonical = form if form in words.nouns else words.synonyms.get(form, form)
         if canonical in words.nouns:
             return canonical
@@ -211,7 +215,8 @@ def is_adjective(word: str) -> bool:
 
 def is_known(word: str, words: Words | None = None) -> bool:
     """Return whether a word has a role in the grammar."""
-    return word in FILLERS or is_adjective(word) or part_of(word) is not None or noun_of(word, words) is not None
+    told = word in FILLERS or word in INTENSIFIERS or is_adjective(word)
+    return told or part_of(word) is not None or noun_of(word, words) is not None
 
 
 @dataclass(frozen=True)
@@ -252,65 +257,6 @@ def nearest_nouns(word: str, words: Words = WORDS) -> list[str]:
     return next(filter(None, (nearest(form, words.nouns) for form in singular_forms(word))), [])
 
 
-def suggest(
-    nouns: Sequence[str],
-    whole: Sequence[str],
-    parts: Sequence[tuple[str, Sequence[str]]],
-    unknown: Sequence[str],
-    words: Words = WORDS,
-) -> Suggestions:
-    """Return prompts in place of a refused one.
-
-    `nouns`: canonical nouns of the refused prompt; `whole`: adjectives of the whole; `parts`: canonical parts with
-    their adjectives; `unknown`: words that were not understood; `words`: the words that the model knows.
-    """
-    corrections = correct(unknown, with_nouns=not nouns, words=words)
-    corrected = list(corrections.values())
-    whole = [*whole, *(word for word in corrected if word in ADJECTIVES or word in ADJECTIVE_SYNONYMS)]
-    chosen = list(nouns) or [noun for word in corrected if (noun := noun_of(word, words))]
-    near: dict[str, list[str]] = {}
-    if not chosen:
-        near = {
-            word: near_nouns
-            for word in unknown
-            if word not in corrections and (near_nouns := nearest_nouns(word, words))
-        }
-        chosen = [noun for near_nouns in near.values() for noun in near_nouns]
-    prompts: list[str] = []
-    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in words.nouns] or words.nouns):
-        candidates = [*_of_whole(whole), *_of_parts(noun, parts, words)]
-        # The first of two attributes that contradict each other, or the last.
-        prompts += [str(_fitted(noun, order)) for order in (candidates, candidates[::-1])]
-    meant = bool(unknown and chosen)
-    return Suggestions(list(dict.fromkeys(prompts))[:MAX_SUGGESTIONS], corrections, near, meant)
-
-
-def _of_whole(words: Iterable[str]) -> list[Attribute]:
-    degrees = (word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word) for word in words)
-    return [Attribute("whole", degree) for degree in degrees if degree is not None]
-
-
-def _of_parts(noun: str, parts: Iterable[tuple[str, Sequence[str]]], words: Words) -> list[Attribute]:
-    attributes = []
-    for part, sizes in parts:
-        if part in words.nouns[noun]:
-            degrees = [degree for size in sizes if (degree := degree_of(size, part))]
-            attributes += [Attribute(part, degree) for degree in degrees or PARTS[part]]
-    return attributes
-
-
-def _fitted(noun: str, candidates: Iterable[Attribute]) -> ParsedPrompt:
-    """Take each attribute that does not contradict those before it."""
-    fitted: list[Attribute] = []
-    for attribute in candidates:
-        of_whole = {other.degree for other in [*fitted, attribute] if other.part == "whole"}
-        clash = any(pair <= of_whole for pair in OPPOSITES)
-        sized = attribute.part != "whole" and any(other.part == attribute.part for other in fitted)
-        if attribute not in fitted and not clash and not sized and len(fitted) < MAX_ATTRIBUTES:
-            fitted.append(attribute)
-    return ParsedPrompt(noun, tuple(sorted(fitted, key=ATTRIBUTES.index)))
-
-
 _Parts = list[tuple[str, list[str]]]
 
 
@@ -328,7 +274,7 @@ class _Reading:
 
     def refusal(self, detail: str, unknown: list[str]) -> VocabularyError:
         """Return an error with whole prompts that work instead, and with the vocabulary as data."""
-        suggestion = suggest(self.nouns, self.whole, self.parts, self.unknown, self.known)
+        suggestion = _suggest(self)
         offer = (
             f"Did you mean {_listed(suggestion.prompts, 'or')}?"
             if suggestion.near
@@ -346,18 +292,64 @@ class _Reading:
         )
 
 
+def _suggest(reading: _Reading) -> Suggestions:
+    """Return prompts in place of a refused one, with what was understood of it and its misspelt words corrected."""
+    known = reading.known
+    corrections = correct(reading.unknown, with_nouns=not reading.nouns, words=known)
+    if corrections:
+        words = [corrections.get(word, word) for word in reading.words]
+        reading = _by_role(words, reading.borrowed, known)
+    chosen, near = reading.nouns, dict[str, list[str]]()
+    if not chosen:
+        looks = [word for word in reading.whole if word in LOOKS]
+        told = [*reading.unknown, *(part for part, _ in reading.parts), *looks]
+        near = {word: nouns for word in told if (nouns := nearest_nouns(word, known))}
+        chosen = [noun for nouns in near.values() for noun in nouns]
+    prompts: list[str] = []
+    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in known.nouns] or known.nouns):
+        candidates = [*_of_whole(noun, reading), *_of_parts(noun, reading)]
+        borrowed = tuple(each for each in reading.borrowed if _refused(each, noun, known) is None)
+        # The first of two attributes that contradict each other, or the last.
+        prompts += [str(_fitted(noun, order, borrowed)) for order in (candidates, candidates[::-1])]
+    meant = bool((near or corrections or reading.unknown) and chosen)
+    return Suggestions(list(dict.fromkeys(prompts))[:MAX_SUGGESTIONS], corrections, near, meant)
+
+
+def _of_whole(noun: str, reading: _Reading) -> list[Attribute]:
+    attributes: list[Attribute] = []
+    for word in reading.whole:
+        degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
+        if degree is not None:
+            attributes.append(Attribute("whole", degree))
+        elif word in LOOKS and not reading.known.tokens:
+            attributes += _of_look(word, noun, attributes, reading.known)
+    return attributes
+
+
+def _of_parts(noun: str, reading: _Reading) -> list[Attribute]:
+    attributes = []
+    for part, sizes in reading.parts:
+        if part in reading.known.nouns[noun]:
+            degrees = [degree for size in sizes if (degree := degree_of(size, part))]
+            attributes += [Attribute(part, degree) for degree in degrees or PARTS[part]]
+    return attributes
+
+
+def _fitted(noun: str, candidates: Iterable[Attribute], borrowed: tuple[Borrowed, ...]) -> ParsedPrompt:
+    """Take each attribute that does not contradict those before it."""
+    fitted: list[Attribute] = []
+    for attribute in candidates:
+        of_whole = {other.degree for other in [*fitted, attribute] if other.part == "whole"}
+        clash = any(pair <= of_whole for pair in OPPOSITES)
+        sized = attribute.part != "whole" and any(other.part == attribute.part for other in fitted)
+        if attribute not in fitted and not clash and not sized and len(fitted) < MAX_ATTRIBUTES:
+            fitted.append(attribute)
+    return ParsedPrompt(noun, tuple(sorted(fitted, key=ATTRIBUTES.index)), borrowed)
+
+
 def _listed(items: Iterable[str], conjunction: str) -> str:
     quoted = [repr(item) for item in items]
     return f" {conjunction} ".join(filter(None, [", ".join(quoted[:-1]), quoted[-1]]))
-
-
-def unknown_shape(error: VocabularyError) -> VocabularyError:
-    """Return the refusal of a prompt by `parse` as it is where shapes guide, and no model: of words that it lacks."""
-    unknown = [word for word in error.extra["unknown"] if not is_known(word)]
-    if not unknown:
-        return error
-    detail = f"There is no shape for {_listed(unknown, 'and')}: {len(NOUNS)} nouns are known, with some attributes."
-    return VocabularyError(detail, advice=error.advice_text, **error.extra)
 
 
 def parse(prompt: str, known: Words | None = None) -> ParsedPrompt:
@@ -407,11 +399,20 @@ def _read(prompt: str, known: Words) -> _Reading:
     words = _split(prompt, known)
     if not words:
         raise PromptError("The prompt is empty.", advice="Name an object, for example: a tall vase.")
-    words, borrowed = _without_borrowed(words, known)
+    reading = _by_role(*_without_borrowed(words, known), known)
+    if reading.unknown:
+        raise reading.refusal(" ".join(_reasons(reading)), reading.unknown)
+    return reading
+
+
+def _by_role(words: list[str], borrowed: list[Borrowed], known: Words) -> _Reading:
+    """Return words by their role."""
     reading = _Reading(known, words, nouns=[], whole=[], parts=[], borrowed=borrowed, unknown=[])
     pending: list[str] = []
+    of_parts = False
     for word in words:
-        if word in FILLERS:
+        of_parts |= word in ("with", "has", "having")
+        if word in FILLERS or word in INTENSIFIERS:
             continue
         part, noun = part_of(word), noun_of(word, known)
         if part is not None and (reading.nouns or noun is None):
@@ -425,11 +426,41 @@ def _read(prompt: str, known: Words) -> _Reading:
             pending.append(word)
         else:
             reading.unknown.append(word)
+            pending = [] if of_parts else pending  # of a part that is not known
     reading.whole.extend(pending)  # "a vase, tall and thin"
-    if reading.unknown:
-        words = reading.unknown
-        raise reading.refusal(f"The built-in model does not understand {_listed(words, 'and')}.", words)
+    if "pair" in reading.unknown and PAIRS.intersection(reading.nouns):
+        reading.unknown.remove("pair")
     return reading
+
+
+def _reasons(reading: _Reading) -> Iterator[str]:
+    """Yield a sentence for each kind of words that were not understood."""
+    numbers = [word for word in reading.unknown if word in NUMBERS or word.isdigit()]
+    surfaces = [word for word in reading.unknown if reading.nouns and word in SURFACES]
+    rest = dict.fromkeys(word for word in reading.unknown if word not in (*numbers, *surfaces))
+    if numbers:
+        yield f"One asset becomes one thing, with the parts it has: leave {_listed(numbers, 'and')} out."
+    if surfaces:
+        yield f"Colours and materials stay as they are in the asset: leave {_listed(surfaces, 'and')} out."
+    if not rest:
+        return
+    if reading.known.tokens:
+        yield from _unknown_to_the_prior(list(rest))
+    elif reading.nouns:
+        does = "does" if len(rest) == 1 else "do"
+        yield f"A prompt says what a thing is and how it is shaped, which {_listed(rest, 'and')} {does} not."
+    else:
+        count = len(reading.known.nouns)
+        yield f"There is no shape for {_listed(rest, 'and')}: {count} nouns are known, with some attributes."
+
+
+def _unknown_to_the_prior(words: Sequence[str]) -> Iterator[str]:
+    """Yield a sentence on words that shapes have and the built-in model lacks, and one on those that nothing has."""
+    shapes = [word for word in words if is_known(word, WORDS)]
+    if shapes:
+        yield f"The built-in model does not know {_listed(shapes, 'and')}: guidance `exemplar` does."
+    if others := [word for word in words if word not in shapes]:
+        yield f"The built-in model does not understand {_listed(others, 'and')}."
 
 
 def _without_borrowed(words: list[str], known: Words) -> tuple[list[str], list[Borrowed]]:
@@ -447,22 +478,30 @@ def _without_borrowed(words: list[str], known: Words) -> tuple[list[str], list[B
     return kept, borrowed
 
 
+_BORROWED = ("part noun", "noun part", "degree part noun", "noun degree part", "degree noun part")
+"""Orders of words that tell a part of another noun."""
+
+
 def _borrowed_first(words: Sequence[str], known: Words) -> tuple[Borrowed, int] | None:
     """Return the part of another noun with which words begin, and how many of them say so."""
-    places = [place for place, word in enumerate(words) if word not in FILLERS]
-    told = [words[place] for place in places[:3]] + [""] * 3
-    part, noun = part_of(told[0]), noun_of(told[1], known)
-    if part is not None and noun is not None:
-        return Borrowed(part, noun), places[1] + 1
-    owner, is_owned = noun_of(told[0].removesuffix("'s").removesuffix("'"), known), "'" in told[0]
-    if owner is None or not (is_owned or part_of(told[1])):
-        return None
-    part, degree = part_of(told[1]), None
-    if part is None and (part := part_of(told[2])) is not None:
-        degree = degree_of(told[1], part)
-    if part is None or (degree is None and part_of(told[1]) is None):
-        return None
-    return Borrowed(part, owner, degree), places[1 if degree is None else 2] + 1
+    phrase = list(takewhile(lambda word: word not in JOINING, words))
+    places = [place for place, word in enumerate(phrase) if word not in FILLERS]
+    for order in _BORROWED:
+        roles = order.split()
+        if len(places) < len(roles):
+            continue
+        at = dict(zip(roles, places, strict=False))
+        owner, part = phrase[at["noun"]], part_of(phrase[at["part"]])
+        noun = noun_of(owner.removesuffix("'s").removesuffix("'"), known)
+        if noun is None or part is None:
+            continue
+        degree = degree_of(phrase[at["degree"]], part) if "degree" in at else None
+        belongs = (
+            at["noun"] > at["part"] + 1 if at["noun"] > at["part"] else "'" in owner or order != "noun degree part"
+        )
+        if belongs and ("degree" not in at or degree is not None):
+            return Borrowed(part, noun, degree), max(at.values()) + 1
+    return None
 
 
 def _split(prompt: str, known: Words) -> list[str]:
@@ -472,16 +511,33 @@ def _split(prompt: str, known: Words) -> list[str]:
         text = re.sub(rf"\b{compound.replace('-', '[ -]+')}(?=s?\b)", compound, text)
     words: list[str] = []
     for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", text):
-        pieces = [word] if noun_of(word, known) else word.split("-")
+        pieces = [word] if noun_of(word, known) else _pieces(word)
         words += pieces if all(is_known(piece, known) for piece in pieces) else [word]
     return _in_english(words, known)
 
 
+def _pieces(word: str) -> list[str]:
+    """Return the words that hyphens join, with the part of one such as "long-necked" at the end."""
+    *others, last = word.split("-")
+    parts = (form for form in (last[:-2], last[:-1], last[:-3]) if last.endswith("ed") and part_of(form))
+    return [*others, next(parts, last) if others else last]
+
+
 def _in_english(words: list[str], known: Words) -> list[str]:
     """Translate a prompt that has words which are not English: "ein Boot" is a boat, and "a boot" or "bank" are not."""
-    if all(is_known(word, known) or _is_word(word) for word in words):
+
+    def is_english(word: str) -> bool:
+        return is_known(word, known) or _is_word(word)
+
+    if all(map(is_english, words)):
         return words
-    return translated(words, lambda word: word not in FILLERS and is_known(word, known), is_adjective)
+    return translated(
+        words,
+        is_english,
+        lambda word: word not in FILLERS and is_known(word, known),
+        is_adjective,
+        lambda word: noun_of(word, known) is not None,
+    )
 
 
 def _assemble(reading: _Reading) -> ParsedPrompt:
@@ -512,7 +568,10 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
     for look in looks:
-        found_attributes += _of_look(look, noun, found_attributes, reading)
+        given = _of_look(look, noun, found_attributes, reading.known)
+        if not given:
+            raise reading.refusal(f"{look!r} changes nothing of a {noun}.", [look])
+        found_attributes += given
     unique = tuple(sorted(set(found_attributes), key=ATTRIBUTES.index))
     per_part = [attribute.part for attribute in unique if attribute.part != "whole"]
     if len(per_part) != len(set(per_part)):
@@ -527,29 +586,33 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             f"The built-in model takes at most {MAX_ATTRIBUTES} attributes, and the prompt has {len(unique)}.",
             advice="Remove some of them.",
         )
-    meant = tuple(word for word in dict.fromkeys(reading.words) if _is_other_name(word, noun, reading.known))
-    return ParsedPrompt(noun, unique, tuple(reading.borrowed), meant)
+    return ParsedPrompt(noun, unique, tuple(reading.borrowed), tuple(_notes(noun, reading)))
 
 
-def _of_look(look: str, noun: str, given: Sequence[Attribute], reading: _Reading) -> list[Attribute]:
+def _of_look(look: str, noun: str, given: Sequence[Attribute], known: Words) -> list[Attribute]:
     """Return what a look gives a noun, without what contradicts the attributes that are given."""
     sized = {attribute.part for attribute in given} - {"whole"}
     whole = {attribute.degree for attribute in given if attribute.part == "whole"}
-    attributes = []
-    for text in LOOKS[look].split(", "):
-        degree, _, part = text.partition(" ")
-        if not part and not any({degree, other} in OPPOSITES for other in whole):
-            attributes.append(Attribute("whole", degree))
-        elif part in reading.known.nouns[noun] and part not in sized:
-            attributes.append(Attribute(part, degree))
-    if not attributes:
-        raise reading.refusal(f"{look!r} changes nothing of a {noun}.", [look])
-    return attributes
+    for alternative in LOOKS[look].split("; "):
+        attributes = []
+        for text in alternative.split(", "):
+            degree, _, part = text.partition(" ")
+            if not part and not any({degree, other} in OPPOSITES for other in whole):
+                attributes.append(Attribute("whole", degree))
+            elif part in known.nouns[noun] and part not in sized:
+                attributes.append(Attribute(part, degree))
+        if attributes:
+            return attributes
+    return []
 
 
-def _is_other_name(word: str, noun: str, known: Words) -> bool:
-    """Return whether a word means a noun and is not its name or the plural of that."""
-    return noun_of(word, known) == noun and noun not in singular_forms(word)
+def _notes(noun: str, reading: _Reading) -> Iterator[str]:
+    """Yield a sentence for each word that means the noun and is not its name, or that changes nothing."""
+    for word in dict.fromkeys(reading.words):
+        if noun_of(word, reading.known) == noun and noun not in singular_forms(word):
+            yield f"{word!r} is read as {noun!r}."
+        if word in INTENSIFIERS:
+            yield f"{word!r} changes nothing: a prompt cannot say how much."
 
 
 def _check_borrowed(reading: _Reading) -> None:
@@ -557,13 +620,21 @@ def _check_borrowed(reading: _Reading) -> None:
     for each in reading.borrowed:
         if reading.known.tokens:
             raise reading.refusal(f"The built-in model knows no {each.part} of a {each.noun}.", [each.part])
-        if each.part in _NOT_LENT:
-            raise reading.refusal(f"A {each.part} carries more than itself: it cannot be another's.", [each.part])
-        for noun in (reading.nouns[0], each.noun):
-            if part_label(each.part) not in parts_of(noun) and each.part not in reading.known.nouns[noun]:
-                raise reading.refusal(f"The {noun} has no {each.part}, which both must have.", [each.part])
-        if each.degree is not None and each.part not in reading.known.nouns[each.noun]:
-            raise reading.refusal(f"The {each.part} of a {each.noun} cannot be {each.degree}.", [each.degree])
+        if (reason := _refused(each, reading.nouns[0], reading.known)) is not None:
+            raise reading.refusal(reason, [each.part])
+
+
+def _refused(borrowed: Borrowed, noun: str, known: Words) -> str | None:
+    """Return why a noun cannot have a part of another, or None."""
+    part, owner, degree = borrowed
+    if part in _NOT_LENT:
+        return f"A {part} carries more than itself: it cannot be another's."
+    for each in (noun, owner):
+        if part_label(part) not in parts_of(each) and part not in known.nouns[each]:
+            return f"The {each} has no {part}, which both must have."
+    if degree is not None and part not in known.nouns[owner]:
+        return f"The {part} of a {owner} cannot be {degree}."
+    return None
 
 
 @lru_cache(maxsize=1)
@@ -590,77 +661,3 @@ def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
     around = table.get(word, [])
     own = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
     return [*own, *(noun for noun in around if noun in nouns)][:count]
-
-
-_TABLE = Path(__file__).parent / "translations.txt"
-_ENDINGS = (
-    ("", "e", "n", "s", "en", "er", "es", "em", "ern"),
-    ("", "s", "es"),
-)
-"""Endings of inflected words, by language: German, Spanish."""
-_SPANISH = 1
-LANGUAGES = len(_ENDINGS)
-"""Number of languages other than English."""
-
-
-@lru_cache(maxsize=2)
-def _languages(path: Path) -> tuple[dict[str, str], ...]:
-    """Return the English word of each word of a table, by language."""
-    tables: tuple[dict[str, str], ...] = ({}, {})
-    for line in path.read_text(encoding="utf-8").splitlines():
-        if not line.startswith("#"):
-            english, *others = line.split("|")
-            for language, words in zip(tables, others, strict=True):
-                for word in words.split():
-                    language.setdefault(word, english.strip())
-    for language in tables:  # accents tell "Höcker" from "Hocker" where they are written
-        for word in list(language):
-            language.setdefault(_plain(word), language[word])
-    return tables
-
-
-def _plain(word: str) -> str:
-    """Return a word without accents, as many people type it."""
-    letters = unicodedata.normalize("NFKD", word.replace("ß", "ss"))
-    return "".join(letter for letter in letters if not unicodedata.combining(letter))
-
-
-def english_of(word: str, language: int, path: Path = _TABLE) -> str | None:
-    """Return the English word of an inflected word of a language, by a table in a file; None if it lacks it."""
-    table = _languages(path)[language]
-    stems = [
-        form.removesuffix(ending)
-        for form in (word, _plain(word))
-        for ending in _ENDINGS[language]
-        if form.endswith(ending)
-    ]
-    if language == _SPANISH:  # alto, alta
-        stems += [stem[:-1] + "o" for stem in stems if stem.endswith("a")]
-    return next((table[stem] for stem in stems if stem in table), None)
-
-
-def translated(words: Sequence[str], is_kept: Callable[[str], bool], is_adjective: Callable[[str], bool]) -> list[str]:
-    """Return the words of a prompt in English, or as they are if no language understands all of them.
-
-    `words`: in lower case. `is_kept` and `is_adjective`: whether an English word may stand in another language's
-    sentence, such as a name; whether it is an adjective, which Spanish puts after its noun.
-    """
-    for language in range(LANGUAGES):
-        english = [english_of(word, language) or (word if is_kept(word) else "") for word in words]
-        if all(english):
-            return _before_nouns(english, is_adjective) if language == _SPANISH else english
-    return list(words)
-
-
-def _before_nouns(words: Sequence[str], is_adjective: Callable[[str], bool]) -> list[str]:
-    """Put adjectives that follow a noun before it: "perro gordo con cola larga"."""
-    ordered: list[str] = []
-    place = 0
-    for word in words:
-        if is_adjective(word):
-            ordered.insert(place, word)
-            place += 1
-        else:
-            place = len(ordered) if word not in ("and", "a") else place
-            ordered.append(word)
-    return ordered

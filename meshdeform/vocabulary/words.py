@@ -47,7 +47,22 @@ PART_SYNONYMS = {
 }  # fmt: skip
 LENGTHWISE = {"big": "long", "small": "short"}
 SIZEWISE = {"long": "big", "short": "small"}
-FILLERS = frozenset({"a", "an", "the", "and", "with", "has", "having", "that", "its", "very", "of", "some", "one"})
+JOINING = frozenset({"and", "with", "has", "having", "that", "which", "but"})
+FILLERS = JOINING | {"a", "an", "the", "is", "are", "its", "his", "her", "their", "my", "this", "of", "some", "one"}
+INTENSIFIERS = frozenset(("very", "really", "extremely", "super", "quite", "rather", "slightly", "extra"))
+"""Words for how much, which a prompt cannot say."""
+_NUMBERS = "two three four five six seven eight nine ten twelve dozen several many few both pair couple"
+NUMBERS = frozenset(_NUMBERS.split())
+_PAIRS = "fries glasses grapes headphones scissors stairs trousers"
+PAIRS = frozenset(_PAIRS.split())
+"""Nouns in the plural that are one thing."""
+_SURFACES = (
+    "red blue green yellow purple pink black white grey gray brown beige golden gold silver bronze copper metal"
+    " metallic steel wooden wood plastic glass marble leather rubber paper rusty shiny glossy matte painted colorful"
+    " colourful striped spotted dirty transparent textured"
+)
+SURFACES = frozenset(_SURFACES.split())
+"""Colours, materials and finishes, which an asset keeps."""
 
 OPPOSITES = tuple(
     frozenset(words)

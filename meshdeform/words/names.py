@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from meshdeform.errors import ParameterError
 from meshdeform.vocabulary.grammar import WORDS, Words, is_adjective, noun_of
-from meshdeform.vocabulary.words import FILLERS
+from meshdeform.vocabulary.words import FILLERS, INTENSIFIERS, NUMBERS
 from meshdeform.words.file import NAME, Word
 from meshdeform.words.limits import MAX_NAME, MAX_SYNONYMS
 
@@ -26,7 +26,7 @@ def read_name(text: str, place: str = "noun") -> str:
         raise ParameterError.at(
             [place], f"{text[:80]!r} is no name for a word.", f"Use letters a to z, at most {MAX_NAME}: dragon-fruit."
         )
-    if name in FILLERS or is_adjective(name):
+    if name in FILLERS | INTENSIFIERS | NUMBERS or is_adjective(name):
         raise ParameterError.at([place], f"{name!r} has another meaning in prompts.", "Choose the name of a thing.")
     return name
 

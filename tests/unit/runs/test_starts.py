@@ -222,7 +222,7 @@ GUIDANCE = ["params", "guidance"]
 @each_case(
     ("asked", "files", "error", "words", "place"),
     [
-        (request("a robot of gold"), (), ParameterError, "does not understand .gold", [*GUIDANCE, "start"]),
+        (request("a robot of gold"), (), ParameterError, "leave .gold. out", [*GUIDANCE, "start"]),
         (request(prompts=[{"prompt": "a golden robot"}]), (), ParameterError, "robot", [*GUIDANCE, "start"]),
         (request(source_noun="zeitgeist"), (), VocabularyError, "zeitgeist", [*GUIDANCE, "source_noun"]),
         (

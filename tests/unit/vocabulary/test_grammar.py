@@ -44,6 +44,14 @@ from training.prior.held_out import (
         ("a piglet with a big snout", ("pig", "long", "nose")),
         ("a waisted umbrella with a long shaft", ("umbrella", "pinched", "whole", "long", "handle")),
         ("a fat house with a high roof", ("house", "fat", "whole", "big", "roof")),
+        ("knives", ("knife",)),
+        ("the wolves", ("wolf",)),
+        ("mice", ("mouse",)),
+        ("geese", ("goose",)),
+        ("loaves", ("bread",)),
+        ("spacemen", ("astronaut",)),
+        ("hippopotami", ("hippo",)),
+        ("a pair of tall scissors", ("scissors", "tall", "whole")),
     ],
 )
 def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
@@ -63,9 +71,9 @@ def test_prompts_mean(prompt: str, tokens: tuple[str, ...] | None) -> None:
         ("a tall red vase", ["red"], ["a tall vase"]),
         ("a twistd vase", ["twistd"], ["a twisted vase"]),
         ("a badger beside a house", ["badger", "beside"], ["a house"]),
-        ("a badger", ["badger"], ["a bear", "a wolf", "a fox"]),
-        ("a tall pulpit", ["pulpit"], ["a tall church"]),
-        ("two schooners", ["two", "schooners"], ["a boat"]),
+        ("a badger", ["badger"], ["a bear", "an otter", "a fox"]),
+        ("a tall palace", ["palace"], ["a tall house", "a tall cabin"]),
+        ("two ferries", ["two", "ferries"], ["a boat", "a canoe", "a ship"]),
         ("a bote", ["bote"], ["a bottle"]),
         ("a dog and a cat", [], ["a dog", "a cat"]),
         ("tall and thin", [], ["a tall thin mushroom", "a tall thin vase", "a tall thin rabbit"]),
@@ -89,7 +97,7 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
         parse("a purple girafe")
     error = caught.value
     assert error.status == 422
-    assert error.detail == "The built-in model does not understand 'purple' and 'girafe'."
+    assert error.detail.startswith("There is no shape for 'purple' and 'girafe': ")
     assert error.advice_text.startswith("Did you mean 'a giraffe'? ")
     assert "Stable Diffusion" in error.advice_text
     assert "airplane" not in error.advice_text
@@ -98,12 +106,12 @@ def test_a_refusal_is_short_and_its_vocabulary_is_data() -> None:
     assert {"tall", "short/long neck"} <= set(error.extra["attributes"])
     # It asks what was meant only where something is near.
     for prompt, nearest, begins in (
-        ("a schooner made quickly", ["boat"], "Did you mean 'a boat'? "),
+        ("a ferry made quickly", ["boat", "canoe", "ship"], "Did you mean 'a boat', 'a canoe' or 'a ship'? "),
         ("democracy", None, "Try 'a mushroom', 'a vase' or 'a rabbit'. "),
     ):
         with pytest.raises(VocabularyError) as caught:
             parse(prompt)
-        assert caught.value.extra["nearest"].get("schooner") == nearest
+        assert caught.value.extra["nearest"].get("ferry") == nearest
         assert caught.value.advice_text.startswith(begins)
     with pytest.raises(VocabularyError, match="negative prompt") as caught:
         parse_negative("blurry", "a vase")
@@ -221,6 +229,7 @@ def test_the_rule_is_a_matter_of_names_alone() -> None:
         ("a cartoon dog", "a dog with a big head and short legs"),
         ("a cute rabbit with small ears", "a rabbit with small ears and a big head"),
         ("a blocky car", "a boxy car"),
+        ("a toy vase", "a fat vase"),
         ("a stocky tall horse", "a tall fat horse with short legs and a short neck"),
         ("a lanky robot with short legs", "a thin robot with long arms and short legs"),
     ],
@@ -244,12 +253,55 @@ def test_a_look_that_changes_nothing_of_a_noun_is_refused() -> None:
 
 
 def test_a_word_that_means_a_noun_is_told() -> None:
-    assert parse("a tall hound").read_as == ("hound",)
-    assert parse("tall dogs").read_as == ()
+    assert parse("a tall hound").notes == ("'hound' is read as 'dog'.",)
+    assert parse("tall dogs").notes == ()
+    assert "'very' changes nothing" in parse("a very tall dog").notes[0]
+
+
+@each_case(
+    ("prompt", "says", "suggestion"),
+    [
+        ("two dogs", "One asset becomes one thing", "a dog"),
+        ("a table with 3 legs", "One asset becomes one thing", "a table with short legs"),
+        ("a red metal vase", "leave 'red' and 'metal' out", "a vase"),
+        ("a tall low-poly vase", "'low-poly' does not", "a tall vase"),
+        ("a dog with long ears and a rabbit", "'dog' and 'rabbit' were found", "a dog with big ears"),
+        ("a traffic light with a long ladder-rung", "does not", "a traffic light"),
+        ("a girafe with a long nek", "'girafe' and 'nek'", "a giraffe with a long neck"),
+        ("a qwertz", "There is no shape for 'qwertz'", "a mushroom"),
+    ],
+)
+def test_no_word_is_dropped_in_silence(prompt: str, says: str, suggestion: str) -> None:
+    with pytest.raises(VocabularyError, match=says) as caught:
+        parse(prompt)
+    assert caught.value.extra["suggestions"][0] == suggestion
+
+
+@each_case(
+    "prompt",
+    [
+        "a dog with a rabbit's long ears",
+        "a dog with long rabbit ears",
+        "a dog with long ears of a rabbit",
+        "un perro con orejas largas de conejo",
+        "ein Hund mit den langen Ohren eines Hasen",
+    ],
+)
+def test_a_part_of_another_noun_keeps_its_size(prompt: str) -> None:
+    assert str(parse(prompt)) == "a dog with a rabbit's big ears"
+
+
+def test_the_prior_says_what_shapes_alone_have() -> None:
+    with pytest.raises(VocabularyError) as caught:
+        parse("a purple zebra", BUILTIN_WORDS)
+    assert caught.value.detail == (
+        "The built-in model does not know 'zebra': guidance `exemplar` does."
+        " The built-in model does not understand 'purple'."
+    )
 
 
 @each_case("look", LOOKS)
 def test_every_look_is_made_of_known_attributes(look: str) -> None:
-    for text in LOOKS[look].split(", "):
+    for text in LOOKS[look].replace(";", ",").split(", "):
         degree, _, part = text.partition(" ")
         assert Attribute(part or "whole", degree) in ATTRIBUTES
