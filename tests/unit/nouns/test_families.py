@@ -13,7 +13,7 @@ pytestmark = pytest.mark.training
 def volumes(shape: Part) -> NDArray[np.float64]:
     """Signed volumes (F,) of the tetrahedra under faces."""
     a, b, c = (shape.verts[shape.faces[:, corner]] for corner in range(3))
-    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
 
 
 def volume(shape: Part) -> float:
