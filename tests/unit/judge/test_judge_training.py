@@ -25,7 +25,8 @@ def small() -> ViewSet:
 
 def test_every_noun_has_shapes_of_other_code_that_are_closed_and_face_outward() -> None:
     for noun in NOUNS:
-        verts, faces = draw_shape(f"other {noun}", seeded(HELD_OUT, f"other {noun}", 1))
+        part = draw_shape(f"other {noun}", seeded(HELD_OUT, f"other {noun}", 1))
+        verts, faces = part.verts, part.faces
         assert np.linalg.norm(verts, axis=1).max() == pytest.approx(1.0)
         a, b, c = verts[faces].transpose(1, 0, 2)
         assert (a * np.cross(b, c)).sum() > 0

@@ -4,8 +4,8 @@ Results are fitted to members of the families. A judge that knew these rabbits w
 its goal, not whether it is a rabbit. These shapes have other poses and kinds, other proportions, one blended or creased
 surface instead of joined parts, and the styles of kits of assets, low-poly and voxels. Most were written without
 reading the families; those of `yard`, and of the other nouns that came with it, are by the hand that drew their
-families. `drawn(noun, attributes, rng)` is the interface; the same
-generator state gives the same mesh.
+families. Those of tables (`*.txt`, see `table`) were all written without. `drawn(noun, attributes, rng)` is the
+interface; the same generator state gives the same mesh.
 
 Attributes of the whole are those of the families (`traits.deformed`), because they are operations, not ideas. Parts
 have no attributes here: their sizes vary as the kinds do.

@@ -229,14 +229,14 @@ def carved(solid: Solid) -> Solid:
 
 
 def moved(solid: Solid, *, at: ArrayLike = (0, 0, 0), turn: Sequence[float] = (0, 0, 0), size: ArrayLike = 1) -> Solid:
-    """Scale a solid, turn it by Euler angles in degrees, and shift it."""
+    """Scale a solid (negative: mirror it), turn it by Euler angles in degrees, and shift it."""
     shift, matrix = np.asarray(at, float), _rotation(turn)
     scale = np.broadcast_to(np.asarray(size, float), 3)
     middle = matrix @ (scale * (solid.low + solid.high) / 2) + shift
-    reach = np.abs(matrix) @ (scale * (solid.high - solid.low) / 2)
+    reach = np.abs(matrix) @ (np.abs(scale) * (solid.high - solid.low) / 2)
 
     def field(p: Floats) -> Floats:
-        return solid.field((p - shift) @ matrix / scale) * float(scale.min())
+        return solid.field((p - shift) @ matrix / scale) * float(np.abs(scale).min())
 
     return Solid(field, middle - reach, middle + reach, solid.hole)
 

@@ -3,7 +3,7 @@
 A noun begins at the start of a line, `mug: h=.6~.9; drum 0,0,0 0,h,0 .3; hoop .3,h/2,0 .2 .05`, and goes on in lines
 that are indented. Statements are parted by `;` or by a new line, their words by spaces:
 
-    name=value       draw a size or a place; `a~b`: between the two, `±a`: -a to a, `pick(a,b)`: one of them
+    name=value       draw a size or a place; `a~b`: between the two, `a±b`: around a, `pick(a,b)`: one of them
     name?=value      the same where the name has no value yet
     ball a,b,c r     a solid; lists of places are `a,b:c,d`, completed by their mirror image after `%`
     [one | other]    one design of several, each of statements
@@ -50,8 +50,9 @@ class Table:
     def shape(self, noun: str, rng: np.random.Generator) -> list[Solid]:
         """Draw a noun's solids; a mistake in its paragraph raises ValueError."""
         scope = {
-            "u": rng.uniform, "pick": lambda *of: of[int(rng.integers(len(of)))], "abs": abs, "max": max,
-            "sin": lambda a: np.sin(np.radians(a)), "cos": lambda a: np.cos(np.radians(a)), "random": rng.random, "min": min,
+            "u": rng.uniform, "pick": lambda *of: of[int(rng.integers(len(of)))], "random": rng.random,
+            "sin": lambda a: np.sin(np.radians(a)), "cos": lambda a: np.cos(np.radians(a)),
+            "abs": abs, "max": max, "min": min,
         }  # fmt: skip
         try:
             return self._made([self._groups[noun]], scope)
@@ -141,8 +142,8 @@ def _value(text: str, scope: dict[str, Any]) -> Any:
 @cache
 def _code(text: str) -> CodeType:
     """Compile an expression, its ranges written as draws."""
-    text = re.sub(r"±([\w.]+)", r"u(-\1,\1)", re.sub(r"([\w.]+)~(-?[\w.]+)", r"u(\1,\2)", text))
-    return compile(text, "table", "eval")
+    text = re.sub(r"([\w.]+)~([\w.]+)", r"u(\1,\2)", re.sub(r"(?<=[\w.)])±", "+±", text))
+    return compile(re.sub(r"±([\w.]+)", r"u(-\1,\1)", text), "table", "eval")
 
 
 def _rods(path: list[Any], radii: Any) -> list[Solid]:
