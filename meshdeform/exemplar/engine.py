@@ -38,11 +38,13 @@ from meshdeform.exemplar.targets import fitted_to_target
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
-from meshdeform.vocabulary.solids import part_label
+from meshdeform.vocabulary.solids import PART_NAMES, part_label
 
 __all__ = ["ExemplarFit", "Stage"]
 
 _TRIED, _MENDED = 3, 2
+_LENDERS = 12
+"""Members among which the nearest that has a part lends it: not every kind of a noun has all its parts."""
 _ENOUGH = 0.6
 _STRETCH, _FAULTS = 0.02, 0.02
 _SAMPLES = 2500
@@ -148,8 +150,10 @@ class ExemplarFit:
         shape, told = exemplar.shape, []
         for each in self._wish.borrowed:
             other = Wish(each.noun, each.attributes, seed=self._wish.seed)
-            lender = exemplars(self.source, other, 1, cache=self._cache)[0]
-            shape = with_part_of(shape, lender.shape, part_label(each.part))
+            part = part_label(each.part)
+            near = exemplars(self.source, other, _LENDERS, cache=self._cache)
+            lender = next((one for one in near if (one.shape.labels == PART_NAMES.index(part)).any()), near[0])
+            shape = with_part_of(shape, lender.shape, part)
             told.append({**lender.told, "part": each.part})
         return replace(exemplar, shape=shape, told={**exemplar.told, "borrowed": told}) if told else exemplar
 
