@@ -60,7 +60,7 @@ def add(
 
     meshdeform words add fruit/*.glb --noun dragonfruit
 
-    meshdeform words add llama.glb --noun llama --like sheep --synonym alpaca
+    meshdeform words add guanaco.glb --noun guanaco --like sheep --synonym huanaco
 
     meshdeform words add stools-family/family.safetensors stools/ --noun bar-stool
     """

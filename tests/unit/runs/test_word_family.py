@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,8 @@ from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.runs.word_family import family_meshes
 from meshdeform.runs.word_making import make_word
+from meshdeform.support.files import zipped
 from meshdeform.words import WordOffer
-from tests.unit.runs.test_family_fit import packed
 
 MEMBERS = 10
 
@@ -23,7 +25,10 @@ MEMBERS = 10
 def chairs() -> tuple[bytes, bytes]:
     """A family of labelled chairs, and its collection."""
     members = family("chairs", MEMBERS)
-    data = packed({each.name: each.glb() for each in members}, labels_document("chairs", members, MEMBERS))
+    data = zipped(
+        {each.name: each.glb() for each in members}
+        | {"labels.json": json.dumps(labels_document("chairs", members, MEMBERS)).encode()}
+    )
     params = {"points": 40, "samples": 80, "iterations": 3, "epochs": 20}
     request = JobRequest.model_validate({"kind": "family_fit", "params": params})
     run = start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")}))
@@ -54,4 +59,4 @@ def test_members_and_drawn_shapes_are_shapes_of_the_word(
 def test_another_collection_is_refused(chairs: tuple[bytes, bytes]) -> None:
     others = family("bicycles", 10)
     with pytest.raises(AssetError):
-        family_meshes(chairs[0], packed({each.name: each.glb() for each in others}))
+        family_meshes(chairs[0], zipped({each.name: each.glb() for each in others}))
