@@ -30,7 +30,7 @@ from meshdeform.runs.parted import given_parts
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.support.recent import Recent
 from meshdeform.vocabulary.nouns import NOUN_GROUPS
-from meshdeform.words import words_in_use
+from meshdeform.words.near import words_near
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -197,7 +197,7 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
         return {}
     if not figure and is_person(joint.name for joint in body.joints):
         nouns = {"person": 1.0}
-    return {**nouns, **{word.noun: 0.0 for word in words_in_use()}}
+    return {**nouns, **{word.noun: 0.0 for word in words_near(points, body.faces)}}
 
 
 def _judged(points: Floats, faces: Index) -> Mapping[str, float]:
