@@ -24,6 +24,7 @@ from meshdeform.runs.reading import Source as ReadSource
 from meshdeform.runs.reading import corrected, read_source
 from meshdeform.runs.word_shapes import Parted, parted, reduced, shape_of, turn_between
 from meshdeform.words import MAX_SHAPES, Shape, Source, Word, WordOffer, write_word
+from meshdeform.words.limits import MAX_TEXT
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -56,17 +57,20 @@ def make_word(
     AssetError
         A file is damaged or has no surface; of several, the message tells all.
     ParameterError
-        There are too many files, or two face differently.
+        There are too many files, two face differently, or the licence is too long.
     """
     if not 1 <= len(files) <= MAX_SHAPES:
         raise ParameterError(f"A word has 1 to {MAX_SHAPES} meshes, not {len(files)}.", advice="Choose some of them.")
+    if len(offer.licence) > MAX_TEXT:
+        detail = f"A licence has at most {MAX_TEXT} characters, and this has {len(offer.licence):,}."
+        raise ParameterError.at(["licence"], detail, "Name it, or give its address.")
     if unknown := sorted(offer.fronts.keys() - files.keys()):
         raise ParameterError.at(["front"], f"There is no mesh {unknown[0]!r}.", f"Name one of: {', '.join(files)}.")
     like, meshes = _parted(_loaded(files, limits or Limits()), offer, readings or Unkept())
     numbers: dict[str, int] = {}
     shapes = {name: shape_of(mesh, numbers) for name, mesh in meshes.items()}
     _check_fronts(shapes, meshes, offer)
-    sources = [Source(name, sha256_hex(data), offer.licence) for name, data in files.items()]
+    sources = [Source(name[-MAX_TEXT:], sha256_hex(data), offer.licence) for name, data in files.items()]
     return write_word(
         offer.noun, [*shapes.values()], sources, parts=[*numbers], synonyms=tuple(offer.synonyms), like=like
     )

@@ -152,6 +152,16 @@ def test_a_word_has_so_many_meshes() -> None:
             make_word(GUANACO, files)
 
 
+@pytest.mark.usefixtures("_unread")
+def test_long_texts_are_refused_before_files_are_read_and_names_of_files_shortened() -> None:
+    with pytest.raises(ParameterError, match="licence"):
+        make_word(replace(GUANACO, licence="x" * 201), {"a.obj": POINTS})
+    name = f"{'deep/' * 60}fruit.glb"
+    (source,) = make_word(WordOffer("egg-cup", front_deg=0.0), {name: ball(2)}).sources
+    assert len(source.source) == 200
+    assert source.source.endswith("deep/fruit.glb")
+
+
 def test_another_process_makes_it(tmp_path: Path) -> None:
     path, offer = tmp_path / "sent", replace(GUANACO, synonyms=("huanaco",))
     path.write_bytes(cow())
