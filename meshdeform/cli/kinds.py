@@ -173,6 +173,16 @@ def family_synthesize(
 
     meshdeform family-synthesize chairs-family chairs/ --count 8
     """
+    files = family_files(family, collection)
+    output = output or Path(f"{family.stem}-shapes")
+    run_kind(JobKind.FAMILY_SYNTHESIZE, merge_params(ctx, param), files, output, here, place, printed)
+
+
+def family_files(family: Path, collection: Path | None) -> dict[str, Path]:
+    """Return the files of a fitted family, which is a folder or a file, by part.
+
+    Raises ParameterError: one is missing.
+    """
     source = family / "family.safetensors" if family.is_dir() else family
     files = {"family": source, "collection": collection or source.with_name("labelled.zip")}
     for path in files.values():
@@ -181,8 +191,7 @@ def family_synthesize(
                 f"There is no {path}.",
                 advice="Name the folder that meshdeform family-fit wrote, and the collection that it was fitted to.",
             )
-    output = output or Path(f"{family.stem}-shapes")
-    run_kind(JobKind.FAMILY_SYNTHESIZE, merge_params(ctx, param), files, output, here, place, printed)
+    return files
 
 
 def run_kind(
@@ -204,17 +213,17 @@ def run_kind(
     request = make_request("", params, more={**more, "kind": kind})
     refuse_other_place(place, here=here.written(), there=place.written())
     with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
-        packed = {part: _packed(path, Path(folder)) for part, path in files.items()}
+        sent = {part: packed(path, Path(folder)) for part, path in files.items()}
         if place.url:
-            run_on_service(request, packed, place, output, printed, idempotency_key=idempotency_key)
+            run_on_service(request, sent, place, output, printed, idempotency_key=idempotency_key)
             return
         require("torch", "deform")
         paths, whole_folder = _outputs(kind, output, getattr(request.params, "level", 0))
-        run = run_here(request, packed, paths, here, quiet=printed.quiet, whole_folder=whole_folder)
+        run = run_here(request, sent, paths, here, quiet=printed.quiet, whole_folder=whole_folder)
     print_result(kind, run, paths, printed)
 
 
-def _packed(path: Path, folder: Path) -> Path:
+def packed(path: Path, folder: Path) -> Path:
     """Return a file, or a ZIP in a temporary folder of the meshes in a folder."""
     from meshdeform.client.orders import files_in
 

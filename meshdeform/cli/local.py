@@ -25,7 +25,7 @@ import typer
 from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.output import ProgressView, show_progress
-from meshdeform.errors import ParameterError, UnavailableError
+from meshdeform.errors import ParameterError, UnavailableError, VocabularyError
 from meshdeform.support.threads import collection_paused
 
 if TYPE_CHECKING:
@@ -224,15 +224,19 @@ def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str])
     """Refuse a request that could not run on this machine, where any model may be named; without torch."""
     from meshdeform.requests.parameters import WORDS_PART
     from meshdeform.runs import check_request
-    from meshdeform.words import in_use, read_words
+    from meshdeform.runs.word_pins import about_own
+    from meshdeform.words import WordFolder, in_use, read_words
 
     request, words = pinned_here(request, settings)
     model = getattr(request.params, "model", None)
     if model:
         settings = settings.model_copy(update={"allowed_models": [*settings.allowed_models, model]})
     sent = [] if words is None else [WORDS_PART]
-    with in_use([] if words is None else read_words(words)):
-        check_request(request, settings, files=[*parts, *sent])
+    try:
+        with in_use([] if words is None else read_words(words)):
+            check_request(request, settings, files=[*parts, *sent])
+    except VocabularyError as error:
+        raise about_own(error, request, WordFolder(settings.words_folder).words()) from None
 
 
 def pinned_here(request: JobRequest, settings: Settings) -> tuple[JobRequest, bytes | None]:

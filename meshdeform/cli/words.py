@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from meshdeform.cli.options import ForceOption, JsonOption, option, output_optio
 from meshdeform.cli.output import emit, plain, table
 
 if TYPE_CHECKING:
+    from meshdeform.assets import Limits
     from meshdeform.words import Word, WordFolder
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)
@@ -31,7 +33,11 @@ _ReplaceOption = Annotated[
 def add(
     meshes: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE|FOLDER...", exists=True, help="Meshes, folders of them, or a fitted family."),
+        typer.Argument(
+            metavar="FILE|FOLDER...",
+            exists=True,
+            help="Meshes, folders of them, or a fitted family and its collection.",
+        ),
     ],
     noun: Annotated[str, option("What they are: dragonfruit. Several words are joined: dragon-fruit.")],
     synonym: Annotated[list[str] | None, option("Another name for it; repeatable.")] = None,
@@ -54,7 +60,9 @@ def add(
 
     meshdeform words add fruit/*.glb --noun dragonfruit
 
-    meshdeform words add llama.glb --noun llama --like sheep --synonym alpaca
+    meshdeform words add guanaco.glb --noun guanaco --like sheep --synonym huanaco
+
+    meshdeform words add stools-family/family.safetensors stools/ --noun bar-stool
     """
     require("fast_simplification", "deform")
     from meshdeform.words import check_names, read_name
@@ -63,7 +71,7 @@ def add(
     named, synonyms = read_name(noun), tuple(read_name(each, "synonyms") for each in synonym or ())
     check_names(named, synonyms, store.words(), replace=replace)
     offered = {"noun": named, "synonyms": synonyms, "like": _ours(like), "licence": licence, **_fronts(front)}
-    word = _made(offered, _found(meshes))
+    word = _made(offered, meshes)
     store.add([word], replace=replace)
     _tell([word], as_json=as_json)
 
@@ -193,7 +201,7 @@ def _found(paths: Sequence[Path]) -> dict[str, Path]:
     return {path.name if counts[path.name] == 1 else path.as_posix(): path for path in files}
 
 
-def _made(offered: dict[str, Any], paths: dict[str, Path]) -> Word:
+def _made(offered: dict[str, Any], paths: Sequence[Path]) -> Word:
     from meshdeform.assets import Limits
     from meshdeform.assets.bundle import read_with_files
     from meshdeform.runs.kept_readings import FolderReadings
@@ -202,8 +210,32 @@ def _made(offered: dict[str, Any], paths: dict[str, Path]) -> Word:
 
     settings = load_settings()
     limits = Limits.from_settings(settings)
-    files = {name: read_with_files(path, limits) for name, path in paths.items()}
+    if any(_is_family(path) for path in paths):
+        files = _of_family(paths, limits)
+    else:
+        files = {name: read_with_files(path, limits) for name, path in _found(paths).items()}
     return make_word(WordOffer(**offered), files, limits, FolderReadings(settings.cache_folder))
+
+
+def _is_family(path: Path) -> bool:
+    return path.suffix == ".safetensors" or (path / "family.safetensors").is_file()
+
+
+def _of_family(paths: Sequence[Path], limits: Limits) -> dict[str, bytes]:
+    """Return meshes of a fitted family, which is the first path; the second, if there is one, is its collection."""
+    from meshdeform.cli.kinds import family_files, packed
+
+    if not _is_family(paths[0]) or len(paths) > 2:
+        raise typer.BadParameter(
+            "a family comes alone, or before the folder or ZIP that it was fitted to", param_hint="FILE|FOLDER"
+        )
+    files = family_files(paths[0], paths[1] if len(paths) > 1 else None)
+    require("torch", "deform")
+    from meshdeform.runs.word_family import family_meshes
+
+    with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
+        collection = packed(files["collection"], Path(folder)).read_bytes()
+    return family_meshes(files["family"].read_bytes(), collection, limits)
 
 
 def _document(word: Word) -> dict[str, Any]:

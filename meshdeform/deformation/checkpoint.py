@@ -52,7 +52,10 @@ def load_checkpoint(data: bytes, run: str) -> Checkpoint:
     """
     checkpoint, metadata = _read(data)
     if metadata.get("run") != run:
-        raise CheckpointError("The checkpoint was made with other parameters, another asset or another model.")
+        raise CheckpointError(
+            "The checkpoint was made with other parameters, another asset or another model, or a word of your own has "
+            "changed since."
+        )
     return checkpoint
 
 

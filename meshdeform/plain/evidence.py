@@ -8,7 +8,7 @@ from pathlib import Path
 from meshdeform.nouns.deformed import Part
 from meshdeform.plain.body import Body
 from meshdeform.plain.joints import JointParts
-from meshdeform.reading import Evidence, Reading, read_asset
+from meshdeform.reading import FITTED, Evidence, Reading, read_asset
 from meshdeform.reading.evidence import JOINT_PARTS
 
 
@@ -27,12 +27,13 @@ def read_body(
     *,
     z_up: Mapping[str, float] | None = None,
     z_share: float = 0.2,
+    fitted: int = FITTED,
 ) -> Reading:
     """Read a body that may be one of several nouns, with their probabilities (`reading.read_asset`).
 
     `front_azimuth_deg`: where it faces, from +Z toward +X, if that is known; `cache`: a folder for samples of nouns;
-    `z_up`: what it may be if +Z is up, where that is open, and `z_share` of how many files it is. Raises ValueError: it
-    has no area.
+    `z_up`: what it may be if +Z is up, where that is open, and `z_share` of how many files it is; `fitted`: how
+    many members are fitted. Raises ValueError: it has no area.
     """
     return read_asset(
         Part(body.points, body.faces),
@@ -42,4 +43,5 @@ def read_body(
         evidence=evidence_of(body),
         front_azimuth_deg=front_azimuth_deg,
         cache=cache,
+        fitted=fitted,
     )

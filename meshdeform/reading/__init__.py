@@ -7,8 +7,8 @@ grades them, `articulated` fits the best, `votes` carries their parts over, `evi
 
 from meshdeform.reading.banks import prepare
 from meshdeform.reading.evidence import Evidence
-from meshdeform.reading.read import read_asset
+from meshdeform.reading.read import FITTED, read_asset
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.version import VERSION
 
-__all__ = ["GROUND", "NO_PART", "VERSION", "Evidence", "Reading", "prepare", "read_asset"]
+__all__ = ["FITTED", "GROUND", "NO_PART", "VERSION", "Evidence", "Reading", "prepare", "read_asset"]

@@ -26,11 +26,12 @@ from meshdeform.reading.trust import LEAST, confidences, part_measures
 from meshdeform.reading.votes import TRUST, counted, part_votes
 from meshdeform.vocabulary.solids import PART_NAMES
 
-__all__ = ["read_asset"]
+__all__ = ["FITTED", "read_asset"]
 
 _TELLING = 1.2
 """What a difference of merits adds to the logarithm of the odds of the axis that points up: fitted to 40 assets."""
-_FITTED = 5
+FITTED = 5
+"""How many members are fitted by default."""
 _VOTING = 4
 _VOTING_WITHIN = 3 * TRUST
 _SINGLE = frozenset(("beak", "head", "neck", "nose", "spout", "tail", "trunk"))
@@ -46,6 +47,7 @@ def read_asset(
     evidence: Evidence | None = None,
     front_azimuth_deg: float | None = None,
     cache: Path | None = None,
+    fitted: int = FITTED,
 ) -> Reading:
     """Read a mesh.
 
@@ -68,6 +70,8 @@ def read_asset(
     cache : Path, optional
         A folder in which samples of the nouns' members are kept (`banks`), a megabyte a noun. Without it they are
         drawn by each process.
+    fitted : int
+        How many members are fitted, at least 1: most of the time goes there.
 
     Raises
     ------
@@ -85,6 +89,7 @@ def read_asset(
             evidence=less.evidence(evidence),
             front_azimuth_deg=front_azimuth_deg,
             cache=cache,
+            fitted=fitted,
         )
         return replace(reading, labels=less.labels(reading.labels, body.faces))
     stand = _Stand.decided(body, "+Y", nouns, evidence, front_azimuth_deg, cache)
@@ -93,7 +98,7 @@ def read_asset(
         more = _TELLING * (other.decided_on.merit - stand.decided_on.merit)
         stand = other if more + np.log(z_share / (1 - z_share)) > 0 else stand
     decided, frame = stand.decided_on, stand.decided_on.frame
-    fits = _best_fits(frame, decided.noun, cache)
+    fits = _best_fits(frame, decided.noun, fitted, cache)
     labels, confidence = _labelled(frame, fits, evidence)
     all_labels = np.full(len(body.faces), GROUND, np.int64)
     all_labels[~stand.ground] = labels
@@ -139,10 +144,10 @@ class _Stand:
         return cls(up, ground, decide(standing, nouns, named, near, front, cache))
 
 
-def _best_fits(frame: Frame, noun: str, cache: Path | None) -> list[Fit]:
+def _best_fits(frame: Frame, noun: str, count: int, cache: Path | None) -> list[Fit]:
     """Return the fitted members that may vote, the best first."""
     samples = AssetSamples(frame)
-    fits = [fit_candidate(samples, frame, one) for one in candidates(frame, noun, _FITTED, cache)]
+    fits = [fit_candidate(samples, frame, one) for one in candidates(frame, noun, count, cache)]
     fits.sort(key=lambda fit: (fit.score, fit.candidate.number))
     return [fit for fit in fits[:_VOTING] if fit.score <= fits[0].score + _VOTING_WITHIN]
 

@@ -65,10 +65,14 @@ COLOURS = (
     (0.10, 0.45, 0.75, 1.0),
     (0.30, 0.15, 0.50, 1.0),
     (0.25, 0.25, 0.25, 1.0),
+    (0.45, 0.70, 0.20, 1.0),
+    (0.90, 0.40, 0.45, 1.0),
+    (0.30, 0.62, 0.60, 1.0),
+    (0.30, 0.16, 0.07, 1.0),
 )
 """Linear RGBA by part; after the last, the first again."""
 
-_SIZE, _AZIMUTH_DEG, _MARGIN, _INK = 160, 35.0, 28, (40, 42, 48)
+_SIZE, _AZIMUTH_DEG, _MARGIN, _LINE, _INK = 160, 35.0, 28, 20, (40, 42, 48)
 Shown = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]
 _MOST_SHAPES = 120
 
@@ -400,13 +404,22 @@ def family_png(shapes: Sequence[Shown], parts: Sequence[str]) -> bytes:
 
     `shapes` is sequence of (positions (N, 3), triangles (F, 3), part of each triangle (F,)).
     """
-    sheet, _ = _in_rows([_drawn(shape) for shape in shapes], below=_MARGIN)
-    draw, font, x = ImageDraw.Draw(sheet), ImageFont.load_default(14), 10
-    for number, part in enumerate(parts):
-        colour = tuple(round(255 * value ** (1 / 2.2)) for value in COLOURS[number % len(COLOURS)][:3])
-        draw.rectangle((x, sheet.height - 20, x + 12, sheet.height - 8), fill=colour)
-        draw.text((x + 18, sheet.height - 22), part, fill=_INK, font=font)
-        x += 36 + round(draw.textlength(part, font=font))
+    drawn, _ = _in_rows([_drawn(shape) for shape in shapes])
+    font, lines = ImageFont.load_default(14), [[0]]
+    widths = [36 + round(font.getlength(part)) for part in parts]
+    for number in range(1, len(parts)):
+        fits = sum(widths[each] for each in [*lines[-1], number]) <= drawn.width
+        lines[-1:] = [[*lines[-1], number]] if fits else [lines[-1], [number]]
+    sheet = Image.new("RGB", (drawn.width, drawn.height + _MARGIN + _LINE * (len(lines) - 1)), (255, 255, 255))
+    sheet.paste(drawn, (0, 0))
+    draw = ImageDraw.Draw(sheet)
+    for line, numbers in enumerate(lines if parts else []):
+        x, y = 10, drawn.height + 6 + _LINE * line
+        for number in numbers:
+            colour = tuple(round(255 * value ** (1 / 2.2)) for value in COLOURS[number % len(COLOURS)][:3])
+            draw.rectangle((x, y + 2, x + 12, y + 14), fill=colour)
+            draw.text((x + 18, y), parts[number], fill=_INK, font=font)
+            x += widths[number]
     return _png(sheet)
 
 
@@ -430,13 +443,11 @@ def assets_png(assets: Sequence[Asset], titles: Sequence[str]) -> bytes:
     return _png(sheet)
 
 
-def _in_rows(
-    pictures: Sequence[Image.Image], *, between: int = 0, below: int = 0
-) -> tuple[Image.Image, list[tuple[int, int]]]:
-    """Return a sheet of pictures, with pixels left under each row and under all, and the place of each."""
+def _in_rows(pictures: Sequence[Image.Image], *, between: int = 0) -> tuple[Image.Image, list[tuple[int, int]]]:
+    """Return a sheet of pictures, with pixels left under each row, and the place of each."""
     columns = min(max(math.ceil(math.sqrt(len(pictures) * 1.5)), 3), len(pictures))
     rows, height = -(-len(pictures) // columns), _SIZE + between
-    sheet = Image.new("RGB", (columns * _SIZE, rows * height + below), (255, 255, 255))
+    sheet = Image.new("RGB", (columns * _SIZE, rows * height), (255, 255, 255))
     places = [(number % columns * _SIZE, number // columns * height) for number in range(len(pictures))]
     for picture, place in zip(pictures, places, strict=True):
         sheet.paste(picture, place)

@@ -71,7 +71,7 @@ class FamilySynthesisRun(JobRun):
         digests: dict[str, str],
         state: Checkpoint | None,
     ) -> None:
-        self._family, self._params, self._limits, self._run, self._digests = family, params, limits, run, digests
+        self.family, self._params, self._limits, self._run, self._digests = family, params, limits, run, digests
         self._data = [_asset_of(assets, name) for name in family.names]
         self._members = [_member(family, name, number) for number, name in enumerate(params.members)]
         if len(set(self._members)) < len(self._members):
@@ -118,14 +118,14 @@ class FamilySynthesisRun(JobRun):
         """Return the newest shape, or the points of the first member before there is one."""
         if self._shapes:
             return ArtifactData(self._shapes[-1], "model/gltf-binary")
-        there = self._family.exists[0]
-        markers = FamilyResults.markers(self._family.points[0][there], self._family.labels[there])
+        there = self.family.exists[0]
+        markers = FamilyResults.markers(self.family.points[0][there], self.family.labels[there])
         return ArtifactData(build_glb(markers), "model/gltf-binary")
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return the results, by artifact name."""
         return SynthesisResults(
-            self._family,
+            self.family,
             self._params,
             self._limits,
             self._digests,
@@ -135,28 +135,28 @@ class FamilySynthesisRun(JobRun):
             shapes=self._shapes,
             about=self._about,
             drawn=self._drawn,
-            load=self._load,
+            load=self.asset,
         ).artifacts()
 
     def _known(self, points: NDArray[np.float64], exists: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:
         """Return points (S, K, 3) and which exist (S, K) as the machine sees them."""
-        scaling = torch.from_numpy(self._family.scaling.copy())
+        scaling = torch.from_numpy(self.family.scaling.copy())
         return to_machine(torch.from_numpy(points).float(), scaling), torch.from_numpy(exists).float()
 
-    def _load(self, member: int) -> Asset:
+    def asset(self, member: int) -> Asset:
         """Read a member's asset, and check that it is the one that the family was fitted to."""
-        name = self._family.names[member]
+        name = self.family.names[member]
         try:
             asset = load_asset(self._data[member], name, self._limits)
         except AssetError as error:
             raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
-        if not has_digest(asset.surface, self._family.digests[member]):
+        if not has_digest(asset.surface, self.family.digests[member]):
             raise AssetError(f"{name} has another shape than when the family was fitted.", advice=_ITS_COLLECTION)
         used = asset.surface.positions[np.unique(asset.surface.triangles)]
         low, high = used.min(0), used.max(0)
         diagonal = float(np.linalg.norm(high - low))
         apart = np.abs(
-            np.append((low + high) / 2 - self._family.centres[member], diagonal - self._family.diagonals[member])
+            np.append((low + high) / 2 - self.family.centres[member], diagonal - self.family.diagonals[member])
         )
         if apart.max() > _SAME * diagonal:
             raise AssetError(f"{name} has another size or place than in the family.", advice=_AGAIN)
@@ -167,20 +167,20 @@ class FamilySynthesisRun(JobRun):
         mode = self._params.mode
         if mode is SynthesisMode.SEARCH:
             return
-        needed = self._members if mode is SynthesisMode.INTERPOLATE else list(range(len(self._family.names)))
+        needed = self._members if mode is SynthesisMode.INTERPOLATE else list(range(len(self.family.names)))
         count = len(needed)
         for member in needed[count * self.step // READ_STEPS : count * (self.step + 1) // READ_STEPS]:
-            surface = self._load(member).surface
-            if len(surface.triangles) != len(self._family.segments[member]):
-                detail = f"{self._family.names[member]} has another number of triangles than in the family."
+            surface = self.asset(member).surface
+            if len(surface.triangles) != len(self.family.segments[member]):
+                detail = f"{self.family.names[member]} has another number of triangles than in the family."
                 raise AssetError(detail, advice=_AGAIN)
             self._defects[member] = boundary_defects(
-                surface.positions, surface.triangles, self._family.segments[member], len(self._family.parts)
+                surface.positions, surface.triangles, self.family.segments[member], len(self.family.parts)
             )
 
     def _make(self, number: int) -> None:
         if self._assembler is None:
-            self._assembler = Assembler(self._family, self._load, self._defects, self._params.max_defect)
+            self._assembler = Assembler(self.family, self.asset, self._defects, self._params.max_defect)
         diagonal, centre, draws = self._draws(number)
         tried: list[tuple[Assembly, Drawn]] = []
         for draw in draws:
@@ -206,7 +206,7 @@ class FamilySynthesisRun(JobRun):
 
     def _draws(self, number: int) -> tuple[float, NDArray[np.float64], Iterable[Drawn]]:
         """Return the diagonal and the centre of a shape, and its draws, of which the first good one is taken."""
-        family, members, mode = self._family, self._members, self._params.mode
+        family, members, mode = self.family, self._members, self._params.mode
         random = np.random.default_rng([self._params.seed, number])
         if mode is SynthesisMode.INTERPOLATE:
             share = number / (self._params.count - 1)
@@ -220,7 +220,7 @@ class FamilySynthesisRun(JobRun):
         return float(np.median(family.diagonals)), middle, (sampled(family, random, mixed=mixed) for mixed in _TRIES)
 
     def _described(self, assembly: Assembly, draw: Drawn) -> dict[str, Any]:
-        family = self._family
+        family = self.family
         points, exists = self._known(draw.points[None], draw.exists[None])
         energy = float(self._energy(points, exists)[0])
         parts = [

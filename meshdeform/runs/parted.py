@@ -66,11 +66,12 @@ def given_parts(asset: Asset, body: Body) -> dict[str, NDArray[np.bool_]]:
     Names are in lower case; those that no sentence can have are left out.
     """
     from meshdeform.assets.parted import parts_of
-    from meshdeform.plain.naming import faces_among
 
     own = {name.lower(): flags for name, flags in parts_of(asset).items() if _NAME.fullmatch(name)}
     if not own:
         return {}
+    from meshdeform.plain.naming import faces_among  # which loads much: most files have no such attribute
+
     faces = faces_among(body.vertex_map[asset.surface.triangles])
     found = {name: flags[faces] for name, flags in own.items()}
     return {name: flags for name, flags in list(found.items())[:_MOST_GIVEN] if flags.any()}

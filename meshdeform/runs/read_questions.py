@@ -13,7 +13,7 @@ from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.kept_readings import Readings, Unkept, key_of
 from meshdeform.runs.questions import Question, answer_task
-from meshdeform.words import in_use, joined, read_words, words_in_use
+from meshdeform.words import Word, in_use, words_in_use
 from meshdeform.words.file import SUFFIX
 
 if TYPE_CHECKING:
@@ -53,13 +53,13 @@ def ask_about(
         "digest": digest,
         "reading": str(beside),
         "samples": None if readings.samples is None else str(readings.samples.absolute()),
-        "words": None,
+        "words": [],
         **more,
     }
-    if words := words_in_use():
-        content = asset.absolute().with_name(f"{key}{SUFFIX}")
-        content.write_bytes(joined(words))
-        task["words"] = str(content)
+    for word in words_in_use():  # a file each: all that an owner has may be more than one file can hold
+        content = asset.absolute().with_name(f"{word.sha256}{SUFFIX}")
+        content.write_bytes(word.data)
+        task["words"].append(str(content))
     answer: dict[str, Any] = question.ask_about(asset, task, _TIMEOUT_S)
     made = beside.read_bytes() if beside.is_file() else kept
     if made is not None and made != kept:
@@ -76,7 +76,7 @@ def answer_about(find: Callable[[dict[str, Any]], Any], arguments: Sequence[str]
     """Answer the task of `ask_about` by what `find` makes of it, with the words that the parent knows."""
 
     def found(task: dict[str, Any]) -> Any:
-        with in_use([] if task["words"] is None else read_words(Path(task["words"]).read_bytes())):
+        with in_use(Word.read(Path(path).read_bytes()) for path in task["words"]):
             return find(task)
 
     return answer_task(found, arguments)

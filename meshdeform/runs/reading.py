@@ -23,14 +23,14 @@ from meshdeform.errors import ModelError, ShapeError
 from meshdeform.plain.evidence import read_body
 from meshdeform.plain.joints import is_person
 from meshdeform.plain.reader import Reader
-from meshdeform.reading import Reading
+from meshdeform.reading import FITTED, Reading
 from meshdeform.reading.result import UP_TURNS
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
 from meshdeform.runs.parted import given_parts
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.support.recent import Recent
 from meshdeform.vocabulary.nouns import NOUN_GROUPS
-from meshdeform.words import words_in_use
+from meshdeform.words.near import words_near
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -146,11 +146,13 @@ def _corrections(
     return painted, renamed
 
 
-def read_source(body: Body, params: ResolvedParams, source: Source | None = None) -> Reading | None:
+def read_source(
+    body: Body, params: ResolvedParams, source: Source | None = None, *, fitted: int = FITTED
+) -> Reading | None:
     """Read a body, or return what was kept of it; None if it cannot be read.
 
-    `params`: give the noun or the front; `source`: the file that it is of, else nothing is kept. None: it has no area,
-    or no noun is given and the judge is missing.
+    `params`: give the noun or the front; `source`: the file that it is of, else nothing is kept; `fitted`: how many
+    members are fitted. None: it has no area, or no noun is given and the judge is missing.
     """
     key = "" if source is None or not source.digest else source.key(params)
     if key and (known := _last.get(key) or _unpacked(source.kept.get(key) if source else None)) is not None:
@@ -158,14 +160,14 @@ def read_source(body: Body, params: ResolvedParams, source: Source | None = None
             _last.put(key, known)
             return known
         _log.warning("a kept reading is of another mesh; it is read anew")
-    reading = _read(body, params, source)
+    reading = _read(body, params, source, fitted)
     if reading is not None and key and source is not None:
         _last.put(key, reading)
         source.kept.put(key, _head() + reading.to_bytes())
     return reading
 
 
-def _read(body: Body, params: ResolvedParams, source: Source | None) -> Reading | None:
+def _read(body: Body, params: ResolvedParams, source: Source | None, fitted: int) -> Reading | None:
     samples, suffix = (None, "") if source is None else (source.kept.samples, PurePath(source.filename).suffix.lower())
     try:
         nouns = _proposed(body.points, body, params)
@@ -174,7 +176,7 @@ def _read(body: Body, params: ResolvedParams, source: Source | None) -> Reading 
         # A format without a unit has no axis that is up, either.
         z_up = None if body.unit is not None else _proposed(body.points @ UP_TURNS["+Z"].T, body, params)
         share = _Z_UP.get(suffix, _Z_UP_ELSE)
-        return read_body(body, nouns, given_front(params), samples, z_up=z_up, z_share=share)
+        return read_body(body, nouns, given_front(params), samples, z_up=z_up, z_share=share, fitted=fitted)
     except (ShapeError, ValueError) as error:
         _log.info("the asset is not read: %s", error)
         return None
@@ -195,7 +197,7 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
         return {}
     if not figure and is_person(joint.name for joint in body.joints):
         nouns = {"person": 1.0}
-    return {**nouns, **{word.noun: 0.0 for word in words_in_use()}}
+    return {**nouns, **{word.noun: 0.0 for word in words_near(points, body.faces)}}
 
 
 def _judged(points: Floats, faces: Index) -> Mapping[str, float]:

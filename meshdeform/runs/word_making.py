@@ -1,26 +1,30 @@
 """Make a word of one's own of meshes. Without torch, but where nobody says what the meshes are like.
 
-All files are read before anything is made, so that what is wrong with any of them is told at once. What the first mesh
-is like, the judge and the reading say; if that is likely, the parts of all are read as that noun's.
+All files are read before anything is made, so that what is wrong with any of them is told at once. Each mesh is reduced
+first; parts are read on what is kept. What the first is like, the judge and the reading say; if that is likely,
+the parts of all are read as that noun's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.check import has_area
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
 from meshdeform.plain.body import loose_body
+from meshdeform.plain.reader import Reader
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.base import sha256_hex
 from meshdeform.runs.kept_readings import Readings, Unkept
 from meshdeform.runs.reading import Source as ReadSource
-from meshdeform.runs.reading import corrected
-from meshdeform.runs.word_shapes import Parted, parted, shape_of, turn_between
+from meshdeform.runs.reading import corrected, read_source
+from meshdeform.runs.word_shapes import Parted, parted, reduced, shape_of, turn_between
 from meshdeform.words import MAX_SHAPES, Shape, Source, Word, WordOffer, write_word
+from meshdeform.words.limits import MAX_TEXT
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
@@ -28,6 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = ["make_word"]
 
+_FITTED = 3
+"""Members that are fitted to each mesh. With five, as jobs have, parts are not nearer to those of the whole mesh."""
 _LIKELY = 0.5
 """Probability of its noun from which the first mesh says what all are like."""
 
@@ -44,24 +50,27 @@ def make_word(
     limits : Limits, optional
         Of each file.
     readings : Readings, optional
-        Where readings of meshes are kept.
+        Where samples of nouns are kept.
 
     Raises
     ------
     AssetError
         A file is damaged or has no surface; of several, the message tells all.
     ParameterError
-        There are too many files, or two face differently.
+        There are too many files, two face differently, or the licence is too long.
     """
     if not 1 <= len(files) <= MAX_SHAPES:
         raise ParameterError(f"A word has 1 to {MAX_SHAPES} meshes, not {len(files)}.", advice="Choose some of them.")
+    if len(offer.licence) > MAX_TEXT:
+        detail = f"A licence has at most {MAX_TEXT} characters, and this has {len(offer.licence):,}."
+        raise ParameterError.at(["licence"], detail, "Name it, or give its address.")
     if unknown := sorted(offer.fronts.keys() - files.keys()):
         raise ParameterError.at(["front"], f"There is no mesh {unknown[0]!r}.", f"Name one of: {', '.join(files)}.")
-    like, meshes = _parted(_loaded(files, limits or Limits()), files, offer, readings or Unkept())
+    like, meshes = _parted(_loaded(files, limits or Limits()), offer, readings or Unkept())
     numbers: dict[str, int] = {}
     shapes = {name: shape_of(mesh, numbers) for name, mesh in meshes.items()}
     _check_fronts(shapes, meshes, offer)
-    sources = [Source(name, sha256_hex(data), offer.licence) for name, data in files.items()]
+    sources = [Source(name[-MAX_TEXT:], sha256_hex(data), offer.licence) for name, data in files.items()]
     return write_word(
         offer.noun, [*shapes.values()], sources, parts=[*numbers], synonyms=tuple(offer.synonyms), like=like
     )
@@ -95,18 +104,16 @@ def _refusal(wrong: Mapping[str, AssetError], count: int) -> AssetError:
     return type(first)(detail, advice="Leave these out, or repair them.", files=told)
 
 
-def _parted(
-    assets: Mapping[str, Asset], files: Mapping[str, bytes], offer: WordOffer, readings: Readings
-) -> tuple[str, dict[str, Parted]]:
+def _parted(assets: Mapping[str, Asset], offer: WordOffer, readings: Readings) -> tuple[str, dict[str, Parted]]:
     """Return the noun that all are like, or an empty text, and the meshes with their parts."""
 
     def body_of(name: str, like: str) -> Body:
         front = offer.front_of(name)
         said = {"source_noun": like or None, "orientation": OrientationMode.AUTO if front is None else front}
-        source = ReadSource(sha256_hex(files[name]), name, kept=readings)
-        return corrected(
-            loose_body(assets[name]), assets[name], resolve(DeformParams()).model_copy(update=said), source
-        )
+        params = resolve(DeformParams()).model_copy(update=said)
+        body = reduced(corrected(loose_body(assets[name]), assets[name], params))
+        source = ReadSource("", name, kept=readings)  # a reading of a reduced mesh is none of its file
+        return replace(body, reader=Reader(lambda: read_source(body, params, source, fitted=_FITTED)))
 
     first, *others = assets
     body = body_of(first, offer.like)

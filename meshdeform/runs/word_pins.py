@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from meshdeform.errors import ParameterError
+from meshdeform.errors import ParameterError, VocabularyError
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.parameters import MAX_WORDS, WORDS_PART, ExemplarParams
 from meshdeform.runs.base import ArtifactData, JobRun, StepReport
 from meshdeform.vocabulary.grammar import named_nouns
 from meshdeform.words import Word, in_use, joined, read_words
 
-__all__ = ["KnowingRun", "pinned", "pins_of", "words_named", "words_of"]
+__all__ = ["KnowingRun", "about_own", "pinned", "pins_of", "words_named", "words_of"]
 
 _PLACE = ["params", "guidance", "words"]
 
@@ -27,15 +27,34 @@ def pins_of(request: JobRequest) -> dict[str, str]:
 
 
 def words_named(request: JobRequest, words: Iterable[Word]) -> list[Word]:
-    """Return those of an owner's words that a request names: in its prompts, or as what the asset is."""
+    """Return those of an owner's words that a request names: in its prompts, or as what the asset is.
+
+    None if a model guides it, as no model knows them.
+    """
     guidance = getattr(request.params, "guidance", None)
-    if not isinstance(guidance, ExemplarParams):  # no model knows them
-        return []
+    return _named(request, words) if isinstance(guidance, ExemplarParams) else []
+
+
+def _named(request: JobRequest, words: Iterable[Word]) -> list[Word]:
+    guidance = getattr(request.params, "guidance", None)
     own = {word.noun: word for word in words}
-    texts = [request.prompt, *(each.prompt for each in guidance.prompts), guidance.source_noun or ""]
+    prompts = [each.prompt for each in getattr(guidance, "prompts", ())]
     with in_use(own.values()):
+        texts = [request.prompt, *prompts, getattr(guidance, "source_noun", None) or ""]
         nouns = {noun for text in texts for noun in named_nouns(text)}
     return [own[noun] for noun in sorted(nouns & own.keys())]
+
+
+def about_own(error: VocabularyError, request: JobRequest, words: Iterable[Word]) -> VocabularyError:
+    """Return the refusal of a request; where a model guides it and it names words of its owner's, it says what to do.
+
+    `words`: all that the owner has.
+    """
+    if isinstance(getattr(request.params, "guidance", None), ExemplarParams) or not (named := _named(request, words)):
+        return error
+    listed = ", ".join(word.noun for word in named)
+    detail = f"Your own words guide by shape, and no model knows them: {listed}."
+    return VocabularyError(detail, advice="Leave --guidance out, or choose exemplar.", **error.extra)
 
 
 def pinned(request: JobRequest, words: Iterable[Word]) -> tuple[JobRequest, bytes | None]:

@@ -21,7 +21,7 @@ from meshdeform.reading.samples import features, spread
 from meshdeform.words import MAX_FACES, Shape
 from meshdeform.words.file import PART
 
-__all__ = ["Parted", "parted", "shape_of", "turn_between"]
+__all__ = ["Parted", "parted", "reduced", "shape_of", "turn_between"]
 
 _SAMPLES, _FEW = 8_000, 600
 _BY_NORMAL = 0.04
@@ -41,6 +41,29 @@ class Parted:
     names: tuple[str, ...]
     of_face: Index  # (F,) int64: the place in `names`, or -1
     front_deg: float = 0.0  # where its front was, from +Z toward +X
+
+
+def reduced(body: Body) -> Body:
+    """Return a body of at most `MAX_FACES` faces, with what its file and people say of parts; nothing reads it."""
+    points, faces = _collapsed(body.points, body.faces)
+    if len(faces) == len(body.faces):
+        return replace(body, reader=Reader())
+    of_vert, of_face = cKDTree(body.points).query(points)[1], _nearest_faces(body, points, faces)
+    names = {}
+    for name, flags in body.names.items():
+        own = np.asarray(flags[body.faces].all(axis=1))[of_face]
+        names[name] = np.isin(np.arange(len(points)), faces[own])
+    return replace(
+        body,
+        points=points,
+        faces=faces,
+        names=names,
+        weights=body.weights[of_vert],
+        vertex_map=np.full(len(body.vertex_map), -1, np.int64),
+        rows=body.rows[of_vert],
+        painted={name: flags[of_face] for name, flags in body.painted.items()},
+        reader=Reader(),
+    )
 
 
 def parted(body: Body, reading: Reading | None, front_deg: float | None) -> Parted:
@@ -67,20 +90,15 @@ def parted(body: Body, reading: Reading | None, front_deg: float | None) -> Part
 def shape_of(mesh: Parted, numbers: dict[str, int]) -> Shape:
     """Return the shape of a mesh; `numbers` has the number of each part in the word, and gets those that are new."""
     of_part = np.array([*(numbers.setdefault(name, len(numbers)) for name in mesh.names), -1])
-    verts, faces = _reduced(mesh.verts, mesh.faces)
-    if len(faces) == len(mesh.faces):
-        verts, faces, labels = mesh.verts, mesh.faces, mesh.of_face
-    else:
-        labels = _carried_over(mesh, verts, faces)
-    used, corners = np.unique(faces, return_inverse=True)
-    faces, verts = corners.reshape(-1, 3), verts[used]
+    used, corners = np.unique(mesh.faces, return_inverse=True)
+    faces, verts = corners.reshape(-1, 3), mesh.verts[used]
     low, high = verts.min(0), verts.max(0)
     verts = (verts - (low + high) / 2) / float(np.linalg.norm(high - low))
-    return Shape(verts, faces[:, ::-1] if _volume(verts, faces) < 0 else faces, of_part[labels])
+    return Shape(verts, faces[:, ::-1] if _volume(verts, faces) < 0 else faces, of_part[mesh.of_face])
 
 
-def _reduced(verts: Floats, faces: Index) -> tuple[Floats, Index]:
-    """Return a mesh of at most `MAX_FACES` faces, all of which have an area."""
+def _collapsed(verts: Floats, faces: Index) -> tuple[Floats, Index]:
+    """Return a mesh of at most `MAX_FACES` faces."""
     if len(faces) > MAX_FACES:
         fewer, corners = collapsed(verts, faces, MAX_FACES)
         verts, faces = (fewer, corners) if len(corners) else (verts, faces)
@@ -89,16 +107,15 @@ def _reduced(verts: Floats, faces: Index) -> tuple[Floats, Index]:
     return verts, faces
 
 
-def _carried_over(mesh: Parted, verts: Floats, faces: Index) -> Index:
-    """Return the part (F,) of each face of a reduced mesh: that of the nearest place of the mesh that faces alike."""
-    size = float(np.linalg.norm(np.ptp(mesh.verts, axis=0)))
-    samples = spread(mesh.verts, mesh.faces, _SAMPLES, 1)
-    corners = verts[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def _nearest_faces(body: Body, points: Floats, faces: Index) -> Index:
+    """Return the face (F,) of a body that is nearest to each of these and faces alike."""
+    samples = spread(body.points, body.faces, _SAMPLES, 1)
+    a, b, c = points[faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    tree = cKDTree(features(samples.places / size, samples.normals, _BY_NORMAL))
-    nearest = tree.query(features(corners.mean(1) / size, normals, _BY_NORMAL))[1]
-    return np.asarray(mesh.of_face[samples.faces[nearest]])
+    tree = cKDTree(features(samples.places / body.diagonal, samples.normals, _BY_NORMAL))
+    nearest = tree.query(features((a + b + c) / 3 / body.diagonal, normals, _BY_NORMAL))[1]
+    return np.asarray(samples.faces[nearest])
 
 
 def _volume(verts: Floats, faces: Index) -> float:

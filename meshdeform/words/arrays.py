@@ -13,8 +13,8 @@ from meshdeform.words.file import Shape
 __all__ = ["packed", "unpacked"]
 
 _NO_LABEL = 255
-_FARTHEST = 1.0
-"""Largest coordinate: the box has a diagonal of 1."""
+_FARTHEST, _LEAST_AREA = 1.0, 1e-9
+"""Largest coordinate, as the box has a diagonal of 1, and twice the area that a shape has at least."""
 
 
 def packed(shapes: Sequence[Shape], order: Sequence[int]) -> dict[str, NDArray[np.generic]]:
@@ -54,6 +54,10 @@ def unpacked(data: bytes, shapes: int, parts: int) -> tuple[Shape, ...]:
         raise ValueError("a face is of a part that has no name")
     if (faces.max(1) >= np.repeat(counts[:, 0], counts[:, 1])).any():
         raise ValueError("a face names a vertex that its shape does not have")
+    a, b, c = verts[faces + np.repeat(np.cumsum(counts[:, 0]) - counts[:, 0], counts[:, 1])[:, None]].transpose(1, 0, 2)
+    doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    if (np.add.reduceat(doubled, np.cumsum(counts[:, 1]) - counts[:, 1]) <= _LEAST_AREA).any():
+        raise ValueError("a shape has no area")
     labels[labels == _NO_LABEL] = -1
     ends = np.cumsum(counts, 0)[:-1]
     split = zip(np.split(verts, ends[:, 0]), np.split(faces, ends[:, 1]), np.split(labels, ends[:, 1]), strict=True)

@@ -36,6 +36,7 @@ from meshdeform.words.limits import (
     MAX_SYNONYMS,
     MAX_TEXT,
     MAX_WORD_BYTES,
+    MAX_WORDS,
     MAX_WORDS_BYTES,
     MIN_FACES,
 )
@@ -54,6 +55,7 @@ PART = re.compile(r"[a-z]+([ -][a-z]+)*")
 _FORMAT, _ANY_VERSION = "meshdeform-word-1", "meshdeform-word-"
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _AGAIN = "Export the word again, or make it anew: meshdeform words add."
+_MEMBERS = {"noun", "synonyms", "like", "parts", "shapes"}
 _TYPES = {"counts": "U16", "faces": "U16", "labels": "U8", "verts": "F32"}
 _SIZES = {"U16": 2, "U8": 1, "F32": 4}
 
@@ -227,7 +229,9 @@ def _told(metadata: Mapping[str, str], header: Mapping[str, Any], data: bytes) -
 
 
 def _check_names(told: Mapping[str, Any]) -> None:
-    """Refuse nouns and parts whose names are none, too many, or not in order."""
+    """Refuse nouns and parts whose names are none, too many, or not in order, and members that no word has."""
+    if told.keys() != _MEMBERS:
+        raise ValueError("it tells more or less than words do")
     names = [told["noun"], *told["synonyms"], *([told["like"]] if told["like"] else [])]
     if not all(NAME.fullmatch(name) and len(name) <= MAX_NAME for name in names):
         raise ValueError("a name is no noun")
@@ -298,12 +302,14 @@ def joined(words: Iterable[Word]) -> bytes:
 def read_words(data: bytes) -> list[Word]:
     """Return the words of a file, which has at least one; without numpy, as `Word.read` does.
 
-    Raises AssetError, as `Word.read` does; or two words have the same noun.
+    Raises AssetError, as `Word.read` does; or two words have the same noun, or there are too many.
     """
     if len(data) > MAX_WORDS_BYTES:
         raise AssetTooLargeError(f"The file has more than {readable_size(MAX_WORDS_BYTES)}.", advice="Divide it.")
     words = list[Word]()
     while data or not words:
+        if len(words) == MAX_WORDS:  # before all that follows is read
+            raise AssetTooLargeError(f"The file has more than {MAX_WORDS} words.", advice="Divide it.")
         header = _header(data)
         try:
             end = _start(data) + max(int(header[name]["data_offsets"][1]) for name in _TYPES)

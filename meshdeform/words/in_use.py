@@ -12,7 +12,7 @@ from contextvars import ContextVar
 from types import MappingProxyType
 
 from meshdeform.vocabulary.grammar import knowing
-from meshdeform.vocabulary.nouns import PARTS
+from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from meshdeform.vocabulary.solids import part_label
 from meshdeform.words.file import Word
 from meshdeform.words.names import vocabulary
@@ -48,4 +48,4 @@ def own_word(noun: str) -> Word | None:
 def like_of(noun: str) -> str:
     """Return the noun of ours that a noun is like; a noun of ours itself, and one that is like none, as it is."""
     word = own_word(noun)
-    return noun if word is None or not word.like else word.like
+    return word.like if word is not None and word.like in NOUNS else noun

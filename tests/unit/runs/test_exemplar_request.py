@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from meshdeform.cli.request import make_request
-from meshdeform.errors import MeshdeformError, ParameterError, PromptError, VocabularyError
+from meshdeform.errors import KindRetiredError, MeshdeformError, ParameterError, PromptError, VocabularyError
 from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams, read_stored
 from meshdeform.requests.parameters import OF_OPTIMISER, TARGET_PARTS
 from meshdeform.runs import check_request, kind_of
@@ -110,7 +110,7 @@ def test_what_can_run_passes(asked: JobRequest, files: tuple[str, ...]) -> None:
             [*GUIDANCE, "silhouettes"],
         ),
         (request("longer legs", control={"regions": [{"node": "a"}]}), (), ParameterError, "has no regions", None),
-        (request(), ("weights",), ParameterError, "does not use it", [*GUIDANCE, "model"]),
+        (request(), ("weights",), KindRetiredError, "no longer used", None),
     ],
 )
 def test_what_cannot_run_is_refused_with_its_place(

@@ -226,7 +226,7 @@ def test_what_is_up_is_asked_of_formats_that_leave_it_open(
 ) -> None:
     asked: list[object] = []
 
-    def read(*_given: object, z_up: object, z_share: float) -> Reading:
+    def read(*_given: object, z_up: object, z_share: float, **_how: object) -> Reading:
         asked.append((z_up, z_share))
         return read_dog
 

@@ -22,7 +22,7 @@ from meshdeform.runs.word_process import made_word
 from meshdeform.words import MAX_FACES, Word, WordOffer
 
 COW = drawn("cow", (), np.random.default_rng(4))
-LLAMA = WordOffer("llama", like="cow", licence="CC0")
+GUANACO = WordOffer("guanaco", like="cow", licence="CC0")
 POINTS = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 FLAT = b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"
 
@@ -39,7 +39,7 @@ def readings(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Unkept]:
 @pytest.fixture
 def _unread(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no reading find anything, which takes time."""
-    monkeypatch.setattr("meshdeform.runs.reading.read_source", lambda *_: None)
+    monkeypatch.setattr("meshdeform.runs.word_making.read_source", lambda *_, **__: None)
 
 
 def cow(turn_deg: float = 0.0, scale: float = 3.0) -> bytes:
@@ -64,8 +64,8 @@ def part_places(word: Word, part: str, shape: int = 0) -> np.ndarray:
 
 
 def test_parts_are_read_as_those_of_the_noun_that_it_is_like(readings: Unkept) -> None:
-    word = make_word(LLAMA, {"a.glb": cow(), "b.glb": cow(90.0)}, readings=readings)
-    assert (word.noun, word.like) == ("llama", "cow")
+    word = make_word(GUANACO, {"a.glb": cow(), "b.glb": cow(90.0)}, readings=readings)
+    assert (word.noun, word.like) == ("guanaco", "cow")
     assert {"head", "leg", "body"} <= set(word.parts)
     assert [source.source for source in word.sources] == ["a.glb", "b.glb"]
     assert {source.licence for source in word.sources} == {"CC0"}
@@ -79,7 +79,7 @@ def test_parts_are_read_as_those_of_the_noun_that_it_is_like(readings: Unkept) -
 
 @pytest.mark.usefixtures("_unread")
 def test_the_front_is_where_somebody_says() -> None:
-    offer = WordOffer("llama", front_deg=-90.0, fronts={"b.glb": 180.0})
+    offer = WordOffer("guanaco", front_deg=-90.0, fronts={"b.glb": 180.0})
     one, other = make_word(offer, {"a.glb": arrow(-90.0), "b.glb": arrow(180.0)}).shapes
     np.testing.assert_allclose(one.verts[one.faces], other.verts[other.faces], atol=1e-5)
     with pytest.raises(ParameterError, match=r"no mesh 'c\.glb'"):
@@ -90,9 +90,9 @@ def test_the_front_is_where_somebody_says() -> None:
 def test_meshes_that_face_differently_are_told_with_where_they_face() -> None:
     files = {"a.glb": arrow(), "b.glb": arrow(0.0, 1.0), "c.glb": arrow(90.0), "d.glb": arrow(180.0)}
     with pytest.raises(ParameterError, match=r"as a.glb does: c.glb, d.glb") as refusal:
-        make_word(WordOffer("llama"), files)
+        make_word(WordOffer("guanaco"), files)
     assert "--front c.glb=90 --front d.glb=180" in refusal.value.advice_text
-    first, *_, last = make_word(WordOffer("llama", fronts={"c.glb": 90.0, "d.glb": 180.0}), files).shapes
+    first, *_, last = make_word(WordOffer("guanaco", fronts={"c.glb": 90.0, "d.glb": 180.0}), files).shapes
     np.testing.assert_allclose(first.verts[first.faces], last.verts[last.faces], atol=1e-5)
 
 
@@ -127,11 +127,11 @@ def test_what_the_first_mesh_is_like_decides_for_all(monkeypatch: pytest.MonkeyP
         return nouns if params.source_noun is None else {params.source_noun: 1.0}  # type: ignore[attr-defined]
 
     monkeypatch.setattr("meshdeform.runs.reading._proposed", proposed)
-    word = make_word(WordOffer("llama"), {"a.glb": cow(), "b.glb": cow(0.0, 1.0)}, readings=readings)
+    word = make_word(WordOffer("guanaco"), {"a.glb": cow(), "b.glb": cow(0.0, 1.0)}, readings=readings)
     assert word.like == "cow"
     assert asked == [None, "cow"]
     monkeypatch.setattr(word_making, "_LIKELY", 1.1)
-    assert make_word(WordOffer("llama"), {"a.glb": cow()}, readings=readings).parts == ()
+    assert make_word(WordOffer("guanaco"), {"a.glb": cow()}, readings=readings).parts == ()
 
 
 def test_all_files_that_are_damaged_are_told_at_once() -> None:
@@ -139,24 +139,34 @@ def test_all_files_that_are_damaged_are_told_at_once() -> None:
     with pytest.raises(
         AssetError, match=r"3 of 4 files cannot be used, and nothing was kept\. a.glb: .* b.obj: "
     ) as told:
-        make_word(LLAMA, files)
+        make_word(GUANACO, files)
     assert [each["file"] for each in told.value.extra["files"]] == ["a.glb", "b.obj", "d.obj"]
     for name in ("b.obj", "d.obj"):
         with pytest.raises(AssetEmptyError):
-            make_word(LLAMA, {name: files[name]})
+            make_word(GUANACO, {name: files[name]})
 
 
 def test_a_word_has_so_many_meshes() -> None:
     for files in ({}, {f"{number}.obj": POINTS for number in range(201)}):
         with pytest.raises(ParameterError, match="1 to 200 meshes"):
-            make_word(LLAMA, files)
+            make_word(GUANACO, files)
+
+
+@pytest.mark.usefixtures("_unread")
+def test_long_texts_are_refused_before_files_are_read_and_names_of_files_shortened() -> None:
+    with pytest.raises(ParameterError, match="licence"):
+        make_word(replace(GUANACO, licence="x" * 201), {"a.obj": POINTS})
+    name = f"{'deep/' * 60}fruit.glb"
+    (source,) = make_word(WordOffer("egg-cup", front_deg=0.0), {name: ball(2)}).sources
+    assert len(source.source) == 200
+    assert source.source.endswith("deep/fruit.glb")
 
 
 def test_another_process_makes_it(tmp_path: Path) -> None:
-    path, offer = tmp_path / "sent", replace(LLAMA, synonyms=("alpaca",))
+    path, offer = tmp_path / "sent", replace(GUANACO, synonyms=("huanaco",))
     path.write_bytes(cow())
     made = made_word(offer, {"a.glb": path}, tmp_path, Limits()).checked()
-    assert (made.noun, made.synonyms, made.like, made.faces) == ("llama", ("alpaca",), "cow", (MAX_FACES,))
+    assert (made.noun, made.synonyms, made.like, made.faces) == ("guanaco", ("huanaco",), "cow", (MAX_FACES,))
     assert [(each.source, each.licence) for each in made.sources] == [("a.glb", "CC0")]
     assert "head" in made.parts
     path.write_bytes(POINTS)

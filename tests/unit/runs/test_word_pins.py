@@ -12,7 +12,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.parameters import WORDS_PART
 from meshdeform.runs import check_request
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
-from meshdeform.runs.word_pins import pinned, pins_of, words_named, words_of
+from meshdeform.runs.word_pins import about_own, pinned, pins_of, words_named, words_of
 from meshdeform.settings import Settings
 from meshdeform.words import in_use, joined
 from tests.cases import each_case
@@ -90,3 +90,11 @@ def test_a_check_knows_them_and_refuses_what_they_lack() -> None:
             check_request(request("a wedge", kind="sds"), Settings(), files=["asset"])
     with pytest.raises(VocabularyError):
         check_request(request(), Settings(), files=["asset"])
+
+
+def test_a_model_that_lacks_a_word_of_ones_own_says_what_to_do() -> None:
+    asked = request("a tall dragon box", kind="sds")
+    with pytest.raises(VocabularyError) as refusal:
+        check_request(asked, Settings(), files=["asset"])
+    assert "guide by shape" in about_own(refusal.value, asked, [BOX]).detail
+    assert about_own(refusal.value, asked, [WEDGE]) is refusal.value

@@ -12,7 +12,7 @@ from safetensors.numpy import load
 
 from meshdeform.errors import AssetError, AssetFormatError, AssetTooLargeError
 from meshdeform.words import MAX_FACES, MAX_SHAPES, Shape, Source, Word, joined, read_words, write_word
-from meshdeform.words.limits import MAX_WORD_BYTES
+from meshdeform.words.limits import MAX_WORD_BYTES, MAX_WORDS
 from tests.cases import each_case
 from tests.unit.words.words import BOX, WEDGE, box, word
 
@@ -85,6 +85,7 @@ def test_a_header_that_nobody_changed_is_as_it_was() -> None:
         lambda _, told: told["shapes"][0].update(sha256="0"),
         lambda _, told: told["shapes"][0].update(command="rm"),
         lambda _, told: told.pop("like"),
+        lambda _, told: told.update(note="hidden"),
         lambda header, _: header["verts"].update(shape=[15, 3]),
         lambda header, _: header["verts"].update(shape=[2**40, 3]),
         lambda header, _: header["verts"].update(dtype="F64"),
@@ -138,6 +139,7 @@ _FACES = _LABELS + 24 * 6
     "offset, value, reason",
     [
         (4, np.float32(np.nan).tobytes(), "finite"),
+        (_VERTS // 2, bytes(_VERTS // 2), "no area"),
         (8, np.float32(np.inf).tobytes(), "finite"),
         (_VERTS, np.float32(7).tobytes(), "frame"),
         (_LABELS, b"\2", "part"),
@@ -176,3 +178,8 @@ def test_a_file_of_several_words_has_them_by_the_alphabet() -> None:
     for wrong in (WEDGE.data + BOX.data, WEDGE.data * 2, b""):
         with pytest.raises(AssetError):
             read_words(wrong)
+
+
+def test_a_file_of_more_words_than_an_owner_has_is_refused() -> None:
+    with pytest.raises(AssetTooLargeError, match=f"more than {MAX_WORDS} words"):
+        read_words(WEDGE.data * (MAX_WORDS + 1))

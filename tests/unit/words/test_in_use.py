@@ -46,14 +46,18 @@ def test_a_word_may_take_the_place_of_a_noun_of_ours_or_of_a_synonym() -> None:
     assert parse("a hound").noun == "dog"
 
 
+GONE = word("gone", box(), like="quux")  # which may have been a noun of ours when it was made
+
+
 def test_a_word_is_what_the_noun_is_that_it_is_like() -> None:
-    with in_use([word("llama", box(), like="sheep"), word("shed", box(), like="house"), BOX]):
-        assert is_living("llama")
-        assert not is_built("llama")
+    with in_use([word("guanaco", box(), like="sheep"), word("shed", box(), like="house"), BOX, GONE]):
+        assert is_living("guanaco")
+        assert not is_built("guanaco")
         assert is_built("shed")
         assert not is_living("shed")
         assert not is_built("dragon-box")
         assert like_of("dragon-box") == "dragon-box"
+        assert like_of("gone") == "gone"
 
 
 def test_its_shapes_are_its_members_in_turn() -> None:
