@@ -59,8 +59,9 @@ def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
     changes = read_changes(prompt, noun_of)
     is_thing = changes is not None and changes.noun is None and not changes.compared and _names_thing(prompt)
     if fitted or is_builtin(params.model):
-        described = _described(prompt, tuple(word.sha256 for word in words_in_use()))
-        return described or changes if changes is None or is_thing else changes
+        reading = _parsed(prompt, tuple(word.sha256 for word in words_in_use()))
+        of_part = changes is not None and changes.noun is None and not is_thing
+        return changes if reading is None or of_part else _described(reading, changes)
     # Other models read free text: theirs is every prompt that names a thing.
     return changes if changes is not None and changes.noun is None and changes.known and not is_thing else None
 
@@ -71,20 +72,28 @@ def _names_thing(prompt: str) -> bool:
 
 
 @lru_cache(maxsize=64)
-def _described(prompt: str, _words: tuple[str, ...]) -> Sentence | None:
-    """Return the changes that a prompt describes, in any of its languages; None if it has none.
+def _parsed(prompt: str, _words: tuple[str, ...]) -> ParsedPrompt | None:
+    """Return the meaning of a prompt, in any of its languages; None if it is none.
 
     `_words`: the words of somebody's own that are known, on which the answer depends.
     """
     try:
-        reading = parse(prompt)
+        return parse(prompt)
     except (PromptError, VocabularyError):
         return None
+
+
+def _described(reading: ParsedPrompt, changes: Sentence | None) -> Sentence | None:
+    """Return the changes that a prompt describes; None if it has none, or some that only a fit can make.
+
+    `changes`: how it is read as a change, which also has amounts; it counts if it says as much of the same noun.
+    """
     attributes = [(each.part, each.degree) for each in reading.attributes]
-    fitted = bool(reading.borrowed) or any(degree in SHAPES for _, degree in attributes)
-    if fitted or not attributes:
+    if not attributes or reading.borrowed or any(degree in SHAPES for _, degree in attributes):
         return None
-    return replace(described(reading.noun, attributes), notes=reading.notes)
+    if changes is None or changes.noun != reading.noun or len(changes.changes) != len(attributes):
+        changes = described(reading.noun, attributes)
+    return replace(changes, notes=tuple(dict.fromkeys([*changes.notes, *reading.notes])))
 
 
 def is_change(sentence: Sentence) -> bool:

@@ -71,6 +71,6 @@ def test_an_asset_without_parts_is_refused(tmp_path: Path) -> None:
     path, output = tmp_path / "box.glb", tmp_path / "parts.glb"
     solid = box(2)
     path.write_bytes(build_glb(solid.verts.numpy(), solid.faces.numpy()))
-    # A crate is a single part, which is all of it.
-    assert "No part" in refused("inspect --source-noun crate --front 0 --parts-glb", str(output), str(path))
+    # A heart is a single part, which is all of it.
+    assert "No part" in refused("inspect --source-noun heart --front 0 --parts-glb", str(output), str(path))
     assert not output.exists()
