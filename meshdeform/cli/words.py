@@ -54,15 +54,15 @@ def add(
 
     meshdeform words add fruit/*.glb --noun dragonfruit
 
-    meshdeform words add llama.glb --noun llama --like sheep --synonym alpaca
+    meshdeform words add okapi.glb --noun okapi --like horse
     """
     require("fast_simplification", "deform")
-    from meshdeform.words import check_names, read_name
+    from meshdeform.words import check_names, read_like, read_name
 
     store = _store()
     named, synonyms = read_name(noun), tuple(read_name(each, "synonyms") for each in synonym or ())
     check_names(named, synonyms, store.words(), replace=replace)
-    offered = {"noun": named, "synonyms": synonyms, "like": _ours(like), "licence": licence, **_fronts(front)}
+    offered = {"noun": named, "synonyms": synonyms, "like": read_like(like or ""), "licence": licence, **_fronts(front)}
     word = _made(offered, _found(meshes))
     store.add([word], replace=replace)
     _tell([word], as_json=as_json)
@@ -92,7 +92,9 @@ def show(
     if picture is not None:
         check_free([picture], force=force)
         require("torch", "deform")
-        write_all({picture: _picture(word)}, what=picture)
+        from meshdeform.runs.word_picture import word_png
+
+        write_all({picture: word_png(word)}, what=picture)
     if as_json:
         emit(_document(word))
         return
@@ -143,21 +145,6 @@ def _store() -> WordFolder:
     from meshdeform.words import WordFolder
 
     return WordFolder(load_settings().words_folder)
-
-
-def _ours(like: str | None) -> str:
-    """Return the noun of ours that a text means; empty for none."""
-    from meshdeform.vocabulary.grammar import WORDS, noun_of
-    from meshdeform.words import read_name
-
-    if like is None:
-        return ""
-    found = noun_of(read_name(like), WORDS)
-    if found is None:
-        raise typer.BadParameter(
-            f"{like!r} is no noun of ours; meshdeform models builtin lists them", param_hint="--like"
-        )
-    return found
 
 
 def _fronts(texts: Sequence[str] | None) -> dict[str, Any]:
@@ -213,15 +200,6 @@ def _document(word: Word) -> dict[str, Any]:
         "sha256": word.sha256,
         "bytes": len(word.data),
     }
-
-
-def _picture(word: Word) -> bytes:
-    """Return a PNG of the shapes, coloured by their parts; of many, some."""
-    from meshdeform.runs.family_results import family_png, shown
-
-    some = [word.shapes[number] for number in shown(len(word.shapes))]
-    names = [*word.parts, *(["no part"] if any((shape.labels < 0).any() for shape in some) else [])]
-    return family_png([(shape.verts, shape.faces, (shape.labels % len(names)).astype("u1")) for shape in some], names)
 
 
 def _tell(found: Iterable[Word], *, as_json: bool) -> None:

@@ -62,7 +62,7 @@ def test_a_noun_that_is_taken_is_refused_before_anything_is_read(store: WordFold
     store.add([WEDGE])
     assert "noun of ours" in refused(f"words add {tmp_path / 'a.glb'} --noun dog")
     assert "would be one" in refused(f"words add {tmp_path / 'a.glb'} --noun wedges")
-    assert "no noun of ours" in refused(f"words add {tmp_path / 'a.glb'} --noun llama --like quux")
+    assert "no noun of ours" in refused(f"words add {tmp_path / 'a.glb'} --noun okapi --like quux")
 
 
 def test_words_go_from_one_machine_to_another(
