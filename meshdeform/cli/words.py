@@ -1,22 +1,21 @@
-"""`meshdeform words`: words of your own, made of meshes and kept in a folder of this machine."""
+"""`meshdeform words`: words of your own, made of meshes and kept in a folder of this machine, or at a service."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, write_all
-from meshdeform.cli.options import ForceOption, JsonOption, option, output_option
+from meshdeform.cli.options import ForceOption, JsonOption, Place, option, output_option
 from meshdeform.cli.output import emit, plain, table
-
-if TYPE_CHECKING:
-    from meshdeform.words import Word, WordFolder
+from meshdeform.cli.word_places import FolderWords, ServiceWords
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)
 
@@ -24,6 +23,16 @@ _NounArgument = Annotated[str, typer.Argument(help="A word of yours.")]
 _ReplaceOption = Annotated[
     bool, typer.Option("--replace", help="Take the place of your word of that noun, or of ours, for yourself.")
 ]
+
+
+@dataclass(frozen=True)
+class WordPlace(Place):
+    """The service that keeps words instead of this machine."""
+
+    # Without the variable: the address alone decides where words are kept, as it does where jobs run.
+    url: Annotated[
+        str | None, option("Your words at this service, instead of this machine's.", "Service", metavar="URL")
+    ] = None
 
 
 @words.command()
@@ -48,6 +57,8 @@ def add(
     ] = None,
     licence: Annotated[str, option("The licence of the meshes, in a few words.")] = "",
     replace: _ReplaceOption = False,
+    *,
+    place: WordPlace,
     as_json: JsonOption = False,
 ) -> None:
     """Make a word of meshes, and keep it: prompts can name it at once.
@@ -56,23 +67,25 @@ def add(
 
     meshdeform words add okapi.glb --noun okapi --like horse
     """
-    require("fast_simplification", "deform")
-    from meshdeform.words import check_names, read_like, read_name
+    from meshdeform.words import read_like, read_name
 
-    store = _store()
-    named, synonyms = read_name(noun), tuple(read_name(each, "synonyms") for each in synonym or ())
-    check_names(named, synonyms, store.words(), replace=replace)
-    offered = {"noun": named, "synonyms": synonyms, "like": read_like(like or ""), "licence": licence, **_fronts(front)}
-    word = _made(offered, _found(meshes))
-    store.add([word], replace=replace)
-    _tell([word], as_json=as_json)
+    said = {
+        "noun": read_name(noun),
+        "synonyms": [read_name(each, "synonyms") for each in synonym or ()],
+        "like": read_like(like or ""),
+        "licence": licence,
+        **_fronts(front),
+    }
+    with _kept(place) as kept:
+        _tell([kept.add(said, _found(meshes), replace=replace)], as_json=as_json)
 
 
 @words.command(name="list")
 @clean_errors
-def list_(as_json: JsonOption = False) -> None:
+def list_(*, place: WordPlace, as_json: JsonOption = False) -> None:
     """List your words."""
-    _tell(_store().words(), as_json=as_json)
+    with _kept(place) as kept:
+        _tell(kept.all(), as_json=as_json)
 
 
 @words.command()
@@ -83,31 +96,34 @@ def show(
         Path | None, option("Also draw its meshes, coloured by their parts, as this .png.", dir_okay=False)
     ] = None,
     force: ForceOption = False,
+    *,
+    place: WordPlace,
     as_json: JsonOption = False,
 ) -> None:
     """Show what a word of yours consists of."""
     from meshdeform.words import read_name
 
-    word = _store().word(read_name(noun))
-    if picture is not None:
-        check_free([picture], force=force)
-        require("torch", "deform")
-        from meshdeform.runs.word_picture import word_png
-
-        write_all({picture: word_png(word)}, what=picture)
+    with _kept(place) as kept:
+        word = kept.one(read_name(noun))
+        if picture is not None:
+            check_free([picture], force=force)
+            write_all({picture: kept.picture(word["noun"])}, what=picture)
     if as_json:
-        emit(_document(word))
+        emit(word)
         return
     typer.echo(_described(word))
 
 
 @words.command()
 @clean_errors
-def remove(nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")]) -> None:
+def remove(
+    nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")], *, place: WordPlace
+) -> None:
     """Remove words of yours. Jobs that have them keep them."""
     from meshdeform.words import read_name
 
-    _store().remove([read_name(noun) for noun in nouns])
+    with _kept(place) as kept:
+        kept.remove([read_name(noun) for noun in nouns])
 
 
 @words.command()
@@ -116,13 +132,15 @@ def export(
     nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")],
     output: Annotated[Path, output_option("The file to write: fruit.word.")],
     force: ForceOption = False,
+    *,
+    place: WordPlace,
 ) -> None:
     """Write words of yours into one file, for other machines and services."""
-    from meshdeform.words import joined, read_name
+    from meshdeform.words import Word, joined, read_name
 
     check_free([output], force=force)
-    store = _store()
-    chosen = {(name := read_name(noun)): store.word(name) for noun in nouns}
+    with _kept(place) as kept:
+        chosen = {(name := read_name(noun)): Word.read(kept.content(name)) for noun in nouns}
     write_all({output: joined(chosen.values())}, what=output)
 
 
@@ -131,20 +149,23 @@ def export(
 def import_(
     file: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="A file that `export` wrote.")],
     replace: _ReplaceOption = False,
+    *,
+    place: WordPlace,
     as_json: JsonOption = False,
 ) -> None:
     """Keep the words of a file, all or none."""
-    from meshdeform.words import read_words
-
-    found = [word.checked() for word in read_words(file.read_bytes())]
-    _store().add(found, replace=replace)
-    _tell(found, as_json=as_json)
+    with _kept(place) as kept:
+        _tell(kept.take(file.read_bytes(), replace=replace), as_json=as_json)
 
 
-def _store() -> WordFolder:
-    from meshdeform.words import WordFolder
-
-    return WordFolder(load_settings().words_folder)
+@contextmanager
+def _kept(place: WordPlace) -> Iterator[FolderWords | ServiceWords]:
+    """Provide the words of the service that is named, or of this machine."""
+    if not place.url:
+        yield FolderWords()
+        return
+    with place.connect() as client:
+        yield ServiceWords(client)
 
 
 def _fronts(texts: Sequence[str] | None) -> dict[str, Any]:
@@ -162,7 +183,7 @@ def _fronts(texts: Sequence[str] | None) -> dict[str, Any]:
             fronts[Path(name).name] = degrees
         else:
             front_deg = degrees
-    return {"front_deg": front_deg, "fronts": fronts}
+    return {"front": front_deg, "fronts": fronts}
 
 
 def _found(paths: Sequence[Path]) -> dict[str, Path]:
@@ -180,37 +201,14 @@ def _found(paths: Sequence[Path]) -> dict[str, Path]:
     return {path.name if counts[path.name] == 1 else path.as_posix(): path for path in files}
 
 
-def _made(offered: dict[str, Any], paths: dict[str, Path]) -> Word:
-    from meshdeform.assets import Limits
-    from meshdeform.assets.bundle import read_with_files
-    from meshdeform.runs.kept_readings import FolderReadings
-    from meshdeform.runs.word_making import make_word
-    from meshdeform.words import WordOffer
-
-    settings = load_settings()
-    limits = Limits.from_settings(settings)
-    files = {name: read_with_files(path, limits) for name, path in paths.items()}
-    return make_word(WordOffer(**offered), files, limits, FolderReadings(settings.cache_folder))
-
-
-def _document(word: Word) -> dict[str, Any]:
-    return {
-        **{name: value for name, value in word.told.items() if name != "shapes"},
-        "meshes": [{**vars(source), "faces": faces} for source, faces in zip(word.sources, word.faces, strict=True)],
-        "sha256": word.sha256,
-        "bytes": len(word.data),
-    }
-
-
-def _tell(found: Iterable[Word], *, as_json: bool) -> None:
+def _tell(found: Sequence[dict[str, Any]], *, as_json: bool) -> None:
     """Print words as a table, or as JSON."""
-    listed = list(found)
     if as_json:
-        emit([_document(word) for word in listed])
+        emit(found)
         return
     rows = [
-        (word.noun, f"{len(word.faces)}", ", ".join(word.parts), ", ".join(word.synonyms), word.sha256[:12])
-        for word in listed
+        (each["noun"], f"{each['meshes']}", ", ".join(each["parts"]), ", ".join(each["synonyms"]), each["sha256"][:12])
+        for each in found
     ]
     if rows:
         typer.echo(table(("NOUN", "MESHES", "PARTS", "SYNONYMS", "SHA-256"), rows))
@@ -218,17 +216,17 @@ def _tell(found: Iterable[Word], *, as_json: bool) -> None:
         typer.echo("You have no words yet: meshdeform words add --help.", err=True)
 
 
-def _described(word: Word) -> str:
+def _described(word: dict[str, Any]) -> str:
     lines = [
-        word.noun,
-        *([f"Also called {', '.join(word.synonyms)}."] if word.synonyms else []),
-        *([f"Its parts were read as those of a {word.like}."] if word.like else []),
-        f"Parts: {', '.join(word.parts) or 'none'}.",
-        f"SHA-256 {word.sha256}, {len(word.data):,} bytes",
+        word["noun"],
+        *([f"Also called {', '.join(word['synonyms'])}."] if word["synonyms"] else []),
+        *([f"Its parts were read as those of a {word['like']}."] if word["like"] else []),
+        f"Parts: {', '.join(word['parts']) or 'none'}.",
+        f"SHA-256 {word['sha256']}, {word['size']:,} bytes",
         "",
     ]
     rows = [
-        (plain(source.source), f"{faces:,}", plain(source.licence), source.sha256[:12])
-        for source, faces in zip(word.sources, word.faces, strict=True)
+        (plain(each["source"]), f"{each['faces']:,}", plain(each["licence"]), each["sha256"][:12])
+        for each in word["sources"]
     ]
     return "\n".join(lines) + table(("MESH", "FACES", "LICENCE", "SHA-256 OF THE FILE"), rows)

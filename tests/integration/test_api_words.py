@@ -6,6 +6,7 @@ import io
 import json
 import zipfile
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -13,14 +14,17 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import build_glb
+from meshdeform.errors import NotFoundError
 from meshdeform.record.models import JobState
 from meshdeform.record.reconciler import remove_unreachable
 from meshdeform.runs.word_pins import pins_of
 from meshdeform.settings import Settings
 from meshdeform.words import Word, joined, read_words
 from tests.cases import each_case
+from tests.client_flavors import FLAVORS, opened
 from tests.integration.conftest import Api, serving_api
 from tests.integration.http_calls import check_document, check_problem, finished_job, post
+from tests.unit.cli.lines import done
 from tests.unit.words.words import BOX, WEDGE, box, word
 from tests.waiting import until
 
@@ -231,6 +235,37 @@ def test_models_say_what_there_are_shapes_of_with_ones_own_first(own: Api, opena
     assert shapes["parts"]["wedge"] == ["head"]
     assert set(builtin["nouns"]) < set(shapes["nouns"])
     assert sum(map(len, shapes["groups"].values())) == len(shapes["nouns"])
+
+
+@each_case("flavor", FLAVORS)
+def test_clients_add_list_export_and_delete(own: Api, flavor: str, tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(mesh(1, 2, 3))
+    with opened(flavor, own.url) as client:
+        made = client.add_word(
+            "Dragon Fruit", [tmp_path / "a.glb", mesh(1, 2, 2)], synonyms=["pitaya"], like="apple", front=0
+        )
+        assert client.words() == [made]
+        assert [each.source for each in client.word("dragon-fruit").sources] == ["a.glb", "asset.glb"]
+        data = client.export_word(made.noun)
+        client.delete_word(made.noun)
+        assert [each.sha256 for each in client.import_words(data)] == [made.sha256]
+        assert client.import_words(data, replace=True)[0].synonyms == ["pitaya"]
+        assert client.draw_word(made.noun).startswith(b"\x89PNG")
+        client.delete_word(made.noun)
+        with pytest.raises(NotFoundError):
+            client.word(made.noun)
+
+
+def test_the_command_line_keeps_words_at_a_service(own: Api, tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(mesh(1, 2, 3))
+    at = f"--url {own.url}"
+    done(f"words add {tmp_path / 'a.glb'} --noun okapi --like horse --front 0 {at}")
+    assert "okapi" in done(f"words list {at}").stdout
+    assert "a.glb" in done(f"words show okapi --picture {tmp_path / 'okapi.png'} {at}").stdout
+    done(f"words export okapi -o {tmp_path / 'okapi.word'} {at}")
+    done(f"words remove okapi {at}")
+    done(f"words import {tmp_path / 'okapi.word'} {at}")
+    assert nouns(own) == ["okapi"]
 
 
 def test_the_limits_of_an_owner(own_settings: Callable[..., Settings]) -> None:
