@@ -160,7 +160,8 @@ export class WordsView {
   _refuse(error) {
     const found = error instanceof MeshdeformError ? error : null;
     const place = errorsOf(error)[0]?.loc?.[0];
-    const words = found ? [found.message, found.advice].filter(Boolean).join(" ") : "";
+    const advice = /replace/.test(found?.advice ?? "") ? "Choose another noun, or take its place under More options." : found?.advice;
+    const words = found ? [found.message, advice].filter(Boolean).join(" ") : "";
     if (found && place in this.rows) return this._mark(place, words);
     if (found?.code.startsWith("asset_")) return this.zone.refuse(words);
     fill(this.problem, problemBox(error));
