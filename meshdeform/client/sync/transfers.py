@@ -68,7 +68,11 @@ def prepared(
 
 
 def prepared_word(
-    connection: Connection, said: dict[str, Any], meshes: Sequence[AssetLike], key: str, opened: contextlib.ExitStack
+    connection: Connection,
+    said: dict[str, Any],
+    meshes: Sequence[AssetLike],
+    key: str,
+    opened: contextlib.ExitStack,
 ) -> Call:
     """Return the request that makes a word, after uploading the meshes that make its form large."""
     parts, stored, size = list[Part](), list[Mapping[str, str]](), 0
