@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from meshdeform.record.models import Job
+from meshdeform.record.words import KeptWord
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.parameters import WORDS_PART
+from meshdeform.requests.parameters import WORDS_PART, ExemplarParams
 from meshdeform.runs.word_pins import pinned, pins_of, words_named, words_of
 from meshdeform.words import Word, read_words
 from service.http.bodies import ReceivedFile
@@ -20,8 +21,7 @@ R = TypeVar("R", bound=JobRequest)
 
 def named_words(app: AppState, owner_id: str, *, sent: Sequence[Word] = ()) -> list[Word]:
     """Return all words that a request may name: those that come with it, then the owner's, which have no content."""
-    taken = {word.noun for word in sent}
-    return [*sent, *(kept.word() for kept in app.record.words.all(owner_id) if kept.noun not in taken)]
+    return [*sent, *(kept.word() for kept in _others(app, owner_id, sent))]
 
 
 def pin_words(
@@ -31,17 +31,25 @@ def pin_words(
 
     `sent`: words that come with the request, or with the job that it continues, before the owner's of the same nouns.
     """
-    names = {*pins_of(request), *(word.noun for word in words_named(request, named_words(app, owner_id, sent=sent)))}
-    taken = {word.noun for word in sent}
-    own = [kept for kept in app.record.words.all(owner_id) if kept.noun in names - taken] if names - taken else []
-    read = [kept.word(app.store.get(kept.key, sha256=kept.sha256)) for kept in own]
-    request, data = pinned(request, [*sent, *read])
+    if not isinstance(getattr(request.params, "guidance", None), ExemplarParams):  # nothing else knows words
+        return request, None, []
+    others = _others(app, owner_id, sent)
+    named = words_named(request, [*sent, *(kept.word() for kept in others)])
+    nouns = {*pins_of(request), *(word.noun for word in named)}
+    own = [kept.word(app.store.get(kept.key, sha256=kept.sha256)) for kept in others if kept.noun in nouns]
+    request, data = pinned(request, [*sent, *own])
     if data is None:
         return request, None, []
     path = folder / f"{WORDS_PART}-pinned"
     path.write_bytes(data)
     file = ReceivedFile(path, "words.word", len(data), hashlib.sha256(data).hexdigest())
     return request, file, words_of(pins_of(request), data)
+
+
+def _others(app: AppState, owner_id: str, sent: Sequence[Word]) -> list[KeptWord]:
+    """Return the owner's words but those whose nouns were sent."""
+    taken = {word.noun for word in sent}
+    return [kept for kept in app.record.words.all(owner_id) if kept.noun not in taken]
 
 
 def words_of_job(app: AppState, job: Job) -> list[Word]:

@@ -36,13 +36,14 @@ def page(browser: Browser, request: pytest.FixtureRequest, redis_url: str, tmp_p
 @pytest.mark.without_pictures
 def test_a_word_is_added_offered_downloaded_removed_and_added_again(page: Page, tmp_path: Path) -> None:
     shape = box(1, 2, 3)
-    mesh = {"name": "a.glb", "mimeType": "model/gltf-binary", "buffer": build_glb(shape.verts, shape.faces)}
+    path = tmp_path / "a.glb"
+    path.write_bytes(build_glb(shape.verts, shape.faces))
     page.goto("/")
     page.get_by_role("link", name="Your words").click()
     expect(page.get_by_role("heading", name="No words yet")).to_be_visible()
     page.get_by_role("button", name="Add the word").click()
     expect(page.get_by_text("Choose at least one mesh.")).to_be_visible()
-    page.get_by_label("Mesh files").set_input_files([mesh])
+    page.get_by_label("Mesh files").set_input_files(path)
     page.get_by_label("Noun").fill("mushroom")
     page.get_by_role("button", name="Add the word").click()
     expect(page.get_by_text("take its place under More options")).to_be_visible()

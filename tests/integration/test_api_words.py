@@ -149,7 +149,7 @@ def test_a_noun_is_replaced_only_if_that_is_said_and_its_content_goes(own: Api) 
 
 
 def test_a_repeated_request_makes_a_word_once(own: Api) -> None:
-    files = [("word", ("a.word", FRUIT.data)), ("request", (None, "{}"))]
+    files: Any = [("word", ("a.word", FRUIT.data)), ("request", (None, "{}"))]
     first, second = (own.http.post("/v1/words", files=files, headers={"Idempotency-Key": "once"}) for _ in range(2))
     assert (first.status_code, second.status_code) == (201, 201)
     assert second.headers["idempotency-replayed"] == "true"
@@ -215,7 +215,7 @@ def test_words_that_are_sent_with_a_job_need_not_be_kept(own: Api) -> None:
 def test_parts_and_validation_know_the_words(own: Api) -> None:
     given(own, WEDGE)
     request = {"prompt": "", "params": {"guidance": {"source_noun": "wedge", "orientation": 0}}}
-    files = {"asset": ("a.glb", mesh(1, 2, 3)), "request": (None, json.dumps(request))}
+    files: Any = {"asset": ("a.glb", mesh(1, 2, 3)), "request": (None, json.dumps(request))}
     found = own.http.post("/v1/jobs:parts", files=files)
     assert found.status_code == 200, found.text
     assert found.json()["reading"]["noun"] == "wedge"
@@ -289,13 +289,13 @@ def test_owners_have_words_of_their_own(own_settings: Callable[..., Settings]) -
         keys = {owner: api.record.keys.create(owner)[1] for owner in ("ann", "bob")}
         ann, bob = (httpx.Client(base_url=api.url, headers={"Authorization": f"Bearer {key}"}) for key in keys.values())
         with ann, bob:
-            files = {"word": ("a.word", FRUIT.data), "request": (None, "{}")}
+            files: Any = {"word": ("a.word", FRUIT.data), "request": (None, "{}")}
             assert ann.post("/v1/words", files=files).status_code == 201
             assert bob.get("/v1/words").json() == {"words": []}
             for path in ("", "/content", "/picture.png"):
                 check_problem(bob.get(f"/v1/words/dragon-fruit{path}"), 404, "not_found")
             check_problem(bob.delete("/v1/words/dragon-fruit"), 404, "not_found")
-            job = {"asset": ("a.glb", mesh()), "request": (None, json.dumps({"prompt": "a pitaya"}))}
+            job: Any = {"asset": ("a.glb", mesh()), "request": (None, json.dumps({"prompt": "a pitaya"}))}
             check_problem(bob.post("/v1/jobs", files=job), 422, "prompt_unknown_words")
             assert bob.get("/v1/models").json()["shapes"]["nouns"][0] != "dragon-fruit"
             assert bob.post("/v1/words", files={**files, "word": ("a.word", OTHER.data)}).status_code == 201

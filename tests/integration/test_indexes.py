@@ -178,6 +178,7 @@ QUESTIONS: dict[str, Ask] = {
     "old keys": lambda record: record.upkeep.delete_stale_requests(),
     "a key": lambda record: record.idempotency.begin("me", str(COUNT), "h"),
     "uploads over their time": lambda record: record.upkeep.expired_uploads(),
+    "an owner's words": lambda record: record.words.all(OWNER),
     "who is to be told": lambda record: record.upkeep.unannounced(),
     "how many are queued": lambda record: record.upkeep.queued_count(),
     "how many may start": lambda record: record.upkeep.queued_count(2),
