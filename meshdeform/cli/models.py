@@ -74,11 +74,12 @@ def models(
 
 def _local() -> dict[str, Any]:
     from meshdeform.priors.catalogue import list_models, shapes_vocabulary
-    from meshdeform.words import WordFolder
+    from meshdeform.words import WordFolder, parts_to_set
 
     settings = load_settings()
     models = list_models(settings.model, settings.allowed_models, settings.model_revision)
-    shapes = shapes_vocabulary(WordFolder(settings.words_folder).words())
+    own = {word.noun: parts_to_set(word) for word in WordFolder(settings.words_folder).words()}
+    shapes = shapes_vocabulary(own)
     return {"default": settings.model, "shapes": asdict(shapes), "models": [asdict(entry) for entry in models]}
 
 

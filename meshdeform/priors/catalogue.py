@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from meshdeform.requests.choices import is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.vocabulary.grammar import ATTRIBUTES
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
-from meshdeform.words import Word, parts_to_set
 
 EXAMPLES: tuple[str, ...] = (
     "a mushroom with a big cap",
@@ -72,9 +71,11 @@ class ModelInfo:
     licence: str = ""  # what its model card says, or an empty text
 
 
-def shapes_vocabulary(words: Sequence[Word] = ()) -> Vocabulary:
-    """Return what there are shapes of, which prompts name where no model is asked; words of one's own come first."""
-    own = {word.noun: parts_to_set(word) for word in words}
+def shapes_vocabulary(own: Mapping[str, tuple[str, ...]]) -> Vocabulary:
+    """Return what there are shapes of, which prompts name where no model is asked.
+
+    `own`: words of one's own, which come first, with the parts whose size a prompt can set.
+    """
     nouns = {**own, **{noun: parts for noun, parts in NOUNS.items() if noun not in own}}
     groups = {group: tuple(noun for noun in some if noun not in own) for group, some in NOUN_GROUPS.items()}
     groups = {**({OWN_GROUP: tuple(own)} if own else {}), **groups}

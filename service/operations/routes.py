@@ -29,7 +29,7 @@ from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.priors.catalogue import list_models, shapes_vocabulary
 from meshdeform.runs import kinds
 from meshdeform.runs.base import Kind
-from meshdeform.words import MAX_FACES, MAX_SHAPES, MAX_WORD_BYTES
+from meshdeform.words import MAX_FACES, MAX_SHAPES, MAX_WORD_BYTES, parts_to_set
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
@@ -58,7 +58,7 @@ _EXAMPLE = 'meshdeform_jobs{state="queued"} 3.0\n'
 def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Each model with its availability and vocabulary. Prompts made of its words are accepted."""
     settings = app.settings
-    own = [kept.word() for kept in app.record.words.all(principal.owner_id)]
+    own = {kept.noun: parts_to_set(kept.word()) for kept in app.record.words.all(principal.owner_id)}
     models = list_models(settings.model, settings.allowed_models, settings.model_revision, public=True)
     views = [ModelView.model_validate(asdict(model)) for model in models]
     shapes = VocabularyView.model_validate(asdict(shapes_vocabulary(own)))

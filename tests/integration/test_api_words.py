@@ -19,7 +19,7 @@ from meshdeform.record.models import JobState
 from meshdeform.record.reconciler import remove_unreachable
 from meshdeform.runs.word_pins import pins_of
 from meshdeform.settings import Settings
-from meshdeform.words import Word, joined, read_words
+from meshdeform.words import MAX_WORDS, Word, joined, read_words
 from tests.cases import each_case
 from tests.client_flavors import FLAVORS, opened
 from tests.integration.conftest import Api, serving_api
@@ -269,6 +269,7 @@ def test_the_command_line_keeps_words_at_a_service(own: Api, tmp_path: Path) -> 
 
 
 def test_the_limits_of_an_owner(own_settings: Callable[..., Settings]) -> None:
+    assert Settings.model_fields["max_words"].default == MAX_WORDS
     size = len(FRUIT.data)
     with serving_api(own_settings(max_words=2, max_words_bytes=size + len(BOX.data))) as api:
         limits = api.http.get("/v1/limits").json()["words"]

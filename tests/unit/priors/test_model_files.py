@@ -218,7 +218,7 @@ def test_the_builtin_model_is_there_and_says_all_that_it_understands() -> None:
 
 
 def test_prompts_can_say_all_that_there_are_shapes_of_and_words_of_ones_own_first() -> None:
-    found = shapes_vocabulary([WEDGE])
+    found = shapes_vocabulary({"wedge": ("head",)})
     assert found.nouns[0] == "wedge"
     assert set(found.nouns) == {"wedge", *NOUNS}
     assert next(iter(found.groups.items())) == ("yours", ("wedge",))
