@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
 
-from meshdeform.errors import NotFoundError, ParameterError, readable_size
+from meshdeform.errors import NotFoundError
 from meshdeform.record.database import Database
 from meshdeform.record.files import FileLedger
 from meshdeform.record.rows import read
 from meshdeform.record.schema import words
-from meshdeform.words import Source, Word, check_names
+
+
+@dataclass(frozen=True)
+class NewWord:
+    """A word whose content, of `size` bytes, is stored and pinned as `key`.
+
+    `told` is what `Word.told` says; `faces` the number of faces of each shape.
+    """
+
+    noun: str
+    sha256: str
+    key: str
+    size: int
+    told: dict[str, Any]
+    faces: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class KeptWord:
-    """A word of an owner, without its content, which is the stored file `key` of `size` bytes.
-
-    `told` is what `Word.told` says; `faces` the number of faces of each shape.
-    """
+    """A word of an owner, without its content; members as of `NewWord`."""
 
     owner_id: str
     noun: str
@@ -32,12 +43,6 @@ class KeptWord:
     told: dict[str, Any]
     faces: tuple[int, ...]
     created_at: datetime
-
-    def word(self, data: bytes = b"") -> Word:
-        """Return the word with this content. Without any, it has names and parts, and no shapes."""
-        told, sources = self.told, tuple(Source(**each) for each in self.told["shapes"])
-        parts, synonyms = tuple(told["parts"]), tuple(told["synonyms"])
-        return Word(self.noun, synonyms, told["like"], parts, sources, self.faces, data)
 
 
 class WordLedger:
@@ -59,41 +64,32 @@ class WordLedger:
             raise _missing(noun)
         return _kept(row)
 
-    def check(self, owner: str, added: Sequence[tuple[str, Sequence[str]]], *, replace: bool, max_words: int) -> None:
-        """Refuse nouns with synonyms of which `put` would refuse a word, as far as that is known without its shapes."""
-        _check(self.all(owner), added, replace, max_words)
-
     def put(
         self,
         owner: str,
-        added: Sequence[tuple[Word, str]],
+        added: Sequence[NewWord],
         *,
-        replace: bool,
-        max_words: int,
-        max_bytes: int,
+        check: Callable[[list[KeptWord]], None],
         also: Callable[[sa.Connection, list[KeptWord]], None],
     ) -> list[str]:
-        """Keep words, all or none; each with the key of its stored and pinned content, whose pin is released.
+        """Keep words in the place of those of the same nouns, all or none; the pins of their contents are released.
 
-        `replace` as in `check_names`; `max_words` and `max_bytes` of all words of the owner, 0 bytes: unlimited. `also`
-        is called in the same transaction, which its exceptions roll back.
-
-        Returns the keys of the contents that were replaced, which may be needed elsewhere. `ParameterError`: names are
-        not free, or there are too many words or bytes.
+        `check` gets the owner's words as they are before, `also` the new ones. Both are called in the same transaction,
+        which their exceptions roll back. Returns the keys of the contents that were replaced, which may be needed
+        elsewhere.
         """
         with self._database.write() as connection:
             if not self._database.is_sqlite:
                 # Concurrent transactions would each find room, and the names free.
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"words {owner}"))))
             before = _all(connection, owner)
-            _check(before, [(word.noun, word.synonyms) for word, _ in added], replace, max_words)
-            nouns = {word.noun for word, _ in added}
-            stays = sum(each.size for each in before if each.noun not in nouns)
-            _check_bytes(stays + sum(len(word.data) for word, _ in added), max_bytes)
+            check(before)
+            nouns = {each.noun for each in added}
             connection.execute(sa.delete(words).where(words.c.owner_id == owner, words.c.noun.in_(nouns)))
-            rows = [self._row(owner, word, key) for word, key in added]
+            now = self._database.clock()
+            rows = [{**asdict(each), "faces": list(each.faces), "owner_id": owner, "created_at": now} for each in added]
             connection.execute(sa.insert(words), rows)
-            self._files.unpin({key for _, key in added}, connection)
+            self._files.unpin({each.key for each in added}, connection)
             also(connection, [each for each in _all(connection, owner) if each.noun in nouns])
         return sorted({each.key for each in before if each.noun in nouns})
 
@@ -105,39 +101,6 @@ class WordLedger:
         if key is None:
             raise _missing(noun)
         return key
-
-    def _row(self, owner: str, word: Word, key: str) -> dict[str, Any]:
-        return {
-            "owner_id": owner,
-            "noun": word.noun,
-            "sha256": word.sha256,
-            "key": key,
-            "size": len(word.data),
-            "told": word.told,
-            "faces": list(word.faces),
-            "created_at": self._database.clock(),
-        }
-
-
-def _check(before: Sequence[KeptWord], added: Sequence[tuple[str, Sequence[str]]], replace: bool, limit: int) -> None:
-    """Refuse words whose names are not free, or one more than there may be."""
-    kept = {each.noun: each.word() for each in before}
-    for noun, synonyms in added:
-        check_names(noun, synonyms, kept.values(), replace=replace)
-        kept[noun] = Word(noun, tuple(synonyms), "", (), (), (), b"")
-    if len(kept) > limit:
-        raise ParameterError(
-            f"There would be {len(kept)} words, and {limit} can be kept.", advice="Delete some.", limit=limit
-        )
-
-
-def _check_bytes(size: int, limit: int) -> None:
-    if limit and size > limit:
-        raise ParameterError(
-            f"The words would take {readable_size(size)}, and {readable_size(limit)} can be kept.",
-            advice="Delete some, or make them of fewer meshes.",
-            limit=limit,
-        )
 
 
 def _all(connection: sa.Connection, owner: str) -> list[KeptWord]:

@@ -35,6 +35,7 @@ from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.schemas import Health, PartHealth, Readiness
 from service.state import AppStateDep
+from service.words.known import as_word
 
 router = APIRouter(dependencies=KNOWN_QUERY)
 health = APIRouter(tags=["health"])
@@ -58,7 +59,7 @@ _EXAMPLE = 'meshdeform_jobs{state="queued"} 3.0\n'
 def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Each model with its availability and vocabulary. Prompts made of its words are accepted."""
     settings = app.settings
-    own = {kept.noun: parts_to_set(kept.word()) for kept in app.record.words.all(principal.owner_id)}
+    own = {kept.noun: parts_to_set(as_word(kept)) for kept in app.record.words.all(principal.owner_id)}
     models = list_models(settings.model, settings.allowed_models, settings.model_revision, public=True)
     views = [ModelView.model_validate(asdict(model)) for model in models]
     shapes = VocabularyView.model_validate(asdict(shapes_vocabulary(own)))

@@ -12,16 +12,23 @@ from meshdeform.record.words import KeptWord
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.parameters import WORDS_PART, ExemplarParams
 from meshdeform.runs.word_pins import pinned, pins_of, words_named, words_of
-from meshdeform.words import Word, read_words
+from meshdeform.words import Source, Word, read_words
 from service.http.bodies import ReceivedFile
 from service.state import AppState
 
 R = TypeVar("R", bound=JobRequest)
 
 
+def as_word(kept: KeptWord, data: bytes = b"") -> Word:
+    """Return a word of the record with its content. Without that, it has names and parts, and no shapes."""
+    told = kept.told
+    sources = tuple(Source(**each) for each in told["shapes"])
+    return Word(kept.noun, tuple(told["synonyms"]), told["like"], tuple(told["parts"]), sources, kept.faces, data)
+
+
 def named_words(app: AppState, owner_id: str, *, sent: Sequence[Word] = ()) -> list[Word]:
     """Return all words that a request may name: those that come with it, then the owner's, which have no content."""
-    return [*sent, *(kept.word() for kept in _others(app, owner_id, sent))]
+    return [*sent, *(as_word(kept) for kept in _others(app, owner_id, sent))]
 
 
 def pin_words(
@@ -34,9 +41,9 @@ def pin_words(
     if not isinstance(getattr(request.params, "guidance", None), ExemplarParams):  # nothing else knows words
         return request, None, []
     others = _others(app, owner_id, sent)
-    named = words_named(request, [*sent, *(kept.word() for kept in others)])
+    named = words_named(request, [*sent, *(as_word(kept) for kept in others)])
     nouns = {*pins_of(request), *(word.noun for word in named)}
-    own = [kept.word(app.store.get(kept.key, sha256=kept.sha256)) for kept in others if kept.noun in nouns]
+    own = [as_word(kept, app.store.get(kept.key, sha256=kept.sha256)) for kept in others if kept.noun in nouns]
     request, data = pinned(request, [*sent, *own])
     if data is None:
         return request, None, []

@@ -12,16 +12,17 @@ import sqlalchemy as sa
 
 from meshdeform.api.documents import WordList, WordView
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import ParameterError, UnavailableError
-from meshdeform.record.words import KeptWord
+from meshdeform.errors import ParameterError, UnavailableError, readable_size
+from meshdeform.record.words import KeptWord, NewWord
 from meshdeform.runs.kept_readings import samples_in
 from meshdeform.runs.word_process import made_word
-from meshdeform.words import Word, WordOffer, read_like, read_name, read_words
+from meshdeform.words import Word, WordOffer, check_names, read_like, read_name, read_words
 from service.http.bodies import ReceivedFile
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import WordDocument
 from service.jobs.intake import fetch, store_file
 from service.state import AppState
+from service.words.known import as_word
 
 MESHES, WORD = "meshes", "word"
 """The parts with meshes, and with a file of words."""
@@ -47,14 +48,16 @@ def add_words(
         words = _words(app, caller.owner_id, document, files, folder)
         with app.record.files.leases() as leases:
             stored = [store_file(app, leases, _file(word, folder)) for word in words]
-            old = app.record.words.put(
-                caller.owner_id,
-                [(word, file.key) for word, file in zip(words, stored, strict=True)],
-                replace=document.replace,
-                max_words=app.settings.max_words,
-                max_bytes=app.settings.max_words_bytes,
-                also=record_answer,
-            )
+            new = [
+                NewWord(word.noun, word.sha256, file.key, file.size, word.told, word.faces)
+                for word, file in zip(words, stored, strict=True)
+            ]
+
+            def check(before: list[KeptWord]) -> None:
+                _check_names(app, before, [(word.noun, word.synonyms) for word in words], document)
+                _check_bytes(app, before, new)
+
+            old = app.record.words.put(caller.owner_id, new, check=check, also=record_answer)
             leases.passed_on([file.key for file in stored])
         remove_contents(app, old)
         return answers[0]
@@ -83,17 +86,17 @@ def _words(
     app: AppState, owner_id: str, document: WordDocument, files: Mapping[str, ReceivedFile], folder: Path
 ) -> list[Word]:
     """Return the words of a request, whose names are checked before anything is made."""
-    file = files.get(WORD)
+    file, before = files.get(WORD), app.record.words.all(owner_id)
     if file is not None:
         if document.model_fields_set - {"replace"} or len(files) > 1:
             raise ParameterError.at([WORD], "A file of words has all that it says.", "Send nothing but it and replace.")
         app.assets.check(file.path, file.filename, file.sha256, owner_id, "words")
         words = read_words(file.path.read_bytes())
-        _check(app, owner_id, [(word.noun, word.synonyms) for word in words], document)
+        _check_names(app, before, [(word.noun, word.synonyms) for word in words], document)
         return words
     noun, synonyms = read_name(document.noun), tuple(read_name(each, "synonyms") for each in document.synonyms)
     like = read_like(document.like)
-    _check(app, owner_id, [(noun, synonyms)], document)
+    _check_names(app, before, [(noun, synonyms)], document)
     named = {str(number): each for number, each in enumerate(document.meshes)}
     sent = [
         *files.values(),
@@ -106,8 +109,30 @@ def _words(
     return [made_word(offer, _named(sent), folder, limits, samples)]
 
 
-def _check(app: AppState, owner_id: str, names: Sequence[tuple[str, Sequence[str]]], document: WordDocument) -> None:
-    app.record.words.check(owner_id, names, replace=document.replace, max_words=app.settings.max_words)
+def _check_names(
+    app: AppState, before: Sequence[KeptWord], added: Sequence[tuple[str, Sequence[str]]], document: WordDocument
+) -> None:
+    """Refuse nouns with synonyms that are not free beside the owner's words, or one more than there may be."""
+    kept, limit = {each.noun: as_word(each) for each in before}, app.settings.max_words
+    for noun, synonyms in added:
+        check_names(noun, synonyms, kept.values(), replace=document.replace)
+        kept[noun] = Word(noun, tuple(synonyms), "", (), (), (), b"")
+    if len(kept) > limit:
+        raise ParameterError(
+            f"There would be {len(kept)} words, and {limit} can be kept.", advice="Delete some.", limit=limit
+        )
+
+
+def _check_bytes(app: AppState, before: Sequence[KeptWord], added: Sequence[NewWord]) -> None:
+    """Refuse words with which the owner's would take more bytes than they may."""
+    sizes = {each.noun: each.size for each in (*before, *added)}
+    size, limit = sum(sizes.values()), app.settings.max_words_bytes
+    if limit and size > limit:
+        raise ParameterError(
+            f"The words would take {readable_size(size)}, and {readable_size(limit)} can be kept.",
+            advice="Delete some, or make them of fewer meshes.",
+            limit=limit,
+        )
 
 
 def _named(files: Sequence[ReceivedFile]) -> dict[str, Path]:
