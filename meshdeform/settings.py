@@ -146,6 +146,8 @@ class Settings(BaseSettings):
     max_uploads_bytes: int = Field(
         20 * 2**30, ge=0, description="Bytes of these uploads altogether, as announced. 0: unlimited."
     )
+    max_words: int = Field(200, ge=0, le=200, description="Words of their own that one owner may keep. 0: none.")
+    max_words_bytes: int = Field(2**30, ge=0, description="Bytes of these words altogether. 0: unlimited.")
     upload_ttl_s: float = Field(86_400.0, ge=60.0, description="How long an unused upload is kept.")
     signed_url_ttl_s: float = Field(3600.0, ge=1.0, description="How long a signed URL is valid.")
     fetch_assets: bool = Field(

@@ -32,6 +32,7 @@ from service.sketches import routes as sketch_routes
 from service.state import AppState
 from service.uploads import routes as upload_routes
 from service.webhooks import routes as webhook_routes
+from service.words import routes as word_routes
 
 _RETURN_MEMORY_S = 30.0  # seldom: the pages that are needed again have to be fetched again
 
@@ -71,6 +72,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(upload_routes.router, responses=refusals)
     app.include_router(upload_routes.content)
     app.include_router(sketch_routes.router, responses=refusals)
+    app.include_router(word_routes.router, responses=refusals)
     app.include_router(operation_routes.router, responses=refusals)
     app.include_router(operation_routes.health)
     app.router.routes += page_routes.routes

@@ -107,9 +107,10 @@ class AppState:
     record_health: Probe = field(default_factory=Probe)
     redis_health: Probe = field(default_factory=Probe)
     store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
-    # Searches of parts, and readings of drawings and makings of shapes: each in a process of its own.
+    # Searches of parts, readings of drawings and makings of shapes, and words: each in a process of its own.
     naming: FairSlots = field(default_factory=_processes("parts are being found"))
     sketching: FairSlots = field(default_factory=_processes("drawings are being read"))
+    wording: FairSlots = field(default_factory=_processes("words are being made"))
     # Threads that resolve the hosts of webhooks.
     lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))

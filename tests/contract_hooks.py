@@ -44,7 +44,7 @@ def _tetrahedron() -> str:
 
 
 _ASSET = _tetrahedron()
-_DOWNLOADS = ("get_artifact", "get_asset", "get_checkpoint_mesh", "get_file")
+_DOWNLOADS = ("get_artifact", "get_asset", "get_checkpoint_mesh", "get_file", "export_word", "draw_word")
 
 
 @schemathesis.hook

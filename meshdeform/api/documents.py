@@ -327,6 +327,18 @@ class KindView(Document):
     artifacts: list[ArtifactKindView] = Field(description="The results that it may write.")
 
 
+class WordLimits(Document):
+    """Limits on words of one's own."""
+
+    max_words: int = Field(description="Words of one owner.", examples=[200])
+    max_words_bytes: int | None = Field(
+        description="Bytes of these altogether; null: unlimited.", examples=[1073741824]
+    )
+    max_meshes: int = Field(description="Meshes of a word.", examples=[200])
+    max_faces: int = Field(description="Faces of a mesh as it is kept; what is sent may have more.", examples=[4000])
+    max_bytes: int = Field(description="Bytes of a word's file.", examples=[16777216])
+
+
 class LimitList(Document):
     """All limits on requests."""
 
@@ -334,6 +346,7 @@ class LimitList(Document):
     jobs: JobLimits = Field(description="Limits on the request document.")
     requests: RequestLimits = Field(description="Limits on HTTP requests.")
     uploads: UploadLimits = Field(description="Limits on `POST /v1/uploads`.")
+    words: WordLimits | None = Field(None, description="Limits on `POST /v1/words`; null of servers without words.")
     kinds: list[KindView] = Field(description="The kinds of job.")
 
 
@@ -423,6 +436,11 @@ class ModelList(Document):
     """The models of this server."""
 
     default: str = Field(description="The model of jobs that name none.", examples=["builtin"])
+    shapes: VocabularyView | None = Field(
+        None,
+        description="What there are shapes of, which prompts name where no model is asked: your words first. Null of "
+        "older servers.",
+    )
     models: list[ModelView] = Field(description="The models, the default first.")
 
 
@@ -469,3 +487,40 @@ class SketchGuesses(Document):
         "and no family was named.",
         examples=[False],
     )
+
+
+class WordView(Document):
+    """A word of one's own."""
+
+    noun: str = Field(description="The noun.", examples=["dragonfruit"])
+    synonyms: list[str] = Field(description="Its other names.", examples=[["pitaya"]])
+    like: str = Field(
+        description="The noun of ours as whose parts its were read; empty without one.", examples=["apple"]
+    )
+    parts: list[str] = Field(description="The names of its parts.", examples=[["body", "leaves"]])
+    meshes: int = Field(ge=1, description="Number of its meshes.", examples=[5])
+    faces: int = Field(ge=1, description="Faces of all of them, as they are kept.", examples=[18200])
+    size: int = Field(ge=0, description="Bytes of its file.", examples=[430080])
+    sha256: str = Field(description="SHA-256 of its file, hexadecimal, by which jobs pin it.", examples=[_SHA256])
+    created_at: datetime = Field(description="When it was added, UTC.", examples=["2026-01-31T12:00:00Z"])
+
+
+class WordMesh(Document):
+    """A mesh of a word."""
+
+    source: str = Field(description="The name of its file.", examples=["dragonfruit.glb"])
+    sha256: str = Field(description="SHA-256 of that file, hexadecimal; empty if unknown.", examples=[_SHA256])
+    licence: str = Field(description="Its licence, as it was given.", examples=["CC0"])
+    faces: int = Field(ge=1, description="Its faces, as they are kept.", examples=[3640])
+
+
+class WordDetail(WordView):
+    """A word of one's own, with its meshes."""
+
+    sources: list[WordMesh] = Field(description="Its meshes, in their order.")
+
+
+class WordList(Document):
+    """Words of one's own."""
+
+    words: list[WordView] = Field(description="By the alphabet.")

@@ -127,6 +127,22 @@ def unpacked(data: Data, limits: Limits) -> dict[str, bytes]:
         raise _broken(error) from error
 
 
+def meshes_in(files: Mapping[str, bytes], limits: Limits) -> dict[str, bytes]:
+    """Return files with the assets of every ZIP in its place that holds several; one of a single asset stays a ZIP.
+
+    Assets have their names in the ZIP, and where these are taken, that of the ZIP before.
+    """
+    meshes = dict[str, bytes]()
+    for name, data in files.items():
+        inner = unpacked(data, limits) if data.startswith(ZIP_MAGIC) else {}
+        assets = [each for each in sorted(inner) if each.lower().rpartition(".")[2] in _ENDINGS]
+        if len(assets) < 2:
+            meshes[name] = data
+            continue
+        meshes |= {(f"{name}/{each}" if each in meshes else each): inner[each] for each in assets}
+    return meshes
+
+
 def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
     """Check a collection and the structure of its assets; `meshes` of the summary counts those that can be used.
 

@@ -20,7 +20,11 @@ _STATES = {True: "available", False: "missing", None: "unknown"}
 def models(
     model: Annotated[
         str | None,
-        typer.Argument(help="Only this model, with the words that it accepts.", autocompletion=complete_models),
+        typer.Argument(
+            help="Only this model, with the words that it accepts; or `shapes`: what there are shapes of, which "
+            "prompts name where no model is asked.",
+            autocompletion=complete_models,
+        ),
     ] = None,
     *,
     place: Place,
@@ -30,7 +34,7 @@ def models(
 
     meshdeform models
 
-    meshdeform models builtin
+    meshdeform models shapes
     """
     from meshdeform.priors import public_name
 
@@ -39,6 +43,12 @@ def models(
             document = client.models().model_dump(mode="json")
     else:
         document = _local()
+    if model == "shapes" and document.get("shapes"):
+        if as_json:
+            emit(document["shapes"])
+        else:
+            typer.echo("\n".join(_words(document["shapes"])))
+        return
     entries = [entry for entry in document["models"] if model in (None, entry["id"], public_name(entry["id"]))]
     if not entries:
         known = ", ".join(entry["id"] for entry in document["models"])
@@ -63,11 +73,14 @@ def models(
 
 
 def _local() -> dict[str, Any]:
-    from meshdeform.priors.catalogue import list_models
+    from meshdeform.priors.catalogue import list_models, shapes_vocabulary
+    from meshdeform.words import WordFolder, parts_to_set
 
     settings = load_settings()
     models = list_models(settings.model, settings.allowed_models, settings.model_revision)
-    return {"default": settings.model, "models": [asdict(entry) for entry in models]}
+    own = {word.noun: parts_to_set(word) for word in WordFolder(settings.words_folder).words()}
+    shapes = shapes_vocabulary(own)
+    return {"default": settings.model, "shapes": asdict(shapes), "models": [asdict(entry) for entry in models]}
 
 
 def _described(entry: dict[str, Any]) -> str:
@@ -75,15 +88,16 @@ def _described(entry: dict[str, Any]) -> str:
     words = entry.get("vocabulary") or {}
     if entry.get("problem"):
         lines.append(entry["problem"])
-    if words.get("nouns"):
-        lines.append(f"{len(words['nouns'])} nouns")
-    for name, nouns in (words.get("groups") or {}).items():
-        if nouns:
-            lines.append(f"  {name}: {', '.join(nouns)}")
-    for name in ("attributes", "examples"):
-        if words.get(name):
-            lines.append(f"{name}: {', '.join(words[name])}")
+    lines += _words(words)
     lines.append(f"Licence: {entry.get('licence') or 'not stated here; see its model card'}")
     if not words:
         lines.append("Accepts any prompt.")
     return "\n".join(lines)
+
+
+def _words(words: dict[str, Any]) -> list[str]:
+    """Return the lines about a vocabulary."""
+    lines = [f"{len(words['nouns'])} nouns"] if words.get("nouns") else []
+    groups = (words.get("groups") or {}).items()
+    lines += [f"  {name}: {', '.join(nouns)}" for name, nouns in groups if nouns]
+    return lines + [f"{name}: {', '.join(words[name])}" for name in ("attributes", "examples") if words.get(name)]

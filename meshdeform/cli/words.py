@@ -1,24 +1,23 @@
-"""`meshdeform words`: words of your own, made of meshes and kept in a folder of this machine."""
+"""`meshdeform words`: words of your own, made of meshes and kept in a folder of this machine, or at a service."""
 
 from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, write_all
-from meshdeform.cli.options import ForceOption, JsonOption, option, output_option
+from meshdeform.cli.options import ForceOption, JsonOption, Place, option, output_option
 from meshdeform.cli.output import emit, plain, table
-
-if TYPE_CHECKING:
-    from meshdeform.assets import Limits
-    from meshdeform.words import Word, WordFolder
+from meshdeform.cli.word_places import FolderWords, ServiceWords
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)
 
@@ -26,6 +25,16 @@ _NounArgument = Annotated[str, typer.Argument(help="A word of yours.")]
 _ReplaceOption = Annotated[
     bool, typer.Option("--replace", help="Take the place of your word of that noun, or of ours, for yourself.")
 ]
+
+
+@dataclass(frozen=True)
+class WordPlace(Place):
+    """The service that keeps words instead of this machine."""
+
+    # Without the variable: the address alone decides where words are kept, as it does where jobs run.
+    url: Annotated[
+        str | None, option("Your words at this service, instead of this machine's.", "Service", metavar="URL")
+    ] = None
 
 
 @words.command()
@@ -54,6 +63,8 @@ def add(
     ] = None,
     licence: Annotated[str, option("The licence of the meshes, in a few words.")] = "",
     replace: _ReplaceOption = False,
+    *,
+    place: WordPlace,
     as_json: JsonOption = False,
 ) -> None:
     """Make a word of meshes, and keep it: prompts can name it at once.
@@ -64,23 +75,25 @@ def add(
 
     meshdeform words add stools-family/family.safetensors stools/ --noun bar-stool
     """
-    require("fast_simplification", "deform")
-    from meshdeform.words import check_names, read_name
+    from meshdeform.words import read_like, read_name
 
-    store = _store()
-    named, synonyms = read_name(noun), tuple(read_name(each, "synonyms") for each in synonym or ())
-    check_names(named, synonyms, store.words(), replace=replace)
-    offered = {"noun": named, "synonyms": synonyms, "like": _ours(like), "licence": licence, **_fronts(front)}
-    word = _made(offered, meshes)
-    store.add([word], replace=replace)
-    _tell([word], as_json=as_json)
+    said = {
+        "noun": read_name(noun),
+        "synonyms": [read_name(each, "synonyms") for each in synonym or ()],
+        "like": read_like(like or ""),
+        "licence": licence,
+        **_fronts(front),
+    }
+    with _kept(place) as kept, _meshes(meshes) as files:
+        _tell([kept.add(said, files, replace=replace)], as_json=as_json)
 
 
 @words.command(name="list")
 @clean_errors
-def list_(as_json: JsonOption = False) -> None:
+def list_(*, place: WordPlace, as_json: JsonOption = False) -> None:
     """List your words."""
-    _tell(_store().words(), as_json=as_json)
+    with _kept(place) as kept:
+        _tell(kept.all(), as_json=as_json)
 
 
 @words.command()
@@ -91,29 +104,34 @@ def show(
         Path | None, option("Also draw its meshes, coloured by their parts, as this .png.", dir_okay=False)
     ] = None,
     force: ForceOption = False,
+    *,
+    place: WordPlace,
     as_json: JsonOption = False,
 ) -> None:
     """Show what a word of yours consists of."""
     from meshdeform.words import read_name
 
-    word = _store().word(read_name(noun))
-    if picture is not None:
-        check_free([picture], force=force)
-        require("torch", "deform")
-        write_all({picture: _picture(word)}, what=picture)
+    with _kept(place) as kept:
+        word = kept.one(read_name(noun))
+        if picture is not None:
+            check_free([picture], force=force)
+            write_all({picture: kept.picture(word["noun"])}, what=picture)
     if as_json:
-        emit(_document(word))
+        emit(word)
         return
     typer.echo(_described(word))
 
 
 @words.command()
 @clean_errors
-def remove(nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")]) -> None:
+def remove(
+    nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")], *, place: WordPlace
+) -> None:
     """Remove words of yours. Jobs that have them keep them."""
     from meshdeform.words import read_name
 
-    _store().remove([read_name(noun) for noun in nouns])
+    with _kept(place) as kept:
+        kept.remove([read_name(noun) for noun in nouns])
 
 
 @words.command()
@@ -122,13 +140,15 @@ def export(
     nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")],
     output: Annotated[Path, output_option("The file to write: fruit.word.")],
     force: ForceOption = False,
+    *,
+    place: WordPlace,
 ) -> None:
     """Write words of yours into one file, for other machines and services."""
-    from meshdeform.words import joined, read_name
+    from meshdeform.words import Word, joined, read_name
 
     check_free([output], force=force)
-    store = _store()
-    chosen = {(name := read_name(noun)): store.word(name) for noun in nouns}
+    with _kept(place) as kept:
+        chosen = {(name := read_name(noun)): Word.read(kept.content(name)) for noun in nouns}
     write_all({output: joined(chosen.values())}, what=output)
 
 
@@ -137,35 +157,23 @@ def export(
 def import_(
     file: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="A file that `export` wrote.")],
     replace: _ReplaceOption = False,
+    *,
+    place: WordPlace,
     as_json: JsonOption = False,
 ) -> None:
     """Keep the words of a file, all or none."""
-    from meshdeform.words import read_words
-
-    found = [word.checked() for word in read_words(file.read_bytes())]
-    _store().add(found, replace=replace)
-    _tell(found, as_json=as_json)
+    with _kept(place) as kept:
+        _tell(kept.take(file.read_bytes(), replace=replace), as_json=as_json)
 
 
-def _store() -> WordFolder:
-    from meshdeform.words import WordFolder
-
-    return WordFolder(load_settings().words_folder)
-
-
-def _ours(like: str | None) -> str:
-    """Return the noun of ours that a text means; empty for none."""
-    from meshdeform.vocabulary.grammar import WORDS, noun_of
-    from meshdeform.words import read_name
-
-    if like is None:
-        return ""
-    found = noun_of(read_name(like), WORDS)
-    if found is None:
-        raise typer.BadParameter(
-            f"{like!r} is no noun of ours; meshdeform models builtin lists them", param_hint="--like"
-        )
-    return found
+@contextmanager
+def _kept(place: WordPlace) -> Iterator[FolderWords | ServiceWords]:
+    """Provide the words of the service that is named, or of this machine."""
+    if not place.url:
+        yield FolderWords()
+        return
+    with place.connect() as client:
+        yield ServiceWords(client)
 
 
 def _fronts(texts: Sequence[str] | None) -> dict[str, Any]:
@@ -183,7 +191,7 @@ def _fronts(texts: Sequence[str] | None) -> dict[str, Any]:
             fronts[Path(name).name] = degrees
         else:
             front_deg = degrees
-    return {"front_deg": front_deg, "fronts": fronts}
+    return {"front": front_deg, "fronts": fronts}
 
 
 def _found(paths: Sequence[Path]) -> dict[str, Path]:
@@ -201,28 +209,27 @@ def _found(paths: Sequence[Path]) -> dict[str, Path]:
     return {path.name if counts[path.name] == 1 else path.as_posix(): path for path in files}
 
 
-def _made(offered: dict[str, Any], paths: Sequence[Path]) -> Word:
-    from meshdeform.assets import Limits
-    from meshdeform.assets.bundle import read_with_files
-    from meshdeform.runs.kept_readings import FolderReadings
-    from meshdeform.runs.word_making import make_word
-    from meshdeform.words import WordOffer
-
-    settings = load_settings()
-    limits = Limits.from_settings(settings)
-    if any(_is_family(path) for path in paths):
-        files = _of_family(paths, limits)
-    else:
-        files = {name: read_with_files(path, limits) for name, path in _found(paths).items()}
-    return make_word(WordOffer(**offered), files, limits, FolderReadings(settings.cache_folder))
+@contextmanager
+def _meshes(paths: Sequence[Path]) -> Iterator[dict[str, Path]]:
+    """Yield meshes by their names, those of a fitted family in a folder that goes afterwards."""
+    if not any(_is_family(path) for path in paths):
+        yield _found(paths)
+        return
+    with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
+        meshes = _of_family(paths)
+        files = {name: Path(folder) / f"{number}.glb" for number, name in enumerate(meshes)}
+        for name, path in files.items():
+            path.write_bytes(meshes[name])
+        yield files
 
 
 def _is_family(path: Path) -> bool:
     return path.suffix == ".safetensors" or (path / "family.safetensors").is_file()
 
 
-def _of_family(paths: Sequence[Path], limits: Limits) -> dict[str, bytes]:
+def _of_family(paths: Sequence[Path]) -> dict[str, bytes]:
     """Return meshes of a fitted family, which is the first path; the second, if there is one, is its collection."""
+    from meshdeform.assets import Limits
     from meshdeform.cli.kinds import family_files, packed
 
     if not _is_family(paths[0]) or len(paths) > 2:
@@ -235,36 +242,18 @@ def _of_family(paths: Sequence[Path], limits: Limits) -> dict[str, bytes]:
 
     with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
         collection = packed(files["collection"], Path(folder)).read_bytes()
+    limits = Limits.from_settings(load_settings())
     return family_meshes(files["family"].read_bytes(), collection, limits)
 
 
-def _document(word: Word) -> dict[str, Any]:
-    return {
-        **{name: value for name, value in word.told.items() if name != "shapes"},
-        "meshes": [{**vars(source), "faces": faces} for source, faces in zip(word.sources, word.faces, strict=True)],
-        "sha256": word.sha256,
-        "bytes": len(word.data),
-    }
-
-
-def _picture(word: Word) -> bytes:
-    """Return a PNG of the shapes, coloured by their parts; of many, some."""
-    from meshdeform.runs.family_results import family_png, shown
-
-    some = [word.shapes[number] for number in shown(len(word.shapes))]
-    names = [*word.parts, *(["no part"] if any((shape.labels < 0).any() for shape in some) else [])]
-    return family_png([(shape.verts, shape.faces, (shape.labels % len(names)).astype("u1")) for shape in some], names)
-
-
-def _tell(found: Iterable[Word], *, as_json: bool) -> None:
+def _tell(found: Sequence[dict[str, Any]], *, as_json: bool) -> None:
     """Print words as a table, or as JSON."""
-    listed = list(found)
     if as_json:
-        emit([_document(word) for word in listed])
+        emit(found)
         return
     rows = [
-        (word.noun, f"{len(word.faces)}", ", ".join(word.parts), ", ".join(word.synonyms), word.sha256[:12])
-        for word in listed
+        (each["noun"], f"{each['meshes']}", ", ".join(each["parts"]), ", ".join(each["synonyms"]), each["sha256"][:12])
+        for each in found
     ]
     if rows:
         typer.echo(table(("NOUN", "MESHES", "PARTS", "SYNONYMS", "SHA-256"), rows))
@@ -272,17 +261,17 @@ def _tell(found: Iterable[Word], *, as_json: bool) -> None:
         typer.echo("You have no words yet: meshdeform words add --help.", err=True)
 
 
-def _described(word: Word) -> str:
+def _described(word: dict[str, Any]) -> str:
     lines = [
-        word.noun,
-        *([f"Also called {', '.join(word.synonyms)}."] if word.synonyms else []),
-        *([f"Its parts were read as those of a {word.like}."] if word.like else []),
-        f"Parts: {', '.join(word.parts) or 'none'}.",
-        f"SHA-256 {word.sha256}, {len(word.data):,} bytes",
+        word["noun"],
+        *([f"Also called {', '.join(word['synonyms'])}."] if word["synonyms"] else []),
+        *([f"Its parts were read as those of a {word['like']}."] if word["like"] else []),
+        f"Parts: {', '.join(word['parts']) or 'none'}.",
+        f"SHA-256 {word['sha256']}, {word['size']:,} bytes",
         "",
     ]
     rows = [
-        (plain(source.source), f"{faces:,}", plain(source.licence), source.sha256[:12])
-        for source, faces in zip(word.sources, word.faces, strict=True)
+        (plain(each["source"]), f"{each['faces']:,}", plain(each["licence"]), each["sha256"][:12])
+        for each in word["sources"]
     ]
     return "\n".join(lines) + table(("MESH", "FACES", "LICENCE", "SHA-256 OF THE FILE"), rows)

@@ -20,6 +20,8 @@ from meshdeform.api.documents import (
     SketchGuesses,
     SketchParameter,
     UploadView,
+    WordDetail,
+    WordView,
 )
 from meshdeform.api.documents import KindView as KindInfo
 from meshdeform.api.documents import LimitList as Limits
@@ -59,4 +61,6 @@ __all__ = [
     "Validation",
     "Vocabulary",
     "WaitTimeoutError",
+    "WordDetail",
+    "WordView",
 ]

@@ -43,6 +43,13 @@ def job_path(job: JobLike, *rest: str | int) -> str:
     return "/".join(["/v1/jobs", *(_segment(str(part)) for part in (identity(job), *rest))])
 
 
+def word_path(noun: str, *rest: str) -> str:
+    """Return the path of a word, or of something below it."""
+    if not noun:
+        raise ValueError("The word's noun is empty.")
+    return "/".join(["/v1/words", *(_segment(part) for part in (noun, *rest))])
+
+
 def artifact_path(job: JobLike, name: str, strength: float | None = None) -> str:
     """Return the path of an artifact, with the query for another strength."""
     query = "" if strength is None else f"?strength={strength:.10g}"

@@ -117,7 +117,10 @@ class Tools:
         self._inspections = asyncio.Semaphore(_INSPECTIONS)
 
     async def list_models(self, ctx: Context) -> dict[str, Any]:
-        """List the models that can guide a deformation, with the nouns and attributes that each understands."""
+        """List the models that can guide a deformation, with the nouns and attributes that each understands.
+
+        `shapes` has what prompts of deform can name by default, where no model is asked: words of the user's own first.
+        """
         async with self._client(ctx) as client:
             return (await client.models()).model_dump(mode="json")
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from meshdeform.errors import MeshdeformError
 from meshdeform.priors import check_model, hidden_folders, public_names
+from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
+from meshdeform.priors.builtin.vocabulary import PRIOR_ATTRIBUTES
 from meshdeform.requests.choices import is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL
 from meshdeform.vocabulary.grammar import ATTRIBUTES
@@ -42,7 +44,16 @@ class Vocabulary:
     groups: dict[str, tuple[str, ...]]  # the nouns by kind: animals, vehicles, furniture
 
 
-_VOCABULARY = Vocabulary(tuple(sorted(NOUNS)), tuple(map(str, ATTRIBUTES)), dict(NOUNS), EXAMPLES, dict(NOUN_GROUPS))
+_GROUPS = {group: tuple(noun for noun in nouns if noun in PRIOR_NOUNS) for group, nouns in NOUN_GROUPS.items()}
+_VOCABULARY = Vocabulary(
+    tuple(PRIOR_NOUNS),
+    tuple(map(str, PRIOR_ATTRIBUTES)),
+    dict(PRIOR_NOUNS),
+    EXAMPLES,
+    {group: nouns for group, nouns in _GROUPS.items() if nouns},
+)
+OWN_GROUP = "yours"
+"""The group of words of one's own."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +69,17 @@ class ModelInfo:
     problem: str | None  # why the model is not available, and what to do
     vocabulary: Vocabulary | None  # none if the model takes any prompt
     licence: str = ""  # what its model card says, or an empty text
+
+
+def shapes_vocabulary(own: Mapping[str, tuple[str, ...]]) -> Vocabulary:
+    """Return what there are shapes of, which prompts name where no model is asked.
+
+    `own`: words of one's own, which come first, with the parts whose size a prompt can set.
+    """
+    nouns = {**own, **{noun: parts for noun, parts in NOUNS.items() if noun not in own}}
+    groups = {group: tuple(noun for noun in some if noun not in own) for group, some in NOUN_GROUPS.items()}
+    groups = {**({OWN_GROUP: tuple(own)} if own else {}), **groups}
+    return Vocabulary(tuple(nouns), tuple(map(str, ATTRIBUTES)), nouns, EXAMPLES, groups)
 
 
 def list_models(
@@ -78,8 +100,8 @@ def _describe(model: str, name: str, revision: str) -> ModelInfo:
         return ModelInfo(
             id=model,
             title="Builtin",
-            description=f"The small demonstration model that is included: {len(NOUNS)} things and their attributes, in "
-            "seconds to minutes on any machine, without a download.",
+            description=f"The small demonstration model that is included: {len(PRIOR_NOUNS)} things and their "
+            "attributes, in seconds to minutes on any machine, without a download.",
             available=True,
             problem=None,
             vocabulary=_VOCABULARY,

@@ -21,7 +21,7 @@ import sqlalchemy as sa
 from meshdeform.errors import TooManyJobsError, TooMuchStoredError, UnavailableError
 from meshdeform.record.database import Database
 from meshdeform.record.models import JobState
-from meshdeform.record.schema import artifacts, checkpoints, files, job_files, jobs, uploads
+from meshdeform.record.schema import artifacts, checkpoints, files, job_files, jobs, uploads, words
 
 _ACTIVE = (JobState.QUEUED, JobState.RUNNING, JobState.CANCELING)
 
@@ -272,7 +272,7 @@ class FileLedger:
 
     def _is_unused(self) -> sa.ColumnElement[bool]:
         # One condition for each: PostgreSQL looks those up in an index, and reads whole tables for one of them all.
-        references = (job_files.c.key, uploads.c.key)
+        references = (job_files.c.key, uploads.c.key, words.c.key)
         unneeded = sa.and_(*(~sa.exists().where(column == files.c.key) for column in references))
         unpinned = sa.or_(
             files.c.pins == 0,

@@ -54,6 +54,7 @@ from meshdeform.record.schema import (
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
 from meshdeform.record.webhooks import WebhookBook
+from meshdeform.record.words import WordLedger
 from meshdeform.requests.document import DeformParams, JobRequest
 
 
@@ -75,6 +76,7 @@ class JobRecord:
         self.deliveries = Deliveries(self._database)
         self.webhooks = WebhookBook(self._database, self.deliveries, self.secret)
         self.keys = KeyRing(self._database)
+        self.words = WordLedger(self._database, self.files)
         self._rooms = Rooms()
 
     def close(self) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 import sqlalchemy as sa
 
-HEAD = "0010"
-"""The newest migration: the first one, since nothing was released. A record at this version is opened without Alembic.
+HEAD = "0011"
+"""The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
 record at once; what takes away or renames begins the next generation, "0100", and needs a stop of all processes.
@@ -253,6 +253,23 @@ uploads = sa.Table(
     sa.Column("expires_at", UtcDateTime, nullable=False),
     sa.Index(None, "key"),
     sa.Index(None, "expires_at"),
+)
+
+# Words of an owner's own (`meshdeform.words`); the content of each is a stored file.
+words = sa.Table(
+    "words",
+    metadata,
+    sa.Column("owner_id", sa.String(64), primary_key=True),
+    sa.Column("noun", sa.String(64), primary_key=True),
+    sa.Column("sha256", sa.String(64), nullable=False),
+    sa.Column("key", sa.String(255), nullable=False),
+    sa.Column("size", sa.BigInteger, nullable=False),
+    # Its names, its parts, and where each of its shapes comes from.
+    sa.Column("told", sa.JSON, nullable=False),
+    # The number of faces of each shape.
+    sa.Column("faces", sa.JSON, nullable=False),
+    sa.Column("created_at", UtcDateTime, nullable=False),
+    sa.Index(None, "key"),
 )
 
 api_keys = sa.Table(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.check import has_area
+from meshdeform.assets.collection import meshes_in
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
 from meshdeform.plain.body import loose_body
 from meshdeform.plain.reader import Reader
@@ -46,7 +47,7 @@ def make_word(
     Parameters
     ----------
     files : mapping
-        Meshes by the names of their files, as `load_asset` takes them.
+        Meshes by the names of their files, as `load_asset` takes them, or ZIPs of several.
     limits : Limits, optional
         Of each file.
     readings : Readings, optional
@@ -59,6 +60,8 @@ def make_word(
     ParameterError
         There are too many files, two face differently, or the licence is too long.
     """
+    limits = limits or Limits()
+    files = meshes_in(files, limits)
     if not 1 <= len(files) <= MAX_SHAPES:
         raise ParameterError(f"A word has 1 to {MAX_SHAPES} meshes, not {len(files)}.", advice="Choose some of them.")
     if len(offer.licence) > MAX_TEXT:
@@ -66,7 +69,7 @@ def make_word(
         raise ParameterError.at(["licence"], detail, "Name it, or give its address.")
     if unknown := sorted(offer.fronts.keys() - files.keys()):
         raise ParameterError.at(["front"], f"There is no mesh {unknown[0]!r}.", f"Name one of: {', '.join(files)}.")
-    like, meshes = _parted(_loaded(files, limits or Limits()), offer, readings or Unkept())
+    like, meshes = _parted(_loaded(files, limits), offer, readings or Unkept())
     numbers: dict[str, int] = {}
     shapes = {name: shape_of(mesh, numbers) for name, mesh in meshes.items()}
     _check_fronts(shapes, meshes, offer)

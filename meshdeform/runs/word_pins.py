@@ -7,6 +7,7 @@ content. What becomes of a word later changes no job that has it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 from meshdeform.errors import ParameterError, VocabularyError
 from meshdeform.requests.document import JobRequest
@@ -17,6 +18,7 @@ from meshdeform.words import Word, in_use, joined, read_words
 
 __all__ = ["KnowingRun", "about_own", "pinned", "pins_of", "words_named", "words_of"]
 
+R = TypeVar("R", bound=JobRequest)
 _PLACE = ["params", "guidance", "words"]
 
 
@@ -57,7 +59,7 @@ def about_own(error: VocabularyError, request: JobRequest, words: Iterable[Word]
     return VocabularyError(detail, advice="Leave --guidance out, or choose exemplar.", **error.extra)
 
 
-def pinned(request: JobRequest, words: Iterable[Word]) -> tuple[JobRequest, bytes | None]:
+def pinned(request: R, words: Iterable[Word]) -> tuple[R, bytes | None]:
     """Return a request that pins the words it names, and the content of its part `WORDS_PART`, or None without any.
 
     `words`: all that its owner has; for a branch, those that its job has before those of the same nouns.

@@ -1,4 +1,4 @@
-"""Make a word in a child process, for a process without torch. Torch-free, numpy-free."""
+"""Make or draw a word in a child process, for a process without torch. Torch-free, numpy-free."""
 
 from __future__ import annotations
 
@@ -12,14 +12,20 @@ from meshdeform.assets.limits import Limits
 from meshdeform.runs.questions import Question, answer_task
 from meshdeform.words import Word, WordOffer
 
-__all__ = ["made_word"]
+__all__ = ["drawn_word", "made_word"]
 
-_TIMEOUT_S = 600.0
+_TIMEOUT_S, _PICTURE_TIMEOUT_S = 600.0, 60.0
 _QUESTION = Question(
     __name__,
     cannot="The word cannot be made on this server.",
     lacks="Words are made with the extra `deform`, which the API of this server lacks",
     instead="Make it elsewhere (meshdeform words add), and send the file that `meshdeform words export` writes.",
+)
+_PICTURE = Question(
+    __name__,
+    cannot="The word cannot be drawn on this server.",
+    lacks="Words are drawn with the extra `deform`, which the API of this server lacks",
+    instead="Export it, and draw it elsewhere: meshdeform words show NOUN --picture FILE.png.",
 )
 
 
@@ -46,12 +52,31 @@ def made_word(
     return Word.read((folder / "made.word").read_bytes())
 
 
+def drawn_word(data: bytes, folder: Path) -> bytes:
+    """Return a PNG of the shapes of a word's file; `folder`: for files of the child.
+
+    Raises UnavailableError, DependencyError: it cannot be drawn here.
+    """
+    folder = folder.absolute()
+    (folder / "word").write_bytes(data)
+    path = folder / "picture.json"
+    path.write_text(json.dumps({"drawn": str(folder / "word"), "result": str(folder / "word.png")}))
+    _PICTURE.ask([str(path)], folder, _PICTURE_TIMEOUT_S)
+    return (folder / "word.png").read_bytes()
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Carry out the task in a file of JSON: make the word, and write it where the task says."""
-    return answer_task(_answer, arguments)
+    """Carry out the task in a file of JSON: make or draw the word, and write it where the task says."""
+    return answer_task(lambda task: _draw(task) if "drawn" in task else _make(task), arguments)
 
 
-def _answer(task: dict[str, Any]) -> str:
+def _draw(task: dict[str, Any]) -> None:
+    from meshdeform.runs.word_picture import word_png
+
+    Path(task["result"]).write_bytes(word_png(Word.read(Path(task["drawn"]).read_bytes())))
+
+
+def _make(task: dict[str, Any]) -> str:
     from meshdeform.runs.kept_readings import Unkept
     from meshdeform.runs.word_making import make_word
 

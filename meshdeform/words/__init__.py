@@ -6,9 +6,9 @@ are read.
 """
 
 from meshdeform.words.file import Shape, Source, Word, joined, read_words, write_word
-from meshdeform.words.in_use import in_use, like_of, own_word, words_in_use
+from meshdeform.words.in_use import in_use, like_of, own_word, parts_to_set, words_in_use
 from meshdeform.words.limits import MAX_FACES, MAX_SHAPES, MAX_WORD_BYTES, MAX_WORDS
-from meshdeform.words.names import check_names, read_name
+from meshdeform.words.names import check_names, read_like, read_name
 from meshdeform.words.offer import WordOffer
 from meshdeform.words.store import WordFolder
 
@@ -27,6 +27,8 @@ __all__ = [
     "joined",
     "like_of",
     "own_word",
+    "parts_to_set",
+    "read_like",
     "read_name",
     "read_words",
     "words_in_use",

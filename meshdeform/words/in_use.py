@@ -17,7 +17,7 @@ from meshdeform.vocabulary.solids import part_label
 from meshdeform.words.file import Word
 from meshdeform.words.names import vocabulary
 
-__all__ = ["in_use", "like_of", "own_word", "words_in_use"]
+__all__ = ["in_use", "like_of", "own_word", "parts_to_set", "words_in_use"]
 
 _words: ContextVar[Mapping[str, Word]] = ContextVar("words", default=MappingProxyType({}))
 
@@ -26,13 +26,18 @@ _words: ContextVar[Mapping[str, Word]] = ContextVar("words", default=MappingProx
 def in_use(words: Iterable[Word]) -> Iterator[None]:
     """Let everything within the block know these words, in place of those of a block around it."""
     own = {word.noun: word for word in words}
-    parts = {noun: tuple(part for part in PARTS if part_label(part) in word.parts) for noun, word in own.items()}
+    parts = {noun: parts_to_set(word) for noun, word in own.items()}
     token = _words.set(own)
     try:
         with knowing(vocabulary(own.values(), parts)):
             yield
     finally:
         _words.reset(token)
+
+
+def parts_to_set(word: Word) -> tuple[str, ...]:
+    """Return the parts of a word whose size a prompt can set."""
+    return tuple(part for part in PARTS if part_label(part) in word.parts)
 
 
 def words_in_use() -> tuple[Word, ...]:

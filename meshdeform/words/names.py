@@ -10,7 +10,7 @@ from meshdeform.vocabulary.words import FILLERS, INTENSIFIERS, NUMBERS
 from meshdeform.words.file import NAME, Word
 from meshdeform.words.limits import MAX_NAME, MAX_SYNONYMS
 
-__all__ = ["check_names", "read_name", "vocabulary"]
+__all__ = ["check_names", "read_like", "read_name", "vocabulary"]
 
 
 def read_name(text: str, place: str = "noun") -> str:
@@ -31,6 +31,17 @@ def read_name(text: str, place: str = "noun") -> str:
     return name
 
 
+def read_like(text: str) -> str:
+    """Return the noun of ours that a text means; empty for none.
+
+    Raises ParameterError: at `like`: ours has no such noun.
+    """
+    found = noun_of(read_name(text, "like"), WORDS) if text else ""
+    if found is None:
+        raise ParameterError.at(["like"], f"{text[:80]!r} is no noun of ours.", "Leave it out, or name one of ours.")
+    return found
+
+
 def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, replace: bool = False) -> None:
     """Refuse names of a word, as `read_name` returns them, that are ours, or another word's of the same owner.
 
@@ -45,7 +56,7 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
     if len(synonyms) > MAX_SYNONYMS:
         raise ParameterError.at(["synonyms"], f"A word has at most {MAX_SYNONYMS} synonyms.", "Leave some out.")
     if noun_of(noun, WORDS) is not None and not replace:
-        advice = "Choose another noun, or replace ours for yourself (--replace)."
+        advice = "Choose another noun, or replace ours for yourself (--replace; at a service, `replace`)."
         raise ParameterError.at(["noun"], _ours(noun), advice)
     for name in synonyms:
         if noun_of(name, WORDS) not in (None, noun):
@@ -55,7 +66,9 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
             if replace:
                 continue
             raise ParameterError.at(
-                ["noun"], f"You have the word {noun!r}.", "Choose another noun, or replace it (--replace)."
+                ["noun"],
+                f"You have the word {noun!r}.",
+                "Choose another noun, or replace it (--replace; at a service, `replace`).",
             )
         _check_apart(noun, synonyms, other)
 

@@ -42,7 +42,7 @@ from meshdeform.requests.document import PARAMS_OF_KIND, JobKind
 from meshdeform.requests.sketches import Sketch
 from meshdeform.serving import DEFAULT_URL
 from service.http.idempotency import REPLAYED
-from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument
+from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument, WordDocument
 from service.schemas import Problem
 
 JobId = Annotated[
@@ -105,7 +105,7 @@ def json_body(model: str, example: dict[str, Any]) -> dict[str, Any]:
 
 
 # Documents missing from the routes' signatures: bodies that are streamed, and problems.
-_MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, Sketch, Problem)
+_MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, WordDocument, Sketch, Problem)
 _REFERENCE = "#/components/schemas/{model}"
 _DESCRIPTION = (
     "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "
@@ -119,6 +119,7 @@ _TAGS = [
     {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
     {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
     {"name": "sketches", "description": "Reading a drawing, before it is the target of a job: docs/sketch.md."},
+    {"name": "words", "description": "Words of your own, which your prompts can name: docs/words.md."},
     {"name": "events", "description": "The events of a job as they happen: docs/http.md#events."},
     {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
     {"name": "artifacts", "description": "The results of a job."},

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import codecs
 import hashlib
+import itertools
 import re
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,7 +121,12 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
 
 DOCUMENT = "request"
 _MAX_HEADER_BYTES = 8 * 1024
+_MOST_PARTS = 250
 _QUOTED = re.compile(rb'"(?:[^"\\]|\\.)*"')
+_JOB_ADVICE = (
+    "Send the file as the part `asset` and the JSON document as the part `request`: "
+    """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL."""
+)
 _EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([a-z0-9._-]+)'[^']*'([^;\s]+)", re.IGNORECASE)
 
 
@@ -134,21 +140,40 @@ class ReceivedFile:
     sha256: str
 
 
+@dataclass(frozen=True)
+class FormFiles:
+    """The file parts that a form may have, those of them that may be repeated, and advice on how to send it."""
+
+    names: Collection[str]
+    advice: str
+    repeated: Collection[str] = ()
+
+
+def job_files() -> FormFiles:
+    """Return the file parts of the forms of jobs of all kinds."""
+    return FormFiles(file_parts(), _JOB_ADVICE)
+
+
 async def receive_form(
-    content_type: str, content_length: str, stream: AsyncIterator[bytes], folder: Path, max_bytes: int
+    content_type: str,
+    content_length: str,
+    stream: AsyncIterator[bytes],
+    folder: Path,
+    max_bytes: int,
+    known: FormFiles | None = None,
 ) -> tuple[bytes, dict[str, ReceivedFile]]:
-    """Receive the part `request`, unparsed, and the file parts by name: those of every kind of job are accepted."""
+    """Receive the part `request`, unparsed, and the file parts by name; by default those of every kind of job.
+
+    Files of a repeated part are named NAME, NAME_2, NAME_3 and so on.
+    """
+    known = known or job_files()
     if content_length.isdigit() and int(content_length) > max_bytes:
         raise AssetTooLargeError.more_than(max_bytes, "The body has")
     kind, options = parse_options_header(content_type)
     boundary = options.get(b"boundary", b"")
     if kind != b"multipart/form-data" or not boundary:
-        raise RequestError(
-            "The body is not multipart/form-data.",
-            advice="Send the file as the part `asset` and the JSON document as the part `request`: "
-            """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL.""",
-        )
-    receiver = _Receiver(folder)
+        raise RequestError("The body is not multipart/form-data.", advice=known.advice)
+    receiver = _Receiver(folder, known)
     received = 0
     try:
         parser = MultipartParser(boundary, receiver.callbacks())
@@ -168,8 +193,8 @@ async def receive_form(
 class _Receiver:
     """Handle the parser's events and collect the parts."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, known: FormFiles) -> None:
+        self._folder, self._known = folder, known
         self._headers: dict[str, bytes] = {}
         self._field, self._value = b"", b""
         self._part: _Part | None = None
@@ -192,10 +217,7 @@ class _Receiver:
         if not self._ended:
             raise RequestError("The body ends without the final boundary.", advice="Send the whole body.")
         if DOCUMENT not in self._parts:
-            raise RequestError(
-                f"The part `{DOCUMENT}` is missing.",
-                advice="Send the file as the part `asset` and the JSON document as the part `request`.",
-            )
+            raise RequestError(f"The part `{DOCUMENT}` is missing.", advice=self._known.advice)
         document = self._parts[DOCUMENT]
         assert isinstance(document, _DocumentPart)
         files = {name: part.file() for name, part in self._parts.items() if isinstance(part, _FilePart)}
@@ -222,14 +244,17 @@ class _Receiver:
         disposition = self._headers.get("content-disposition", b"")
         _, options = parse_options_header(disposition)
         name = options.get(b"name", b"").decode("utf-8", "replace")
-        known = sorted((*file_parts(), DOCUMENT))
+        known = sorted((*self._known.names, DOCUMENT))
         if name in RETIRED_PARTS.difference(known):
             raise KindRetiredError(f"The part {name!r} was for lessons and what they taught.")
         if name not in known:
             advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
             raise RequestError(f"Unknown part {name[:100]!r}.", advice=advice)
-        if name in self._parts:
-            raise RequestError(f"The part `{name}` was sent twice.", advice="Send one job per request.")
+        if name in self._parts and name not in self._known.repeated:
+            raise RequestError(f"The part `{name}` was sent twice.", advice="Send it once.")
+        if len(self._parts) >= _MOST_PARTS:
+            raise RequestError(f"The form has more than {_MOST_PARTS} parts.", advice="Send the meshes as one ZIP.")
+        name = next(each for each in _numbered(name) if each not in self._parts)
         if name == DOCUMENT:
             self._part = _DocumentPart()
         else:
@@ -246,6 +271,10 @@ class _Receiver:
 
     def _on_end(self) -> None:
         self._ended = True
+
+
+def _numbered(name: str) -> Iterator[str]:
+    return itertools.chain([name], (f"{name}_{number}" for number in itertools.count(2)))
 
 
 class _Part(Protocol):

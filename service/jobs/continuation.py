@@ -14,7 +14,9 @@ from meshdeform.errors import (
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.parameters import WORDS_PART
 from meshdeform.runs import kind_of
+from meshdeform.words import in_use
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import BranchDocument, FileReference, FileSource
 from service.jobs.intake import (
@@ -28,6 +30,7 @@ from service.jobs.intake import (
     store_file,
 )
 from service.state import AppState
+from service.words.known import named_words, pin_words, words_of_job
 
 _RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
 
@@ -43,7 +46,8 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 f"The job is {job.state}; only a failed, canceled or expired job can be retried.",
                 state=job.state.value,
             )
-        params = check_params(job.request, app.settings, files=job.files)
+        with in_use(words_of_job(app, job)):
+            params = check_params(job.request, app.settings, files=job.files)
         app.record.check_room(caller.owner_id, {}, app.settings.max_stored_bytes)
         with app.record.files.leases() as leases:
             _lease(app, leases, job.files.values())
@@ -70,10 +74,16 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         if document.kind is not of.kind:
             detail = f"A branch has the kind of its job: {of.kind}."
             raise ParameterError.at(["kind"], detail, f'Set "kind": "{of.kind}".')
-        request = kind_of(of.kind).as_branch(of, document)
         references = document.references
+        sent = words_of_job(app, job)
+        with in_use(named_words(app, caller.owner_id, sent=sent)):
+            request = kind_of(of.kind).as_branch(of, document)
+        request, pinned, words = pin_words(app, caller.owner_id, request, folder, sent=sent)
         inherited = _inherited(job, request, references)
-        params = check_params(request, app.settings, files={*inherited, *references})
+        with in_use(words):
+            params = check_params(
+                request, app.settings, files={*inherited, *references, *([WORDS_PART] if pinned else [])}
+            )
         with app.record.files.leases() as leases:
             files = dict(inherited)
             for name, reference in references.items():
@@ -81,6 +91,8 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                 check_file(app, caller.owner_id, kind_of(job.kind), name, file)
                 app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
+            if pinned is not None:
+                files[WORDS_PART] = store_file(app, leases, pinned)
             _lease(app, leases, inherited.values())
             known = app.record.leases.checkpoints(job_id)
             origin = _copy_checkpoint(

@@ -53,6 +53,7 @@ from meshdeform.record.repository import check_priority
 from meshdeform.requests.choices import PartsAs
 from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.requests.parameters import WORDS_PART
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import Kind
 from meshdeform.runs.changes import parts_of
@@ -60,12 +61,14 @@ from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
 from meshdeform.webhooks.addresses import LOOKUP_S, Destination, find_destination, parse_networks
+from meshdeform.words import Word, in_use, read_words
 from service.http.auth import Principal
 from service.http.bodies import ReceivedFile, clean_filename
 from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import FileReference, FileSource, JobDocument
 from service.jobs.estimates import estimate
 from service.state import AppState
+from service.words.known import pin_words
 
 if TYPE_CHECKING:
     import ssl
@@ -112,7 +115,8 @@ def check_job(
     params = check_params(submission.document, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
     kind = kind_of(submission.document.kind)
-    summaries = {name: check_file(app, owner_id, kind, name, file) for name, file in files.items()}
+    sent = [name for name in files if name != WORDS_PART]  # words are the owner's, or were checked when they were read
+    summaries = {name: check_file(app, owner_id, kind, name, files[name]) for name in sent}
     meshes = {name: each for name, each in summaries.items() if isinstance(each, AssetSummary)}
     kind.check_files(submission.document, params, meshes)
     first = files[kind.parts[0]]
@@ -130,6 +134,23 @@ def check_file(
         raise type(error)(f"`{part}`: {error.detail}", advice=error.advice_text, **error.extra) from error
 
 
+def ready(app: AppState, owner_id: str, submission: Submission) -> tuple[Submission, list[Word]]:
+    """Return the submission of a request that names its kind of guidance and pins its words, and these words.
+
+    Words that were sent count before the owner's.
+    """
+    submission = submission.with_kind(app.settings)
+    sent = list[Word]()
+    if WORDS_PART in submission.names and WORDS_PART in kind_of(submission.document.kind).parts:
+        submission = submission.with_fetched(app, owner_id, WORDS_PART)
+        file = submission.files[WORDS_PART]
+        check_file(app, owner_id, kind_of(submission.document.kind), WORDS_PART, file)
+        sent = read_words(file.path.read_bytes())
+    document, pinned, words = pin_words(app, owner_id, submission.document, submission.folder, sent=sent)
+    files = submission.files if pinned is None else {**submission.files, WORDS_PART: pinned}
+    return Submission(document, files, submission.folder), words
+
+
 def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     """Accept a job durably, or refuse it without leaving anything behind."""
     document = submission.document.model_dump(mode="json", exclude_unset=True)
@@ -137,8 +158,9 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
         if isinstance(claim, Answer):
             return claim
-        submission = submission.with_kind(app.settings)
-        params, files, summaries = check_job(app, caller.owner_id, submission)
+        submission, words = ready(app, caller.owner_id, submission)
+        with in_use(words):
+            params, files, summaries = check_job(app, caller.owner_id, submission)
         failpoint("api.received")
         sizes = {key_of(file): file.size for file in files.values()}
 
@@ -156,14 +178,17 @@ def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
 def validate(app: AppState, principal: Principal, submission: Submission) -> Validation:
     """Check a job as `accept_job` does, and return its parameters, summaries and estimated time. Nothing is stored."""
     check_priority(submission.document.priority, principal.max_priority)
-    submission = submission.with_kind(app.settings)
-    params, files, summaries = check_job(app, principal.owner_id, submission)
+    submission, words = ready(app, principal.owner_id, submission)
+    with in_use(words):
+        params, files, summaries = check_job(app, principal.owner_id, submission)
+        outlook = _outlook(app, submission.document, params, files)
     reports: dict[str, AssetFound] = {}
     pictures: dict[str, PictureFound] = {}
-    for name, file in files.items():
-        members = {"filename": file.filename, "size": file.size, "sha256": file.sha256, **asdict(summaries[name])}
+    for name, summary in summaries.items():
+        file = files[name]
+        members = {"filename": file.filename, "size": file.size, "sha256": file.sha256, **asdict(summary)}
         members.pop("bounds", None)
-        if isinstance(summaries[name], AssetSummary):
+        if isinstance(summary, AssetSummary):
             reports[name] = AssetFound(**members)
         else:
             pictures[name] = PictureFound(**members)
@@ -188,7 +213,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         target=reports.get("target"),
         params=params,
         estimate=expected,
-        outlook=_outlook(app, submission.document, params, files),
+        outlook=outlook,
     )
 
 
@@ -215,19 +240,28 @@ async def list_parts(app: AppState, owner_id: str, submission: Submission, glb: 
     prompt = submission.document.prompt
     # The child reads the prompt; whatever it is, the rest is checked as that of a change that needs no part.
     whole = replace(submission, document=submission.document.model_copy(update={"prompt": "taller"}))
-    params, asset = await app.take_in(owner_id, _with_parts, app, owner_id, whole.with_kind(app.settings))
+    params, asset, words = await app.take_in(owner_id, _with_parts, app, owner_id, whole, prompt)
     async with app.naming.slot(owner_id):
         limits = app.assets.limits
         find = partial(parts_of, asset.path, asset.filename, prompt, params, limits, app.readings, glb=glb)
-        parts = await to_thread.run_sync(find)
+        with in_use(words):
+            parts = await to_thread.run_sync(find)
     return FoundParts(**parts)
 
 
-def _with_parts(app: AppState, owner_id: str, submission: Submission) -> tuple[ResolvedParams, ReceivedFile]:
-    params, files, _ = check_job(app, owner_id, submission)
+def _with_parts(
+    app: AppState, owner_id: str, whole: Submission, prompt: str
+) -> tuple[ResolvedParams, ReceivedFile, list[Word]]:
+    """Check a submission, and return its parameters, its asset, and the words that it and the real prompt name."""
+    whole = whole.with_kind(app.settings)
+    asked = replace(whole, document=whole.document.model_copy(update={"prompt": prompt}))
+    asked, words = ready(app, owner_id, asked)
+    with in_use(words):
+        checked = replace(asked, document=asked.document.model_copy(update={"prompt": whole.document.prompt}))
+        params, files, _ = check_job(app, owner_id, checked)
     if not isinstance(params, ResolvedParams):
         raise ParameterError("Jobs of this kind have no parts.")
-    return params, files["asset"]
+    return params, files["asset"], words
 
 
 def store_file(
@@ -329,6 +363,13 @@ class Submission:
     def with_kind(self, settings: Settings) -> Submission:
         """Return the submission of a request that names its kind of guidance."""
         return replace(self, document=with_kind(self.document, settings.model, self.names))
+
+    def with_fetched(self, app: AppState, owner_id: str, name: str) -> Submission:
+        """Return the submission with one of its files here, if the document only names it."""
+        if name in self.files:
+            return self
+        file = fetch(app, owner_id, *self.document.references[name], self.folder)
+        return Submission(self.document.without([name]), {**self.files, name: file}, self.folder)
 
     def fetch_all(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
         """Fetch the files that the document names, and return all files by name, in the order of the kind's parts."""

@@ -21,17 +21,21 @@ from meshdeform.api.documents import (
     ModelView,
     RequestLimits,
     UploadLimits,
+    VocabularyView,
+    WordLimits,
 )
 from meshdeform.assets import Limits
 from meshdeform.errors import LimitError, UnauthorizedError
-from meshdeform.priors.catalogue import list_models
+from meshdeform.priors.catalogue import list_models, shapes_vocabulary
 from meshdeform.runs import kinds
 from meshdeform.runs.base import Kind
+from meshdeform.words import MAX_FACES, MAX_SHAPES, MAX_WORD_BYTES, parts_to_set
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.schemas import Health, PartHealth, Readiness
 from service.state import AppStateDep
+from service.words.known import as_word
 
 router = APIRouter(dependencies=KNOWN_QUERY)
 health = APIRouter(tags=["health"])
@@ -54,11 +58,12 @@ _EXAMPLE = 'meshdeform_jobs{state="queued"} 3.0\n'
 )
 def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Each model with its availability and vocabulary. Prompts made of its words are accepted."""
-    del principal
     settings = app.settings
+    own = {kept.noun: parts_to_set(as_word(kept)) for kept in app.record.words.all(principal.owner_id)}
     models = list_models(settings.model, settings.allowed_models, settings.model_revision, public=True)
     views = [ModelView.model_validate(asdict(model)) for model in models]
-    return JSONResponse(ModelList(default=views[0].id, models=views).model_dump(mode="json"))
+    shapes = VocabularyView.model_validate(asdict(shapes_vocabulary(own)))
+    return JSONResponse(ModelList(default=views[0].id, shapes=shapes, models=views).model_dump(mode="json"))
 
 
 @router.get(
@@ -100,6 +105,13 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
             max_uploads_bytes=settings.max_uploads_bytes or None,
             ttl_s=settings.upload_ttl_s,
             signed_url_ttl_s=settings.signed_url_ttl_s,
+        ),
+        words=WordLimits(
+            max_words=settings.max_words,
+            max_words_bytes=settings.max_words_bytes or None,
+            max_meshes=MAX_SHAPES,
+            max_faces=MAX_FACES,
+            max_bytes=MAX_WORD_BYTES,
         ),
         kinds=[_described(kind) for kind in kinds()],
     )

@@ -29,6 +29,7 @@ from meshdeform.record.schema import (
     uploads,
     webhooks,
 )
+from meshdeform.record.schema import words as own_words
 from meshdeform.requests.document import JobRequest
 from service.jobs.estimates import estimate
 from tests.cases import each_case
@@ -37,7 +38,7 @@ from tests.integration.record_calls import LEASE_S, at, posted
 pytestmark = pytest.mark.both_databases
 
 COUNT = 10_000
-LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads", "files", "job_files", "job_texts")
+LARGE = ("jobs", "events", "labels", "idempotency", "deliveries", "uploads", "files", "job_files", "job_texts", "words")
 _PREFIX = "job_01kg9zqk2xf3v8c5m7n9p"
 MIDDLE = f"{_PREFIX}{COUNT + COUNT // 2}"
 
@@ -109,6 +110,10 @@ def _multiply(connection: sa.Connection, record: JobRecord) -> None:
         "id": sa.literal("upl_") + text, "owner_id": "", "filename": "a.glb", "size": 3,
         "key": sa.literal("assets/") + text, "created_at": now, "expires_at": later,
     })  # fmt: skip
+    put(own_words, {
+        "owner_id": owner, "noun": text, "sha256": "s", "key": sa.literal("assets/") + text, "size": 3,
+        "told": empty, "faces": empty, "created_at": now,
+    })  # fmt: skip
     put(idempotency, {
         "owner_id": "me", "key": text, "request_hash": "h", "token": "t", "locked_until": now, "created_at": now,
     })  # fmt: skip
@@ -178,6 +183,7 @@ QUESTIONS: dict[str, Ask] = {
     "old keys": lambda record: record.upkeep.delete_stale_requests(),
     "a key": lambda record: record.idempotency.begin("me", str(COUNT), "h"),
     "uploads over their time": lambda record: record.upkeep.expired_uploads(),
+    "an owner's words": lambda record: record.words.all(OWNER),
     "who is to be told": lambda record: record.upkeep.unannounced(),
     "how many are queued": lambda record: record.upkeep.queued_count(),
     "how many may start": lambda record: record.upkeep.queued_count(2),

@@ -1,10 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { findings, shapeWords, skipped } from "../../service/web/app/quality.js";
-import { otherVariation } from "../../service/web/app/params.js";
+import { otherVariation, wishOf } from "../../service/web/app/params.js";
 import { isWorthLess } from "../../service/web/app/verdict.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
-import { adjectives, catalogue, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
+import { adjectives, catalogue, nounIn, ownNouns, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
 const KNOWN = { nouns: ["giraffe", "octopus", "vase"], parts: {}, attributes: ["tall", "thin", "long", "short/long neck"], examples: [], groups: [] };
 
@@ -141,7 +141,7 @@ test("prompts are put together from what a prior knows", () => {
 });
 
 test("models are as the server names them, and none where it could not be asked", () => {
-  assert.deepEqual(catalogue({}), { default: "", models: [] });
+  assert.deepEqual(catalogue({}), { default: "", models: [], shapes: null });
   const found = catalogue({ default: "builtin", models: [{ id: "builtin", vocabulary: { nouns: ["cat", "vase"], groups: { animals: ["cat"], vessels: ["vase"] } } }, { id: "sd", available: null, vocabulary: null }, { id: "away", available: false, vocabulary: null }] });
   assert.equal(found.default, "builtin");
   assert.deepEqual(found.models[0].vocabulary?.groups, [["animals", ["cat"]], ["vessels", ["vase"]]]);
@@ -160,4 +160,24 @@ test("variations ask for different members of what the prompt allows", () => {
   ]);
   assert.deepEqual(variationPrompts("something else", 2, known), ["something else", "something else"]);
   assert.deepEqual(variationPrompts("a vase", 2, null), ["a vase", "a vase"]);
+});
+
+test("words of the user's own come first, and are found whole in a prompt", () => {
+  const own = { ...KNOWN, nouns: ["vase-stand", ...KNOWN.nouns], groups: { yours: ["vase-stand"], things: ["vase"] } };
+  const { shapes } = catalogue({ models: [], default: "builtin", shapes: own });
+  assert.deepEqual(ownNouns(shapes), ["vase-stand"]);
+  assert.deepEqual(ownNouns({ ...KNOWN, groups: [] }), []);
+  assert.equal(catalogue({}).shapes, null);
+  assert.equal(nounIn("a tall vase stand", shapes).noun, "vase-stand");
+  assert.equal(nounIn("a tall vase", shapes).noun, "vase");
+  assert.equal(nounIn("a vasestand", shapes), null);
+  assert.equal(withAdjective("a vase-stand with a long neck", "tall", shapes), "a tall vase-stand with a long neck");
+  assert.equal(withNoun("a tall vase stand", "vase", shapes), "a tall vase");
+});
+
+test("a job that is asked for again has words as they are then, not as they were", () => {
+  const params = { guidance: { kind: "exemplar", words: { fruit: "0".repeat(64) } }, seed: 1 };
+  const job = { prompt: "a fruit", params, output: {}, files: { asset: {}, words: {} } };
+  assert.deepEqual(otherVariation(job, 7).params, { guidance: { kind: "exemplar" }, seed: 7 });
+  assert.equal("words" in wishOf(job, []).kept.params, false);
 });

@@ -3,7 +3,8 @@ import { events, type WatchOptions } from "./events.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Parts, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation,
+  type JobState, type Limits, type Models, type Parts, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation, type Word,
+  type WordDetail, type WordRequest,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
 import { readVerdict, type Verdict } from "./verdicts.js";
@@ -253,12 +254,66 @@ export class Client {
     return { ...found, url: this.url(found.url) };
   }
 
+  /** Make a word of your own of meshes, or of ZIPs of several; your prompts can name it at once. */
+  async addWord(meshes: Asset[], request: WordRequest, options: { idempotencyKey?: string; signal?: AbortSignal } = {}): Promise<Word> {
+    const form = new FormData();
+    const stored: FileReference[] = [];
+    for (const [at, mesh] of meshes.entries()) {
+      if (!isData(mesh)) stored.push(reference(mesh));
+      else {
+        const { blob, filename } = named(mesh);
+        form.append("meshes", blob, mesh instanceof Blob ? filename : `mesh-${at + 1}.glb`);
+      }
+    }
+    const [word] = await this.#words(form, { ...request, meshes: stored }, options);
+    return word!;
+  }
+
+  /** Keep the words of a file that `exportWord` or the command line wrote, all or none. */
+  async importWords(file: Blob, options: { replace?: boolean; idempotencyKey?: string; signal?: AbortSignal } = {}): Promise<Word[]> {
+    const form = new FormData();
+    form.append("word", file, "some.word");
+    return this.#words(form, { replace: options.replace ?? false }, options);
+  }
+
+  /** List your words. */
+  async words(signal?: AbortSignal): Promise<Word[]> {
+    return (await this.#transport.json<{ words: Word[] }>("v1/words", { signal })).words;
+  }
+
+  /** Read a word of yours, with its meshes. */
+  async word(noun: string, signal?: AbortSignal): Promise<WordDetail> {
+    return this.#transport.json<WordDetail>(wordPath(noun), { signal });
+  }
+
+  /** Return a word's file. */
+  async exportWord(noun: string, signal?: AbortSignal): Promise<Blob> {
+    return this.#blob(`${wordPath(noun)}/content`, signal);
+  }
+
+  /** Return a PNG of a word's meshes, coloured by their parts. */
+  async drawWord(noun: string, signal?: AbortSignal): Promise<Blob> {
+    return this.#blob(`${wordPath(noun)}/picture.png`, signal);
+  }
+
+  /** Delete a word. Jobs that have it keep it. */
+  async deleteWord(noun: string, signal?: AbortSignal): Promise<void> {
+    await this.#transport.request(wordPath(noun), { method: "DELETE", signal });
+  }
+
   async models(signal?: AbortSignal): Promise<Models> {
     return this.#transport.json<Models>("v1/models", { signal });
   }
 
   async limits(signal?: AbortSignal): Promise<Limits> {
     return this.#transport.json<Limits>("v1/limits", { signal });
+  }
+
+  async #words(form: FormData, request: object, options: { idempotencyKey?: string; signal?: AbortSignal }): Promise<Word[]> {
+    form.append("request", new Blob([JSON.stringify(request)], { type: "application/json" }));
+    const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
+    const call = { method: "POST", body: form, headers, signal: options.signal };
+    return (await this.#transport.json<{ words: Word[] }>("v1/words", call)).words;
   }
 
   /** Upload a file before its job; null where the service takes uploads at a host that this client keeps away from. */
@@ -307,6 +362,11 @@ function id(job: JobLike): string {
 
 function path(job: JobLike, rest = ""): string {
   return `v1/jobs/${id(job)}${rest && `/${rest}`}`;
+}
+
+function wordPath(noun: string): string {
+  if (!noun) throw new TypeError("A word needs a noun.");
+  return `v1/words/${encodeURIComponent(noun)}`;
 }
 
 function isData(file: Asset): file is Blob | ArrayBuffer | Uint8Array<ArrayBuffer> {

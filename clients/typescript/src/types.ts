@@ -24,6 +24,12 @@ export type SketchGuesses = Schemas["SketchGuesses"];
 export type SketchGuess = Schemas["SketchGuess"];
 /** A shape of a family, with its parameters by name. */
 export type Sketch = Schemas["Sketch"];
+/** A word of one's own. */
+export type Word = Schemas["WordView"];
+/** A word of one's own, with its meshes. */
+export type WordDetail = Schemas["WordDetail"];
+/** What a word of one's own is to be. */
+export type WordRequest = Omit<Schemas["WordDocument"], "meshes">;
 export type Params = Schemas["DeformParams"];
 
 /** A file of the service: an upload, or an artifact of a job that has succeeded; or one that it fetches. */

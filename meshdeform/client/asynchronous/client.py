@@ -16,7 +16,16 @@ from typing import Any, Literal, Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from meshdeform.api.documents import FoundParts, LimitList, ModelList, SketchGuesses, UploadView
+from meshdeform.api.documents import (
+    FoundParts,
+    LimitList,
+    ModelList,
+    SketchGuesses,
+    UploadView,
+    WordDetail,
+    WordList,
+    WordView,
+)
 from meshdeform.api.jobs import (
     ArtifactList,
     ArtifactView,
@@ -27,7 +36,14 @@ from meshdeform.api.jobs import (
 )
 from meshdeform.api.states import JobState
 from meshdeform.client.asynchronous.connection import AsyncConnection, pause, shielded, tell, work
-from meshdeform.client.asynchronous.transfers import followed, loaded, prepared, saved, uploaded
+from meshdeform.client.asynchronous.transfers import (
+    followed,
+    loaded,
+    prepared,
+    prepared_word,
+    saved,
+    uploaded,
+)
 from meshdeform.client.documents import (
     AFTERWARDS,
     GLB,
@@ -54,7 +70,16 @@ from meshdeform.client.orders import (
     refer,
 )
 from meshdeform.client.problems import succeeded
-from meshdeform.client.requests import Call, Endpoint, JobLike, artifact_path, identity, job_path
+from meshdeform.client.requests import (
+    Call,
+    Endpoint,
+    JobLike,
+    Part,
+    artifact_path,
+    identity,
+    job_path,
+    word_path,
+)
 from meshdeform.client.retries import Patience, Policy, left_s, pace
 from meshdeform.errors import (
     ChecksumError,
@@ -604,6 +629,85 @@ class AsyncClient:
     async def models(self) -> ModelList:
         """Return the models that jobs may use."""
         return await self._connection.document(ModelList, Call("GET", "/v1/models"))
+
+    async def add_word(
+        self,
+        noun: str,
+        meshes: Sequence[AssetLike],
+        *,
+        synonyms: Sequence[str] = (),
+        like: str = "",
+        front: float | None = None,
+        fronts: Mapping[str, float] | None = None,
+        licence: str = "",
+        replace: bool = False,
+    ) -> WordView:
+        """Make a word of your own of meshes, which your prompts can name at once.
+
+        Parameters
+        ----------
+        noun : str
+            What they are.
+        meshes : sequence of assets
+            One or more, or ZIPs of several.
+        synonyms : sequence of str
+            Other names for it.
+        like : str
+            A noun of ours as whose parts theirs are read. Default: what the first looks like.
+        front : float, optional
+            Where all face, in degrees: 0 is +Z, 90 is +X. Default: found with the parts, else +Z.
+        fronts : mapping, optional
+            Where some face, by the names of their files.
+        licence : str
+            Of the meshes, in a few words.
+        replace : bool
+            Take the place of your word of that noun, or of ours, for you.
+
+        Raises
+        ------
+        AssetError
+            A mesh cannot be used; nothing was kept.
+        ParameterError
+            The noun is taken, the meshes face differently, or there would be too many words.
+        DependencyError, UnavailableError
+            The service cannot make words, or cannot make them now.
+        """
+        said: dict[str, Any] = {"noun": noun, "synonyms": list(synonyms), "like": like, "licence": licence}
+        said |= {"front": front, "fronts": dict(fronts or {}), "replace": replace}
+        with contextlib.ExitStack() as opened:
+            call = await prepared_word(self._connection, said, meshes, checked_key(None), opened)
+            return (await self._connection.document(WordList, call)).words[0]
+
+    async def import_words(self, file: AssetLike, *, replace: bool = False) -> list[WordView]:
+        """Keep the words of a file that `export_word` or the command line wrote, all or none; `replace` as there."""
+        with contextlib.ExitStack() as opened:
+            source = await work(open_source, file, opened)
+            if not isinstance(source, LocalFile):
+                raise ValueError("Words are imported of a local file.")  # noqa: TRY004
+            part = Part("word", source.filename, source.file)
+            headers = {"Idempotency-Key": checked_key(None)}
+            call = Call("POST", "/v1/words", headers=headers, document={"replace": replace}, parts=(part,))
+            return (await self._connection.document(WordList, call)).words
+
+    async def words(self) -> list[WordView]:
+        """Return your words, by the alphabet."""
+        return (await self._connection.document(WordList, Call("GET", "/v1/words"))).words
+
+    async def word(self, noun: str) -> WordDetail:
+        """Return a word of yours with its meshes."""
+        return await self._connection.document(WordDetail, Call("GET", word_path(noun)))
+
+    async def export_word(self, noun: str) -> bytes:
+        """Return a word's file, for `import_words` of others; several may be joined."""
+        return await loaded(self._connection, word_path(noun, "content"))
+
+    async def draw_word(self, noun: str) -> bytes:
+        """Return a PNG of a word's meshes, coloured by their parts; of many, some."""
+        return (await self._connection.answered(Call("GET", word_path(noun, "picture.png")))).content
+
+    async def delete_word(self, noun: str) -> None:
+        """Delete a word. Jobs that have it keep it."""
+        await self._connection.answered(Call("DELETE", word_path(noun)))
 
     async def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
         """Return an artifact's bytes after verifying their SHA-256.

@@ -7,10 +7,10 @@ import contextlib
 import hashlib
 import time
 import uuid
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import httpx
 
@@ -19,7 +19,7 @@ from meshdeform.api.jobs import EventView
 from meshdeform.api.states import MAX_FILENAME
 from meshdeform.client.documents import PartialFile, read, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call
-from meshdeform.client.orders import Files, LocalFile, Order, open_source, refer
+from meshdeform.client.orders import AssetLike, Files, LocalFile, Order, open_source, refer
 from meshdeform.client.problems import error_of
 from meshdeform.client.requests import Call, Part, Piece, job_path
 from meshdeform.client.retries import Patience, left_s, unanswered, worth_a_retry
@@ -35,6 +35,7 @@ from meshdeform.errors import (
 
 _LIVED_S = 5.0  # a connection that lasted this long does not count as a failure
 _STALE = 0.75
+_WORD_S = 660.0
 
 
 def prepared(
@@ -64,6 +65,28 @@ def prepared(
             refer(document, name, {"upload_id": upload.id})
     headers = {"Idempotency-Key": files.key} if url == "/v1/jobs" else {}
     return Call("POST", url, headers=headers, document=document, parts=tuple(parts)), local_files
+
+
+def prepared_word(
+    connection: Connection,
+    said: dict[str, Any],
+    meshes: Sequence[AssetLike],
+    key: str,
+    opened: contextlib.ExitStack,
+) -> Call:
+    """Return the request that makes a word, after uploading the meshes that make its form large."""
+    parts, stored, size = list[Part](), list[Mapping[str, str]](), 0
+    for number, mesh in enumerate(meshes):
+        source = work(open_source, mesh, opened)
+        if not isinstance(source, LocalFile):
+            stored.append(source)
+        elif size + source.size > connection.policy.upload_above:
+            stored.append({"upload_id": (uploaded(connection, source, f"{key}/{number}")).id})
+        else:
+            parts.append(Part("meshes", source.filename, source.file))
+            size += source.size
+    headers, document = {"Idempotency-Key": key}, {**said, "meshes": stored}
+    return Call("POST", "/v1/words", headers=headers, document=document, parts=tuple(parts), read_timeout_s=_WORD_S)
 
 
 # Uploads

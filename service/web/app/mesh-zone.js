@@ -10,7 +10,7 @@ import { fileInput, takeDrops } from "./picking.js";
 export class MeshZone {
   /**
    * @param {import("./scope.js").Scope} scope
-   * @param {{id: string, hint: string, empty: string, further?: string[]}} options `further`: names of other files that may come along.
+   * @param {{id: string, hint: string, empty: string, further?: string[]}} options `further`: names of other files that may come along, or how they end.
    */
   constructor(scope, { id, hint, empty, further = [] }) {
     this.empty = empty;
@@ -32,6 +32,11 @@ export class MeshZone {
       this.list,
     );
     takeDrops(scope, this.element, (files) => this._take(files));
+    this._draw();
+  }
+
+  clear() {
+    this.files = [];
     this._draw();
   }
 
@@ -60,7 +65,7 @@ export class MeshZone {
 
   /** @param {File[]} files */
   _take(files) {
-    const wrong = files.find((file) => !FORMATS.includes(formatOf(file.name)) && !this.further.includes(file.name));
+    const wrong = files.find((file) => !FORMATS.includes(formatOf(file.name)) && !this.further.some((end) => file.name.endsWith(end)));
     const zip = [...this.files, ...files].some((file) => formatOf(file.name) === "zip");
     const refusal = wrong
       ? `${wrong.name} isn't supported. Use GLB, OBJ, PLY or STL, or a ZIP of them.`

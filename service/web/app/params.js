@@ -159,8 +159,9 @@ export function refinement(job) {
  * @returns {Record<string, any> | null}
  */
 export function otherVariation(job, seed = randomSeed()) {
-  if (!job.prompt || Object.keys(job.files ?? {}).some((part) => part !== "asset")) return null;
-  return { prompt: job.prompt, params: { ...job.params, seed }, output: job.output, metadata: job.metadata ?? {} };
+  if (!job.prompt || Object.keys(job.files ?? {}).some((part) => part !== "asset" && part !== "words")) return null;
+  const { words: _, ...guidance } = job.params?.guidance ?? {}; // pinned anew, as they are now
+  return { prompt: job.prompt, params: { ...job.params, ...(job.params?.guidance ? { guidance } : {}), seed }, output: job.output, metadata: job.metadata ?? {} };
 }
 
 /** Whether a job fits its asset to a shape, and asks no model. @param {any} job */
@@ -183,8 +184,8 @@ export function randomSeed(random = Math.random) {
   return Math.floor(random() * 100000);
 }
 
-// Not kept: what the form asks for itself.
-const ASKED = ["preset", "model", "seed", "checkpoint_every_steps", ...GUIDE_PARAMS];
+// Not kept: what the form asks for itself, and the words, which the server pins anew.
+const ASKED = ["preset", "model", "words", "seed", "checkpoint_every_steps", ...GUIDE_PARAMS];
 
 /** Nothing kept. @returns {Kept} */
 export function nothingKept() {

@@ -4,22 +4,28 @@
  *
  * @typedef {{nouns: string[], attributes: string[], parts: Record<string, string[]>, examples: string[], groups: [string, string[]][]}} Vocabulary
  * @typedef {{id: string, title: string, description: string, available: boolean, vocabulary: Vocabulary | null}} Model
- * @typedef {{default: string, models: Model[]}} Catalogue
+ * @typedef {{default: string, models: Model[], shapes: Vocabulary | null}} Catalogue `shapes`: what there are shapes of, whatever the model; the user's own words first.
  */
 
 /** What `GET /v1/models` says; nothing, where it could not be asked. @param {any} document @returns {Catalogue} */
-export function catalogue({ models = [], default: standard = "" }) {
+export function catalogue({ models = [], default: standard = "", shapes = null }) {
+  const words = (/** @type {any} */ vocabulary) => vocabulary && { ...vocabulary, groups: Object.entries(vocabulary.groups) };
   const read = (/** @type {any} */ model) => ({
     ...model,
     available: model.available !== false, // null: the server cannot tell
-    vocabulary: model.vocabulary && { ...model.vocabulary, groups: Object.entries(model.vocabulary.groups) },
+    vocabulary: words(model.vocabulary),
   });
-  return { default: standard, models: models.map(read) };
+  return { default: standard, models: models.map(read), shapes: words(shapes) };
 }
 
 /** Attributes that stand before a noun; those of parts ("long neck") are two words. @param {Vocabulary} known */
 export function adjectives(known) {
   return known.attributes.filter((attribute) => /^[a-z]+$/.test(attribute));
+}
+
+/** Words of the user's own. @param {Vocabulary} known */
+export function ownNouns(known) {
+  return known.groups.find(([group]) => group === "yours")?.[1] ?? [];
 }
 
 /** @param {string} word */
@@ -38,15 +44,21 @@ export function withNoun(prompt, noun, known) {
   return withArticle([...kept, noun].join(" "));
 }
 
+/** The noun that a prompt names, and where; of several the longest: "a dragon fruit" is no dragon. @param {string} prompt @param {Vocabulary} known */
+export function nounIn(prompt, known) {
+  const text = ` ${prompt.toLowerCase().replace(/[^a-z]/g, " ")} `;
+  const found = known.nouns.map((noun) => ({ noun, at: text.indexOf(` ${noun.replaceAll("-", " ")} `) })).filter(({ at }) => at >= 0);
+  return found.sort((one, other) => other.noun.length - one.noun.length)[0] ?? null;
+}
+
 /** The prompt with an adjective more, or without it where it has it. @param {string} prompt @param {string} adjective @param {Vocabulary} known */
 export function withAdjective(prompt, adjective, known) {
-  const words = prompt.toLowerCase().match(/[a-z]+/g) ?? [];
-  const noun = words.find((word) => known.nouns.includes(word));
+  const found = nounIn(prompt, known);
   const before = used(prompt, known);
   const kept = before.includes(adjective) ? before.filter((word) => word !== adjective) : [...before, adjective];
-  if (!noun) return prompt.trim() ? `${prompt.trim()} ${adjective}` : adjective;
-  const tail = prompt.slice(prompt.toLowerCase().indexOf(noun) + noun.length);
-  return withArticle([...kept, noun].join(" ")) + tail;
+  if (!found) return prompt.trim() ? `${prompt.trim()} ${adjective}` : adjective;
+  const tail = prompt.slice(found.at + found.noun.length);
+  return withArticle([...kept, found.noun].join(" ")) + tail;
 }
 
 /**
@@ -59,7 +71,7 @@ export function withAdjective(prompt, adjective, known) {
 export function variationPrompts(prompt, count, known) {
   /** @type {string[]} */
   const words = prompt.toLowerCase().match(/[a-z]+/g) ?? [];
-  const noun = words.find((word) => known?.nouns.includes(word));
+  const noun = known && nounIn(prompt, known)?.noun;
   if (!known || !noun) return Array(count).fill(prompt);
   const sizes = (known.parts[noun] ?? []).filter((part) => !words.includes(part));
   // The vocabulary has "short neck" before "long neck".

@@ -195,11 +195,58 @@ export class Client {
         const found = await this.#transport.json(path(job, "url"), { method: "POST", signal });
         return { ...found, url: this.url(found.url) };
     }
+    /** Make a word of your own of meshes, or of ZIPs of several; your prompts can name it at once. */
+    async addWord(meshes, request, options = {}) {
+        const form = new FormData();
+        const stored = [];
+        for (const [at, mesh] of meshes.entries()) {
+            if (!isData(mesh))
+                stored.push(reference(mesh));
+            else {
+                const { blob, filename } = named(mesh);
+                form.append("meshes", blob, mesh instanceof Blob ? filename : `mesh-${at + 1}.glb`);
+            }
+        }
+        const [word] = await this.#words(form, { ...request, meshes: stored }, options);
+        return word;
+    }
+    /** Keep the words of a file that `exportWord` or the command line wrote, all or none. */
+    async importWords(file, options = {}) {
+        const form = new FormData();
+        form.append("word", file, "some.word");
+        return this.#words(form, { replace: options.replace ?? false }, options);
+    }
+    /** List your words. */
+    async words(signal) {
+        return (await this.#transport.json("v1/words", { signal })).words;
+    }
+    /** Read a word of yours, with its meshes. */
+    async word(noun, signal) {
+        return this.#transport.json(wordPath(noun), { signal });
+    }
+    /** Return a word's file. */
+    async exportWord(noun, signal) {
+        return this.#blob(`${wordPath(noun)}/content`, signal);
+    }
+    /** Return a PNG of a word's meshes, coloured by their parts. */
+    async drawWord(noun, signal) {
+        return this.#blob(`${wordPath(noun)}/picture.png`, signal);
+    }
+    /** Delete a word. Jobs that have it keep it. */
+    async deleteWord(noun, signal) {
+        await this.#transport.request(wordPath(noun), { method: "DELETE", signal });
+    }
     async models(signal) {
         return this.#transport.json("v1/models", { signal });
     }
     async limits(signal) {
         return this.#transport.json("v1/limits", { signal });
+    }
+    async #words(form, request, options) {
+        form.append("request", new Blob([JSON.stringify(request)], { type: "application/json" }));
+        const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
+        const call = { method: "POST", body: form, headers, signal: options.signal };
+        return (await this.#transport.json("v1/words", call)).words;
     }
     /** Upload a file before its job; null where the service takes uploads at a host that this client keeps away from. */
     async #ahead(blob, filename, signal) {
@@ -250,6 +297,11 @@ function id(job) {
 }
 function path(job, rest = "") {
     return `v1/jobs/${id(job)}${rest && `/${rest}`}`;
+}
+function wordPath(noun) {
+    if (!noun)
+        throw new TypeError("A word needs a noun.");
+    return `v1/words/${encodeURIComponent(noun)}`;
 }
 function isData(file) {
     return file instanceof Blob || file instanceof ArrayBuffer || ArrayBuffer.isView(file);

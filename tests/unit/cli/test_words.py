@@ -39,7 +39,7 @@ def test_a_folder_of_meshes_is_a_word_at_once(meshes: Path, store: WordFolder) -
     (kept,) = store.words()
     assert (kept.noun, kept.synonyms, kept.faces) == ("dragon-fruit", ("pitaya",), (320, 320))
     assert told[0]["sha256"] == kept.sha256
-    assert [each["source"] for each in told[0]["meshes"]] == ["a.glb", "b.glb"]
+    assert [each["source"] for each in told[0]["sources"]] == ["a.glb", "b.glb"]
     shown = done("words show dragon-fruit").stdout
     assert kept.sha256 in shown
     assert "CC0" in shown

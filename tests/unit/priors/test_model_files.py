@@ -14,11 +14,15 @@ import pytest
 
 from meshdeform.errors import DependencyError, ModelError
 from meshdeform.priors import check_model
-from meshdeform.priors.builtin.vocabulary import NOUNS
-from meshdeform.priors.catalogue import EXAMPLES, list_models
+from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS, tokenise
+from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
+from meshdeform.priors.catalogue import EXAMPLES, list_models, shapes_vocabulary
 from meshdeform.priors.model_files import find
 from meshdeform.vocabulary.grammar import ATTRIBUTES, parse
+from meshdeform.vocabulary.nouns import NOUNS
+from meshdeform.words import in_use
 from tests.cases import each_case
+from tests.unit.words.words import WEDGE
 
 HUB_ID = "somebody/tiny-stable-diffusion"
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -207,12 +211,23 @@ def test_the_builtin_model_is_there_and_says_all_that_it_understands() -> None:
     (model,) = list_models("builtin")
     assert (model.id, model.available, model.problem) == ("builtin", True, None)
     assert model.vocabulary is not None
-    assert set(model.vocabulary.nouns) == set(NOUNS)
-    for noun in model.vocabulary.nouns:
-        assert parse(f"a {noun}").noun == noun
-        for part in model.vocabulary.parts[noun]:
-            assert [a for a in model.vocabulary.attributes if a.endswith(f" {part}")], (noun, part)
-    for text, attribute in zip(model.vocabulary.attributes, ATTRIBUTES, strict=True):
+    assert model.vocabulary.parts == PRIOR_NOUNS
+    assert sorted(noun for nouns in model.vocabulary.groups.values() for noun in nouns) == sorted(PRIOR_NOUNS)
+    for prompt in (*EXAMPLES, *(f"a {noun}" for noun in model.vocabulary.nouns)):
+        tokenise(parse(prompt, BUILTIN_WORDS))
+
+
+def test_prompts_can_say_all_that_there_are_shapes_of_and_words_of_ones_own_first() -> None:
+    found = shapes_vocabulary({"wedge": ("head",)})
+    assert found.nouns[0] == "wedge"
+    assert set(found.nouns) == {"wedge", *NOUNS}
+    assert next(iter(found.groups.items())) == ("yours", ("wedge",))
+    with in_use([WEDGE]):
+        for noun in found.nouns:
+            assert parse(f"a {noun}").noun == noun
+            for part in found.parts[noun]:
+                assert [a for a in found.attributes if a.endswith(f" {part}")], (noun, part)
+    for text, attribute in zip(found.attributes, ATTRIBUTES, strict=True):
         noun = next(noun for noun in NOUNS if attribute.part in ("whole", *NOUNS[noun]))
         prompt = f"a {text} {noun}" if attribute.part == "whole" else f"a {noun} with a {text}"
         assert parse(prompt).attributes == (attribute,)

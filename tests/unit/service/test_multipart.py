@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from meshdeform.errors import AssetTooLargeError, MeshdeformError, RequestError
-from service.http.bodies import ReceivedFile, receive_form
+from service.http.bodies import FormFiles, ReceivedFile, receive_form
 from tests.cases import each_case
 
 KIND = "multipart/form-data; boundary=edge"
@@ -97,3 +97,28 @@ def test_a_file_keeps_the_last_part_of_its_name_in_its_own_script(disposition: s
     _, received = receive(head + part("request", b"{}") + b"--edge--\r\n", tmp_path)
     assert received["asset"].filename == kept
     assert received["asset"].path.parent == tmp_path
+
+
+def test_a_part_that_may_be_repeated_is_numbered_and_no_form_has_ever_so_many(tmp_path: Path) -> None:
+    known = FormFiles(("meshes",), "Send meshes.", repeated=("meshes",))
+
+    def received(count: int) -> dict[str, ReceivedFile]:
+        body = b"".join(part("meshes", b"%d" % number, "a.glb") for number in range(count))
+
+        async def pieces() -> AsyncIterator[bytes]:
+            yield body + part("request", b"{}") + b"--edge--\r\n"
+
+        return asyncio.run(receive_form(KIND, "", pieces(), tmp_path, 10**6, known))[1]
+
+    files = received(3)
+    assert [(name, file.path.read_bytes()) for name, file in files.items()] == [
+        ("meshes", b"0"), ("meshes_2", b"1"), ("meshes_3", b"2"),
+    ]  # fmt: skip
+    with pytest.raises(RequestError, match="more than 250 parts"):
+        received(251)
+    with pytest.raises(RequestError, match="Unknown part 'asset'"):
+        asyncio.run(receive_form(KIND, "", _once(form(b"data")), tmp_path, 10**6, known))
+
+
+async def _once(body: bytes) -> AsyncIterator[bytes]:
+    yield body

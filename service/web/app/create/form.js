@@ -5,13 +5,14 @@ import { isAbort } from "../client.js";
 import { h } from "../dom.js";
 import { routeHash } from "../router.js";
 
-/** @typedef {"create" | "surface" | "family"} Kind */
+/** @typedef {"create" | "surface" | "family" | "words"} Kind */
 
 /** The kinds of job that have a form. @type {[Kind, string][]} */
 const KINDS = [
   ["create", "Deform by words"],
   ["surface", "Fit a surface"],
   ["family", "Find a family"],
+  ["words", "Your words"],
 ];
 
 /** @param {Kind} here */
@@ -35,6 +36,8 @@ export class JobForm {
    * @param {() => boolean} does.ready Whether all can be sent; what cannot is said.
    * @param {() => Promise<string>} does.send Starts jobs, and returns the address that shows them.
    * @param {(error: unknown) => void} does.refuse Says why none started.
+   * @param {string} [does.busy] Label of the button meanwhile.
+   * @param {string} [does.failed] Announced where none started.
    */
   constructor(scope, name, label, does) {
     this.scope = scope;
@@ -62,13 +65,13 @@ export class JobForm {
     if (this.busy || !this.does.ready()) return;
     this.busy = true;
     this.button.setAttribute("aria-disabled", "true");
-    this.button.textContent = "Starting…";
+    this.button.textContent = this.does.busy ?? "Starting…";
     try {
       const hash = await this.does.send();
       if (!this.scope.over) location.hash = hash;
     } catch (error) {
       if (this.scope.over || isAbort(error)) return;
-      announce("The job did not start");
+      announce(this.does.failed ?? "The job did not start");
       this.does.refuse(error);
     } finally {
       this.busy = false;

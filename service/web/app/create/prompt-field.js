@@ -3,7 +3,7 @@
 import { button, fill, h, icon, invalid, labelled } from "../dom.js";
 import { titled } from "../format.js";
 import { showRefusal } from "../refusal.js";
-import { adjectives, surprise, withAdjective, withNoun } from "../vocabulary.js";
+import { adjectives, nounIn, ownNouns, surprise, withAdjective, withArticle, withNoun } from "../vocabulary.js";
 
 const EXAMPLES_SHOWN = 5;
 export const LONGEST = 1000;
@@ -50,8 +50,10 @@ export class PromptField {
   _press() {
     /** @type {string[]} */
     const words = this.input.value.toLowerCase().match(/[a-z]+/g) ?? [];
+    const known = this.model?.vocabulary;
+    const noun = known && nounIn(this.input.value, known)?.noun;
     for (const chip of this.words.querySelectorAll("button[data-word]")) {
-      chip.setAttribute("aria-pressed", String(words.includes(/** @type {HTMLElement} */ (chip).dataset.word ?? "")));
+      chip.setAttribute("aria-pressed", String([noun, ...words].includes(/** @type {HTMLElement} */ (chip).dataset.word ?? "")));
     }
   }
 
@@ -64,7 +66,7 @@ export class PromptField {
     this.model = model;
     const known = model?.vocabulary;
     /** @type {string[]} */
-    const examples = known ? known.examples.slice(0, EXAMPLES_SHOWN) : [];
+    const examples = known ? [...ownNouns(known).map(withArticle), ...known.examples].slice(0, EXAMPLES_SHOWN) : [];
     fill(
       this.chips,
       examples.map((text) => h("button", { type: "button", class: "chip", on: { click: () => this.set(text) } }, text)),

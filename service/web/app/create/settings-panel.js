@@ -21,7 +21,7 @@ export class SettingsPanel {
     this.onChange = onChange;
     this.onModel = onModel;
     /** @type {import("../vocabulary.js").Catalogue} */
-    this.catalogue = { default: "", models: [] };
+    this.catalogue = { default: "", models: [], shapes: null };
     this.model = h("select", { id: "model", on: { change: () => this._modelChanged() } });
     this.modelRow = labelled("model", "Model", this.model);
     this.modelRow.hidden = true;

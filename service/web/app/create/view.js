@@ -134,10 +134,10 @@ export class CreateView {
     if (draft?.wish.prompt && !this.prompt.value) this.prompt.set(draft.wish.prompt);
     const first = this._firstAsset(draft, from);
     const found = catalogue(await models);
-    const known = found.models.find(({ vocabulary }) => vocabulary)?.vocabulary;
+    const known = found.shapes ?? found.models.find(({ vocabulary }) => vocabulary)?.vocabulary;
     await this.fields;
     if (this.scope.over) return;
-    this.parts.line.offer(known?.nouns ?? []);
+    this.parts.line.offer(known?.groups ?? []);
     this.parts.corrector.known = Object.values(known?.parts ?? {}).flat();
     this.way.set(this._usuallyByShape(found));
     if (found.models.length) this.settings.offer(found);
@@ -180,11 +180,12 @@ export class CreateView {
 
   /** @param {import("../vocabulary.js").Model | null} model */
   _offer(model) {
-    const { models } = this.settings.catalogue;
+    const { models, shapes } = this.settings.catalogue;
     const others = models.some((found) => found.id !== model?.id && found.available && !found.vocabulary);
     const { byShape } = this.way;
-    // Whatever the model: there are shapes of the words of the built-in one.
-    this.prompt.offer(byShape ? (models.find(({ id }) => id === "builtin") ?? model) : model, others, byShape);
+    // Whatever the model: no model is asked for what there are shapes of. Servers without a list have that of the built-in one.
+    const builtin = models.find(({ id }) => id === "builtin") ?? model;
+    this.prompt.offer(!byShape ? model : builtin && shapes ? { ...builtin, vocabulary: shapes } : builtin, others, byShape);
   }
 
   /** Whether the server fits to shapes where nobody chooses: unless its operator has named a model. @param {import("../vocabulary.js").Catalogue} catalogue */

@@ -36,10 +36,10 @@ export class ReadingLine {
     });
   }
 
-  /** @param {string[]} nouns That can be typed. */
-  offer(nouns) {
-    this.nouns = nouns;
-    fill(this.list, nouns.map((value) => h("option", { value })));
+  /** @param {[string, string[]][]} groups Nouns that can be typed, by their kind. */
+  offer(groups) {
+    this.nouns = groups.flatMap(([, nouns]) => nouns);
+    fill(this.list, groups.flatMap(([group, nouns]) => nouns.map((value) => h("option", { value, label: `${value} (${group})` }))));
   }
 
   /** @param {import("./reading.js").Reading | null} reading @param {string} noun That somebody said. @param {string} front Likewise, in degrees. */
@@ -74,7 +74,7 @@ export class ReadingLine {
   }
 
   _take() {
-    const noun = this.typed.value.trim().toLowerCase();
+    const noun = this.typed.value.trim().toLowerCase().replaceAll(" ", "-");
     if (this.nouns.length && !this.nouns.includes(noun)) return this._say("No noun that is known here: choose one of the list.");
     this._leave();
     this.onNoun(noun);
