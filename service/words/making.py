@@ -125,7 +125,7 @@ def _check_names(
 
 def _check_bytes(app: AppState, before: Sequence[KeptWord], added: Sequence[NewWord]) -> None:
     """Refuse words with which the owner's would take more bytes than they may."""
-    sizes = {each.noun: each.size for each in (*before, *added)}
+    sizes = {each.noun: each.size for each in before} | {each.noun: each.size for each in added}
     size, limit = sum(sizes.values()), app.settings.max_words_bytes
     if limit and size > limit:
         raise ParameterError(
