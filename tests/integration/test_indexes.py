@@ -98,7 +98,7 @@ def _multiply(connection: sa.Connection, record: JobRecord) -> None:
     put(jobs, every, numbers.join(first, sa.true()))
     put(labels, {"job_id": job_id, "name": "batch", "value": sa.cast(n % 100, sa.String)})
     cast = "" if record.database.is_sqlite else "::json"
-    empty = sa.literal_column(f"'{{}}'{cast}")
+    empty: Any = sa.literal_column(f"'{{}}'{cast}")
     for seq in (1, 2, 3):
         put(events, {"job_id": job_id, "seq": seq, "type": "progress", "at": now, "attempt": 1, "data": empty})
     key, owner = sa.literal("assets/") + text, changed["owner_id"]
