@@ -28,7 +28,7 @@ from meshdeform.nouns.variants import (
 )
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
-from meshdeform.vocabulary.solids import Piece
+from meshdeform.vocabulary.solids import LAYOUTS, Piece
 
 __all__ = ["FORMS", "GENERAL", "drawn", "is_able", "own_forms"]
 
@@ -57,8 +57,11 @@ _FORMS: dict[str, tuple[str, ...]] = {
     "lion": ("lion", "great-cat", "quadruped"),
     "van": ("van", "truck"),
 }
-FORMS: dict[str, tuple[str, ...]] = {noun: (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()}
-"""The families, forms and kinds of which the members of each noun may be."""
+FORMS: dict[str, tuple[str, ...]] = {
+    noun: forms if noun in LAYOUTS else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
+}
+"""The families, forms and kinds of which the members may be by which assets are read. Nouns of `LAYOUTS` are read without
+their kinds: among members of many, a plain dog lost its head and its neck."""
 
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""
@@ -90,8 +93,9 @@ _ALSO = {
 def own_forms(noun: str, attributes: Iterable[Attribute]) -> tuple[str, ...]:
     """Return the family and the forms whose members look like a noun and can have the attributes."""
     wanted = tuple(attributes)
-    own = [form for form in FORMS[noun] if form in _KINDS or (form in _DRAWN and form not in GENERAL)]
-    return (noun, *(form for form in (*own, *_ALSO.get(noun, ())) if is_able(form, wanted)))
+    own = [form for form in FORMS[noun] if form in _DRAWN and form not in GENERAL]
+    others = (*own, *KINDS.get(noun, ()), *_ALSO.get(noun, ()))
+    return (noun, *(form for form in others if is_able(form, wanted)))
 
 
 def is_able(form: str, attributes: Iterable[Attribute]) -> bool:
