@@ -60,8 +60,8 @@ _FORMS: dict[str, tuple[str, ...]] = {
 FORMS: dict[str, tuple[str, ...]] = {
     noun: forms if noun in LAYOUTS else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
 }
-"""The families, forms and kinds of which the members may be by which assets are read. Nouns of `LAYOUTS` are read without
-their kinds: among members of many, a plain dog lost its head and its neck."""
+"""The families, forms and kinds of the members by which assets are read. Nouns of `LAYOUTS` are read without their
+kinds: among members of many, a plain dog lost its head and its neck."""
 
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""
