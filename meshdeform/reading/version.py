@@ -13,7 +13,7 @@ from importlib.resources.abc import Traversable
 
 __all__ = ["MEMBERS_VERSION", "SOURCES", "VERSION"]
 
-_OF_MEMBERS = ("nouns", "vocabulary", "words/members.py", "words/sizes.py")
+_OF_MEMBERS = ("nouns", "vocabulary", "words")
 SOURCES = ("reading", *_OF_MEMBERS)
 """Folders and modules of the package on which readings depend."""
 

@@ -30,7 +30,7 @@ def of(noun: str, wished: str, cache: Path) -> Outlook:
     return told
 
 
-@each_case("noun, wished", [("house", "castle"), ("van", "boat"), ("airplane", "rocket"), ("bed", "bathtub")])
+@each_case("noun, wished", [("house", "castle"), ("airplane", "rocket"), ("bed", "bathtub")])
 def test_what_cannot_be_is_told_with_prompts_that_are_accepted(noun: str, wished: str, cache: Path) -> None:
     told = of(noun, wished, cache)
     assert told.doubtful

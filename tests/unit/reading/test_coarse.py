@@ -17,9 +17,8 @@ def two_balls() -> Part:
     return join([ellipsoid([0, 0, 0], 1.0, rings=40), ellipsoid([5, 0, 0], 1.0, rings=40)])
 
 
-def test_it_has_fewer_faces_in_the_same_place(two_balls: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse_module, "_FEWER", 1000)
-    less = coarse(two_balls)
+def test_it_has_fewer_faces_in_the_same_place(two_balls: Part) -> None:
+    less = coarse(two_balls, 1000)
     assert 300 < len(less.body.faces) <= 1000
     np.testing.assert_allclose(np.ptp(less.body.verts, axis=0), np.ptp(two_balls.verts, axis=0), rtol=0.1)
     apart = np.linalg.norm(less.body.verts[less.of_vert] - two_balls.verts, axis=1)

@@ -235,10 +235,15 @@ GUIDANCE = ["params", "guidance"]
     ],
 )
 def test_what_has_no_exemplar_is_refused(
-    asked: JobRequest, files: tuple[str, ...], error: type[MeshdeformError], words: str, place: list[Any]
+    tmp_path: Path,
+    asked: JobRequest,
+    files: tuple[str, ...],
+    error: type[MeshdeformError],
+    words: str,
+    place: list[Any],
 ) -> None:
     with pytest.raises(error, match=words) as caught:
-        check_request(asked, Settings(model="some/other"), files=["asset", *files])
+        check_request(asked, Settings(model=str(build_tiny_stable_diffusion(tmp_path))), files=["asset", *files])
     assert [each["loc"] for each in caught.value.extra["errors"]] == [place]
 
 
