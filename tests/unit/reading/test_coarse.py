@@ -7,7 +7,6 @@ import pytest
 
 from meshdeform.nouns.families.parts import Part, ellipsoid, join
 from meshdeform.reading import NO_PART
-from meshdeform.reading import coarse as coarse_module
 from meshdeform.reading.coarse import coarse
 from meshdeform.reading.evidence import Evidence
 
@@ -28,9 +27,8 @@ def test_it_has_fewer_faces_in_the_same_place(two_balls: Part) -> None:
     assert np.array_equal(less.of_vert[two_balls.faces[kept]], less.body.faces[less.of_face[kept]])
 
 
-def test_labels_and_evidence_go_there_and_back(two_balls: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse_module, "_FEWER", 1000)
-    less = coarse(two_balls)
+def test_labels_and_evidence_go_there_and_back(two_balls: Part) -> None:
+    less = coarse(two_balls, 1000)
     right = two_balls.verts[:, 0] > 2
     told = less.evidence(Evidence(joints={"head": right.astype(float)}, names={"ball": right}))
     away = less.body.verts[:, 0] > 2
@@ -40,10 +38,9 @@ def test_labels_and_evidence_go_there_and_back(two_balls: Part, monkeypatch: pyt
     assert np.array_equal(less.labels(labels, two_balls.faces), right[two_balls.faces[:, 0]].astype(np.int64))
 
 
-def test_what_all_but_vanishes_is_of_no_part(two_balls: Part, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(coarse_module, "_FEWER", 1000)
+def test_what_all_but_vanishes_is_of_no_part(two_balls: Part) -> None:
     speck = ellipsoid([2.5, 0, 0], 1e-4)
-    less = coarse(join([two_balls, speck]))
+    less = coarse(join([two_balls, speck]), 1000)
     faces = join([two_balls, speck]).faces
     labels = less.labels(np.zeros(len(less.body.faces), np.int64), faces)
     assert (labels[len(two_balls.faces) :] == NO_PART).all()
