@@ -43,7 +43,7 @@ class JudgeConfig:
 
     nouns: tuple[str, ...]
     stem: int = 24
-    channels: tuple[int, int, int] = (48, 96, 128)
+    channels: tuple[int, int, int] = (64, 128, 256)
 
 
 class _Block(nn.Module):

@@ -1,14 +1,16 @@
 """Measure the judge on what it was not trained on: ``python -m training.judge.measure --assets FOLDER``.
 
-Of held-out members of each source, of the families, which it never sees, and of the real assets of
-bench/keep/assets.json, it prints how often the noun is first from one view, and first and among three from eight views;
-calibration; the nouns most often confused; and the likeliest nouns of shapes that are none.
+Of held-out members of each source, of the families, which it never sees, and of real assets (`training.judge.assets`),
+it prints how often the noun is first from one view, and first and among three from eight views; calibration; how often
+it is right from a probability on; the nouns most often confused; and the likeliest nouns of shapes that are none.
+`--only OLD` compares weights: what OLD does not know is left out of the shapes and of the answers.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
 
 import torch
@@ -20,7 +22,7 @@ from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, read_judge
 from meshdeform.vocabulary.nouns import NOUNS
 from training.collections import sources as collections
 from training.collections.members import RealShapes
-from training.judge.assets import views_of_assets
+from training.judge.assets import listed, views_of_assets
 from training.judge.members import FAMILY, HELD_OUT, OTHER, REAL, ViewSet
 from training.shapes import box, cylinder, torus
 
@@ -32,6 +34,7 @@ SHAPES: dict[str, TriangleMesh] = {
 }
 """Shapes that are no noun of the vocabulary."""
 _CONFUSED = 12
+_FROM = (0.3, 0.5, 0.8, 0.9, 0.97)
 
 
 def held_out(source: str, members: int, real: RealShapes | None, *, rough: bool) -> ViewSet:
@@ -53,19 +56,27 @@ def calibration_error(probabilities: Tensor, noun: Tensor) -> float:
 
 
 @torch.no_grad()
-def line(name: str, network: JudgeNetwork, data: ViewSet) -> str:
-    """Return a row of the table, and the pairs of nouns that are most often confused."""
-    logits = network(data.images.flatten(0, 1)[:, None].float() / 255.0)
+def line(name: str, network: JudgeNetwork, data: ViewSet, only: Collection[str]) -> str:
+    """Return a row of the table, how often it is right from a probability on, and the pairs most often confused.
+
+    `only`: nouns that are asked for and answered.
+    """
+    known = [noun for noun in network.config.nouns if noun in only]
+    place = torch.tensor([known.index(noun) if noun in known else -1 for noun in NOUNS])
+    data = ViewSet(data.images, place[data.noun]).rows((place[data.noun] >= 0).nonzero()[:, 0])
+    columns = torch.tensor([network.config.nouns.index(noun) for noun in known])
+    logits = network(data.images.flatten(0, 1)[:, None].float() / 255.0)[:, columns]
     one_view = float((logits.argmax(1) == data.noun.repeat_interleave(data.images.shape[1])).float().mean())
     probabilities = torch.softmax(logits.view(*data.images.shape[:2], -1).mean(1) * network.sharpness, 1)
     found = probabilities.topk(3).indices == data.noun[:, None]
     first, three = float(found[:, 0].float().mean()), float(found.any(1).float().mean())
-    names, guess = list(NOUNS), probabilities.argmax(1)
-    wrong = Counter((names[data.noun[row]], names[guess[row]]) for row in (~found[:, 0]).nonzero()[:, 0].tolist())
-    shares = (one_view, first, three, float(probabilities.amax(1).mean()), calibration_error(probabilities, data.noun))
+    sure, guess = probabilities.max(1)
+    wrong = Counter((known[data.noun[row]], known[guess[row]]) for row in (~found[:, 0]).nonzero()[:, 0].tolist())
+    shares = (one_view, first, three, float(sure.mean()), calibration_error(probabilities, data.noun))
     row = " | ".join([name, str(len(data)), *(f"{share:.3f}" for share in shares)])
+    right = [f"{int(found[sure >= least, 0].sum())} of {int((sure >= least).sum())} from {least}" for least in _FROM]
     told = ", ".join(f"{was} as {answer} {count}" for (was, answer), count in wrong.most_common(_CONFUSED))
-    return f"| {row} |\n  confused: {told}"
+    return f"| {row} |\n  right: {', '.join(right)}\n  confused: {told}"
 
 
 def main() -> None:
@@ -76,7 +87,8 @@ def main() -> None:
     parser.add_argument("--members", type=int, default=3, help="held-out members of each noun and source")
     parser.add_argument("--weights", type=Path, default=WEIGHTS)
     parser.add_argument("--collections", type=Path, help="what training.collections.scan wrote: held-out assets of it")
-    parser.add_argument("--assets", type=Path, help="has the files of bench/keep/assets.json")
+    parser.add_argument("--assets", type=Path, help="has the files that bench lists (training.judge.assets)")
+    parser.add_argument("--only", type=Path, help="weights; ask for the nouns that these know")
     parser.add_argument("--threads", type=int, help="CPU threads")
     arguments = parser.parse_args()
     if arguments.threads:
@@ -86,14 +98,14 @@ def main() -> None:
         f"{metadata['steps']} steps, {arguments.weights.stat().st_size} bytes, sharpness {float(network.sharpness):.2f}"
     )
     print("| | shapes | one view | eight views | among three | confidence | calibration error |")
+    only = read_judge(arguments.only)[0].config.nouns if arguments.only else tuple(NOUNS)
     real = RealShapes(arguments.collections, collections.HELD_OUT) if arguments.collections else None
     for source in (OTHER, *((REAL,) if real else ()), FAMILY):
         for name, rough in (("as built", False), ("roughened", True)):
-            print(
-                line(f"{source}, {name}", network, held_out(source, arguments.members, real, rough=rough)), flush=True
-            )
-    for split in ("tuned", "last") if arguments.assets else ():
-        print(line(f"assets, {split}", network, views_of_assets(arguments.assets, split)), flush=True)
+            shapes = held_out(source, arguments.members, real, rough=rough)
+            print(line(f"{source}, {name}", network, shapes, only), flush=True)
+    for name, assets in listed().items() if arguments.assets else ():
+        print(line(name, network, views_of_assets(arguments.assets, assets), only), flush=True)
     judge = Judge(arguments.weights)
     for name, mesh in SHAPES.items():
         best = sorted(judge.noun_probabilities(mesh).items(), key=lambda item: -item[1])[:3]

@@ -28,11 +28,13 @@ from meshdeform.judge.scoring import WEIGHTS, JudgeConfig, JudgeNetwork, read_ju
 from meshdeform.vocabulary.nouns import NOUNS
 from training.collections.members import RealShapes
 from training.collections.sources import JUDGE, PRIOR
-from training.judge.assets import views_of_assets
+from training.judge.assets import TUNED, listed, views_of_assets
 from training.judge.augment import augmented
 from training.judge.members import ViewSet, counts_of
 
 _log = logging.getLogger(__name__)
+_KEPT_EVERY = 250
+"""Steps after which the weights are written, in case that the run is stopped."""
 
 
 @dataclass(frozen=True)
@@ -167,12 +169,12 @@ def write_judge(path: Path, network: JudgeNetwork, provenance: Mapping[str, str]
 
 
 def main() -> None:
-    """Draw the views, train, calibrate and write the weights."""
+    """Draw the views, train, calibrate and write the weights, also on the way."""
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", force=True)
     arguments = _arguments()
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
-    tuned = views_of_assets(arguments.assets, "tuned")
+    tuned = views_of_assets(arguments.assets, listed()[TUNED])
     real = RealShapes(arguments.collections, PRIOR, JUDGE) if arguments.collections else None
     counts = counts_of(arguments.nouns, arguments.others, arguments.reals, arguments.nothings, real)
     data = ViewSet.cached(arguments.cache, counts, real)
@@ -190,11 +192,12 @@ def main() -> None:
             named = "one view {:.3f}, four views {:.3f}".format(*smooth.tolist())
             per_step = (time.monotonic() - begun) / trainer.done
             _log.info("step %d of %d, %s, %.3f s a step", trainer.done, arguments.steps, named, per_step)
-    network = trainer.averaged()
-    calibrate(network, tuned)
-    provenance = {"steps": before + trainer.done, "seed": arguments.seed, "meshes": len(data)}
-    write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
-    _log.info("sharpness %.2f", float(network.sharpness))
+        if trainer.done % _KEPT_EVERY == 0 or trainer.done == arguments.steps:
+            network = trainer.averaged()
+            calibrate(network, tuned)
+            provenance = {"steps": before + trainer.done, "seed": arguments.seed, "meshes": len(data)}
+            write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
+            _log.info("wrote weights of sharpness %.2f", float(network.sharpness))
 
 
 if __name__ == "__main__":
