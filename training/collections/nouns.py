@@ -21,6 +21,8 @@ def _table() -> dict[str, list[str]]:
 
 _PHRASES = _table()
 _VARIANTS = frozenset(_PHRASES.pop("variants"))
+NAMED = frozenset(_PHRASES)
+"""The nouns that names tell."""
 _NOUN_OF = {phrase: noun for noun, phrases in _PHRASES.items() for phrase in phrases}
 
 

@@ -18,6 +18,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge import WEIGHTS, Judge
 from meshdeform.judge.scoring import draw_views, framed, judging_cameras, training_cameras
 from meshdeform.priors.builtin.prior import CAMERAS
+from meshdeform.vocabulary.nouns import NOUNS
 from tests.cases import each_case
 from training.judge.members import HELD_OUT, NOTHING, draw_shape, seeded
 
@@ -41,6 +42,10 @@ def turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
 def judge() -> Judge:
     torch.set_num_threads(1)
     return Judge()
+
+
+def test_it_knows_every_noun(judge: Judge) -> None:
+    assert judge.nouns == tuple(NOUNS)
 
 
 def test_retrieval_of_plain_prompts_in_a_suite(judge: Judge) -> None:

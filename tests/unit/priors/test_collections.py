@@ -15,8 +15,9 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.nouns.deformed import Part, normalised
 from meshdeform.nouns.families import member
+from meshdeform.vocabulary.nouns import NOUNS
 from tests.cases import each_case
-from training.collections.nouns import noun_of
+from training.collections.nouns import NAMED, noun_of
 from training.collections.scan import Drawn, counts, same, scan, shape_of
 from training.collections.sources import HELD_OUT, JUDGE, split_of
 
@@ -40,6 +41,10 @@ KAYKIT, KENNEY = "KayKit-Game-Assets+Furniture/addons/furniture/Assets/gltf", "K
 )
 def test_the_words_of_a_name_say_what_a_file_shows(name: str, noun: str | None) -> None:
     assert noun_of(name) == noun
+
+
+def test_names_tell_every_noun_and_no_other_word() -> None:
+    assert NOUNS.keys() == NAMED
 
 
 def test_the_judge_sees_other_authors_than_the_prior_or_another_pack() -> None:
