@@ -67,6 +67,7 @@ class JudgeNetwork(nn.Module):
     """Network that classifies single views."""
 
     sharpness: Tensor
+    commonness: Tensor
 
     def __init__(self, config: JudgeConfig) -> None:
         super().__init__()
@@ -77,6 +78,7 @@ class JudgeNetwork(nn.Module):
         self.noun_head = nn.Linear(c3, len(config.nouns))
         # A factor of the mean over the views: views of one mesh are correlated, so their sum would be overconfident.
         self.register_buffer("sharpness", torch.ones(()))
+        self.register_buffer("commonness", torch.zeros(len(config.nouns)))
 
     def forward(self, images: Tensor) -> Tensor:
         """Return the logits (B, N) float32 of the nouns for views (B, 1, 64, 64) float32 from `draw_views`."""
@@ -228,15 +230,21 @@ class Judge:
         """
         return self._scores(mesh)[[self.nouns.index(parse(prompt).noun) for prompt in prompts]]
 
-    def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
-        """Return the probability of each noun that it knows if all are equally likely beforehand; they sum to 1.
+    def noun_probabilities(self, mesh: TriangleMesh, *, of_public: bool = False) -> dict[str, float]:
+        """Return the probability of each noun that it knows; they sum to 1.
+
+        All nouns are equally likely beforehand, or, `of_public`, common ones more likely: half as much, in logarithms,
+        as more packs of public collections have them.
 
         Raises
         ------
         ShapeError
             As in `log_likelihoods`.
         """
-        return dict(zip(self.nouns, torch.softmax(self._scores(mesh), 0).tolist(), strict=True))
+        scores = self._scores(mesh)
+        if of_public:
+            scores = scores + self._network.commonness
+        return dict(zip(self.nouns, torch.softmax(scores, 0).tolist(), strict=True))
 
     @torch.no_grad()
     def _scores(self, mesh: TriangleMesh) -> Tensor:

@@ -208,7 +208,9 @@ def _judged(points: Floats, faces: Index) -> Mapping[str, float]:
     from meshdeform.judge import Judge
 
     try:
-        return Judge().noun_probabilities(TriangleMesh(torch.from_numpy(points), torch.from_numpy(faces)))
+        return Judge().noun_probabilities(
+            TriangleMesh(torch.from_numpy(points), torch.from_numpy(faces)), of_public=True
+        )
     except ModelError as error:
         _log.warning("the source is not recognised: %s", error)
         return {}

@@ -66,6 +66,13 @@ def count(listings: Path) -> dict[str, tuple[int, int]]:
     return {noun: (len(names[noun]), len(packs[noun])) for noun in often}
 
 
+def packs_of_nouns() -> dict[str, int]:
+    """Return how many packs have each noun, of the table beside this module."""
+    lines = Path(__file__).with_name("counts.txt").read_text(encoding="utf-8").splitlines()[1:]
+    rows = (line.split("\t") for line in lines)
+    return {name.replace(" ", "-"): int(packs) for name, _, packs, *_ in rows}
+
+
 def main() -> None:
     """Write the table, the nouns of most packs first."""
     parser = argparse.ArgumentParser(prog="python -m training.collections.count", description=main.__doc__)

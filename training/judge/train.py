@@ -15,7 +15,7 @@ import argparse
 import json
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from torch.nn import functional
 
 from meshdeform.judge.scoring import WEIGHTS, JudgeConfig, JudgeNetwork, read_judge
 from meshdeform.vocabulary.nouns import NOUNS
+from training.collections.count import packs_of_nouns
 from training.collections.members import RealShapes
 from training.collections.sources import JUDGE, PRIOR
 from training.judge.assets import TUNED, listed, views_of_assets
@@ -126,6 +127,12 @@ def targets(noun: Tensor, unknown: Tensor) -> Tensor:
     return torch.where((noun >= 0)[:, None], certain, unknown)
 
 
+def commonness(nouns: Sequence[str]) -> Tensor:
+    """Return half the logarithm of how many packs of public collections have each noun (N,), 0 where none is known."""
+    packs = packs_of_nouns()
+    return 0.5 * torch.tensor([float(packs.get(noun, 1)) for noun in nouns]).log()
+
+
 @torch.no_grad()
 def calibrate(network: JudgeNetwork, view_set: ViewSet) -> None:
     """Set the sharpness of the mean over the views that gives the least cross entropy, over a fine grid."""
@@ -195,6 +202,7 @@ def main() -> None:
         if trainer.done % _KEPT_EVERY == 0 or trainer.done == arguments.steps:
             network = trainer.averaged()
             calibrate(network, tuned)
+            network.commonness.copy_(commonness(network.config.nouns))
             provenance = {"steps": before + trainer.done, "seed": arguments.seed, "meshes": len(data)}
             write_judge(arguments.output, network, {name: str(value) for name, value in provenance.items()})
             _log.info("wrote weights of sharpness %.2f", float(network.sharpness))
