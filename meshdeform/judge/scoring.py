@@ -116,7 +116,7 @@ def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:
         missing, strange = network.load_state_dict(state, strict=False)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ModelError(f"The judge's weights in {path} are of another network.", advice=_ADVICE) from error
-    if strange or [name for name in missing if not name.endswith("num_batches_tracked")]:
+    if strange or [name for name in missing if not name.endswith(("num_batches_tracked", "commonness"))]:
         raise ModelError(f"The judge's weights in {path} are of another network.", advice=_ADVICE)
     network.eval().requires_grad_(requires_grad=False)
     return network, metadata

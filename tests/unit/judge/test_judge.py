@@ -154,4 +154,6 @@ def test_foreign_weights_are_refused(tmp_path: Path) -> None:
         Judge(rewritten(tmp_path / "lacking", without="noun_head.weight"))
     with pytest.raises(ModelError, match="another network"):
         Judge(rewritten(tmp_path / "wider", metadata={"config": _config(stem=32)}))
+    earlier = Judge(rewritten(tmp_path / "earlier", without="commonness"))
+    assert earlier.noun_probabilities(icosphere(2)) == earlier.noun_probabilities(icosphere(2), of_public=True)
     assert Judge(rewritten(tmp_path / "same")).log_likelihoods(icosphere(2), SUITE).isfinite().all()
