@@ -1,17 +1,16 @@
 """Draw the families that are sketched in tables, `sketched/*.txt`: things that are a few solids of few sizes.
 
-A sketch is a line with the name of a noun, or `noun/kind` for another kind of it, and its sizes; then lines of solids::
+A sketch is the name of a noun, or `noun/kind` for another kind of it, and its sizes; then solids behind semicolons. It
+goes on in lines that begin with a space::
 
-    toaster: w 1 1.3, h .62 .85, a=handle .1 .2
-      body box 0 .5h 0, w h .6, .3; foot drum .36w 0 .2, .07 .06 | quad
-    toaster/wide-toaster < toaster: w 1.5 1.8, n chance .3
-      knob ball .5w .3h .1, .05 | if n
+    toaster: w 1 1.3, h .62 .85, a=handle .1 .2; body box 0 .5h 0, w h .6, .3; foot drum .36w 0 .2, .07 .06 | quad
+    toaster/wide-toaster < toaster: w 1.5 1.8, n chance .3; knob ball .5w .3h .1, .05 | if n
 
 A size is a letter with its range; `a=handle` is the one that a prompt sets by the handle. `n whole 2 4` is 2, 3 or 4,
 `n chance .3` is 1 in 30 of 100 members and else 0, and `x 2w+.1` is that. A number is a sum of products of numbers and
 sizes before it: `.5h+.1`, `-2wh`. A solid is the name of its part (of several, as in `families.parts.divided`), its
-shape, and groups of numbers; behind bars, what is done to it in turn. A line that ends with a comma goes on. A sketch
-`< another` has its sizes, some of them its own, and its solids first; a name with a star is only such a base.
+shape, and groups of numbers; behind bars, what is done to it in turn. A sketch `< another` has its sizes, some of them
+its own, and its solids first; a name with a star is only such a base.
 
 ==================================  ==========================================================================
 box X Y Z, W H D, R                 a box about a point; R: its rounding, .2 if left out; `brick` has fewer faces,
@@ -177,17 +176,14 @@ def read(text: str) -> dict[str, Callable[[Rng, Traits], Part]]:
     or groups of other numbers.
     """
     sketches: dict[str, _Sketch] = {}
-    name = ""
-    for line in re.sub(r",\n\s*", ", ", re.sub(r"(?m)^#.*", "", text)).splitlines():
-        if line.startswith(" "):
-            sketches[name].entries += line.split(";")
-        elif line:
-            title, _, head = line.partition(":")
-            name, _, base = (each.strip() for each in title.partition("<"))
-            basis = sketches[base] if base else _Sketch("", {}, [])
-            own = (piece.split() for piece in head.split(",") if piece.strip())
-            sizes = {word.split("=")[0]: (word.partition("=")[2], words) for word, *words in own}
-            sketches[name] = _Sketch(name, basis.sizes | sizes, [*basis.entries])
+    for line in re.sub(r"\n +", " ", re.sub(r"(?m)^(#.*)?\n", "", text)).splitlines():
+        title, _, rest = line.partition(":")
+        name, _, base = (each.strip() for each in title.partition("<"))
+        head, *solids = rest.split(";")
+        basis = sketches[base] if base else _Sketch("", {}, [])
+        own = (piece.split() for piece in head.split(",") if piece.strip())
+        sizes = {word.split("=")[0]: (word.partition("=")[2], words) for word, *words in own}
+        sketches[name] = _Sketch(name, basis.sizes | sizes, basis.entries + solids)
     return {name: sketch for name, sketch in sketches.items() if not name.startswith("*")}
 
 
