@@ -16,8 +16,6 @@ from meshdeform.nouns.families.marine import fish_kind
 from meshdeform.nouns.families.parts import Array, Part, box, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__: list[str] = []
-
 
 def _ball(rng: Rng, traits: Traits, tall: float) -> tuple[dict[str, list[Part]], Array, Array]:
     """Return the solids of a toy bird whose body is its head as well, with its middle and radii."""

@@ -7,8 +7,6 @@ import numpy as np
 from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["backpack", "boot", "dress", "glove", "helmet", "shirt", "trousers"]
-
 
 def _stretched(part: Part, x: float, y: float, z: float) -> Part:
     return Part(part.verts * np.array([x, y, z]), part.faces)

@@ -11,8 +11,6 @@ from meshdeform.nouns.families.drawing import bead, bent_limb, kind, near, on, p
 from meshdeform.nouns.families.parts import Part, box, ellipsoid, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__: list[str] = []
-
 
 def woman(rng: Rng, traits: Traits) -> Part:
     """Draw a woman with long hair in a flared dress to the knees."""

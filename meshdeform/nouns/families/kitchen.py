@@ -19,8 +19,6 @@ from meshdeform.nouns.families.parts import (
 )  # fmt: skip
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["bread", "can", "hotdog", "jar", "mug", "pan", "plate", "potion"]
-
 
 def vessel(outer: ArrayLike, wall: float, floor: float, segments: int = SEGMENTS) -> Part:
     """Return a vessel of an outer profile (radius, height) from foot to rim, hollow down to `floor`."""

@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import bar, block
-from meshdeform.nouns.families.buildings import arch
+from meshdeform.nouns.families.buildings import arch, bar, block, roof_of
 from meshdeform.nouns.families.kitchen import vessel
 from meshdeform.nouns.families.parts import (
     Array,
@@ -25,7 +24,6 @@ from meshdeform.nouns.families.parts import (
     plate,
     turned,
 )
-from meshdeform.nouns.families.walls import roof_of
 
 __all__ = ["Groups", "solid", "tapered"]
 

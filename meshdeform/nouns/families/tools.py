@@ -7,21 +7,6 @@ import numpy as np
 from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = [
-    "anvil",
-    "axe",
-    "barrel",
-    "bucket",
-    "camera",
-    "candle",
-    "chest",
-    "dumbbell",
-    "hammer",
-    "shield",
-    "sword",
-    "teapot",
-]
-
 
 def anvil(rng: Rng, _: Traits) -> Part:
     """Draw an anvil: a spread foot, a waist, a long block on top whose horn tapers toward +Z."""
