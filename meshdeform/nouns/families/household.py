@@ -59,20 +59,6 @@ def bowl(rng: Rng, _: Traits) -> Part:
     return lathe([(foot, 0.0), (foot * 0.9, 0.1), *outer, *inner, (0.0, 0.15 * depth + 0.1)], segments=28)
 
 
-def lamp(rng: Rng, traits: Traits) -> Part:
-    """Draw a table lamp: a heavy foot, a pole and a conical shade."""
-    stem = traits.draw(rng, "stem", (0.3, 0.38), (0.6, 0.8), (1.15, 1.4))
-    shade = traits.draw(rng, "shade", (0.26, 0.31), (0.48, 0.56), (0.78, 0.9))
-    foot, pole = rng.uniform(0.4, 0.48), rng.uniform(0.12, 0.15)
-    rod = [(pole, height) for height in np.linspace(0.22, stem + 0.4, 6)]
-    base = lathe([(foot, 0.0), (foot, 0.08), (foot * 0.6, 0.16), *rod])
-    bottom, height = 0.2 + stem, 1.05 * shade
-    slope = rng.uniform(0.45, 0.55)
-    cone = [(shade, bottom), (shade, bottom + 0.03)]
-    cone += [(shade * (1 - (1 - slope) * t), bottom + height * t) for t in (0.3, 0.6, 1.0)]
-    return join([base, lathe([(shade * 0.5, bottom + 0.03), *cone])])
-
-
 def bell(rng: Rng, traits: Traits) -> Part:
     """Draw a hand bell: a flared hollow skirt with its clapper, round shoulders, a handle with a knob."""
     mouth, waist, height = rng.uniform(0.56, 0.66), rng.uniform(0.32, 0.38), rng.uniform(0.78, 0.92)

@@ -24,6 +24,7 @@ from meshdeform.nouns.families.parts import (
     plate,
     turned,
 )
+from meshdeform.nouns.families.vehicles import tyre
 
 __all__ = ["Groups", "solid", "tapered"]
 
@@ -195,6 +196,7 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "box": partial(_box, 4, 0.2),
     "brick": partial(_box, 2, 0.2),
     "cab": _cab,
+    "cube": partial(_box, 6, 0.25),
     "drum": partial(_drum, "y"),
     "drumx": partial(_drum, "x"),
     "drumz": partial(_drum, "z"),
@@ -209,6 +211,7 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "slab": partial(_slab, 2),
     "spoked": _spoked,
     "tube": partial(_rod, True),
+    "tyre": lambda groups: tyre(*groups[1], groups[0]),
     "wheel": _wheel,
     "wing": _wing,
 }
@@ -225,6 +228,13 @@ def solid(name: str, groups: Groups) -> Part:
     form, sides = name.rstrip("0123456789"), name.lstrip("abcdefghijklmnopqrstuvwxyz")
     if form in ("lathe", "turn"):
         return _of_sides(lathe(_profile(form == "turn", groups), segments=24), sides)
+    if form == "limb":
+        return limb([group[:3] for group in groups], [group[3:] * (6 - len(group)) for group in groups],
+            segments=int(sides or 16))  # fmt: skip
+    if form == "orb":
+        return ellipsoid(*groups, rings=int(sides or 14))
+    if form == "spin":
+        return lathe(groups, segments=int(sides or 28))
     if form in ("cup", "vase"):
         wall, floor = groups[0]
         return _of_sides(vessel(_profile(form == "vase", groups[1:]), wall, floor, segments=24), sides)
