@@ -195,68 +195,6 @@ def cat(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def rabbit(rng: Rng, traits: Traits) -> Part:
-    """Draw a crouching rabbit: an egg-shaped body, a round head, two upright ears, a round tail."""
-    head = traits.draw(rng, "head", (0.16, 0.18), (0.28, 0.33), (0.48, 0.56))
-    ears = traits.draw(rng, "ears", (0.14, 0.2), (0.52, 0.66), (1.1, 1.35))
-    body = rng.uniform(0.42, 0.48)
-    parts = [ellipsoid([0, body * 0.95, -0.05], [body, body * 0.95, body * 1.25])]
-    skull = np.array([0.0, body * 1.55 + head * 0.35, body * 0.95])
-    parts.append(ellipsoid(skull, [head * 0.95, head * 0.95, head * 1.1]))
-    parts.append(ellipsoid(skull + [0, -0.2 * head, 0.85 * head], [head * 0.5, head * 0.42, head * 0.42], rings=8))
-    ear, splay = skull + [head * 0.56, head * 0.55, -0.04], rng.uniform(0.32, 0.46)
-    tip = ear + [splay * ears + 0.02, ears, -0.16 * ears]
-    parts += pair(limb([ear, (ear + tip) / 2, tip], [[0.085, 0.075], [0.12, 0.085], [0.075, 0.065]], segments=10))
-    parts += pair(ellipsoid([body * 0.72, 0.12, 0.08], [0.17, 0.13, 0.36], rings=9))
-    parts += pair(limb([[0.15, 0.08, body * 1.05], [0.15, body * 0.8, body * 0.7]], [0.095, 0.11], segments=10))
-    return join([*parts, ellipsoid([0, body * 0.75, -body * 1.32], 0.15, rings=8)])
-
-
-def penguin(rng: Rng, traits: Traits) -> Part:
-    """Draw an upright penguin: an egg-shaped body, a head with a beak, flippers held off the sides, feet in front."""
-    head = traits.draw(rng, "head", (0.15, 0.175), (0.28, 0.32), (0.46, 0.54))
-    wings = traits.draw(rng, "wings", (0.2, 0.28), (0.6, 0.72), (1.1, 1.3))
-    girth, height = rng.uniform(0.42, 0.48), rng.uniform(1.15, 1.35)
-    parts = [ellipsoid([0, height * 0.5, 0], [girth, height * 0.52, girth * 0.9], rings=14)]
-    skull = np.array([0.0, height + head * 0.35, 0.05])
-    parts.append(ellipsoid(skull, head))
-    parts.append(limb([skull, skull + [0, -0.12 * head, head + 0.14]], [head * 0.45, 0.045], segments=10))
-    shoulder = np.array([girth * 0.78, height * 0.82, 0.0])
-    tip = shoulder + wings * np.array([0.5, -0.82, 0.0])
-    parts += pair(limb([shoulder, (shoulder + tip) / 2, tip], [[0.07, 0.13], [0.08, 0.16], [0.06, 0.09]], segments=10))
-    parts += pair(ellipsoid([girth * 0.48, 0.05, girth * 0.75], [0.15, 0.075, 0.26], rings=8))
-    return join([*parts, limb([[0, 0.16, -girth * 0.6], [0, 0.05, -girth * 1.15]], [0.12, 0.07], segments=10)])
-
-
-def duck(rng: Rng, traits: Traits) -> Part:
-    """Draw a swimming duck: a boat-shaped body, a raised tail, a neck, a round head with a flat bill."""
-    head = traits.draw(rng, "head", (0.14, 0.16), (0.25, 0.29), (0.42, 0.5))
-    neck = traits.draw(rng, "neck", (0.0, 0.05), (0.28, 0.38), (0.85, 1.05))
-    body = rng.uniform(0.4, 0.46)
-    parts = [ellipsoid([0, body * 0.85, 0], [body, body * 0.82, body * 1.45])]
-    parts.append(limb([[0, body, -body], [0, body * 1.45, -body * 1.75]], [0.24, 0.08], segments=12))
-    base = np.array([0.0, body * 1.1, body * 0.9])
-    skull = base + [0, 0.26 + neck, 0.1]
-    parts += [limb([base, skull], [0.21, 0.14]), ellipsoid(skull, [head * 0.92, head * 0.95, head])]
-    bill = skull + [0, -0.15 * head, head * 0.7]
-    parts.append(limb([bill, bill + [0, -0.02, head * 0.5 + 0.14]], [[0.075, 0.13], [0.055, 0.14]], segments=10))
-    wing = ellipsoid([body * 0.88, body * 1.05, -0.08], [0.12, body * 0.45, body * 0.9], rings=9)
-    return join([*parts, *pair(wing)])
-
-
-def whale(rng: Rng, traits: Traits) -> Part:
-    """Draw a whale: a thick blunt body that tapers to two wide flukes, with flippers at its sides."""
-    flukes = traits.draw(rng, "tail", (0.16, 0.22), (0.42, 0.52), (0.85, 1.0))
-    girth, length = rng.uniform(0.48, 0.55), rng.uniform(0.72, 0.85)
-    lift = rng.uniform(0.25, 0.38)
-    spine = [[0.0, 0.0, length * 0.6], [0.0, 0.0, 0.0], [0.0, -0.02, -length * 0.7], [0.0, lift, -length * 1.35]]
-    parts = [limb(spine, [girth * 0.85, girth, girth * 0.55, 0.13], segments=20)]
-    end = np.array(spine[-1])
-    parts += pair(limb([end, end + flukes * np.array([0.95, 0.12, -0.5])], [[0.08, 0.18], [0.065, 0.12]], segments=10))
-    side = np.array([girth * 0.8, -girth * 0.45, length * 0.3])
-    return join([*parts, *pair(limb([side, side + [0.34, -0.12, -0.24]], [[0.08, 0.14], [0.065, 0.11]], segments=10))])
-
-
 def turtle(rng: Rng, traits: Traits) -> Part:
     """Draw a turtle: a domed shell with a rim, four paddles, a head on a stretched neck, a short tail."""
     head = traits.draw(rng, "head", (0.12, 0.14), (0.22, 0.26), (0.4, 0.48))

@@ -5,35 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.nouns.families.drawing import bead, bent_limb, circle, on, sized, varied
-from meshdeform.nouns.families.parts import Part, box, curved, ellipsoid, join, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.parts import Part, curved, ellipsoid, join, lathe, limb, pair
 from meshdeform.nouns.families.traits import Rng, Traits
-
-
-def bear(rng: Rng, traits: Traits) -> Part:
-    """Draw a sitting bear: a round belly, thick legs stretched ahead, arms, a big head with round ears and a muzzle."""
-    ears = traits.draw(rng, "ears", (0.06, 0.075), (0.15, 0.18), (0.29, 0.34))
-    head = traits.draw(rng, "head", (0.19, 0.21), (0.36, 0.41), (0.6, 0.68))
-    legs = traits.draw(rng, "legs", (0.0, 0.05), (0.34, 0.42), (0.95, 1.15))
-    girth, height = rng.uniform(0.4, 0.52), rng.uniform(0.44, 0.56)
-    parts = [ellipsoid([0, height * 0.9, 0], [girth, height, girth * 0.92])]
-    skull = np.array([0.0, height * 1.6 + 0.72 * head, 0.06])
-    parts.append(ellipsoid(skull, [head * 1.06, head * 0.95, head * 0.95]))
-    parts.append(ellipsoid(skull + [0, -0.22 * head, 0.85 * head], [0.46 * head, 0.38 * head, 0.4 * head], rings=10))
-    parts.append(ellipsoid(skull + [0, -0.08 * head, 1.22 * head], 0.15 * head + 0.01, rings=8))
-    parts += pair(
-        ellipsoid(
-            skull + [0.68 * head + 0.4 * ears, 0.68 * head + 0.4 * ears, -0.02],
-            [ears, ears, 0.6 * ears + 0.02],
-            rings=10,
-        )
-    )
-    hip, splay = np.array([girth * 0.55, 0.19, girth * 0.3]), rng.uniform(0.1, 0.3)
-    foot = hip + (0.3 + legs) * np.array([splay, 0.0, 1.0])
-    parts += pair(limb([hip, foot], [0.2, 0.18]))
-    parts += pair(ellipsoid(foot + [0, 0.1, 0.05], [0.19, 0.26, 0.14], rings=10))
-    shoulder = np.array([girth * 0.65, height * 1.35, 0.05])
-    hand = shoulder + [rng.uniform(0.25, 0.38), rng.uniform(-0.42, -0.28), rng.uniform(0.1, 0.25)]
-    return join([*parts, *pair(limb([shoulder, hand], [0.15, 0.16]))])
 
 
 def monkey(rng: Rng, traits: Traits) -> Part:
@@ -88,38 +61,6 @@ def person(rng: Rng, traits: Traits) -> Part:
     foot = np.array([wide * rng.uniform(0.59, 0.91), 0.09, 0.0])
     parts += pair(limb([[wide * 0.45, hips + 0.02, 0], [*foot]], [thick * 1.45, thick * 1.05], segments=12))
     return join([*parts, *pair(ellipsoid(foot + [0.01, -0.01, 0.1], [0.115, 0.09, 0.22], rings=8))])
-
-
-def robot(rng: Rng, traits: Traits) -> Part:
-    """Draw a robot: a box with round eyes and a feeler on a box, jointed arms with clamps, block feet."""
-    arms = traits.draw(rng, "arms", (0.1, 0.16), (0.5, 0.6), (1.1, 1.3))
-    head = traits.draw(rng, "head", (0.17, 0.2), (0.36, 0.42), (0.66, 0.76))
-    legs = traits.draw(rng, "legs", (0.02, 0.08), (0.36, 0.46), (1.0, 1.2))
-    wide, tall, deep = rng.uniform(0.62, 0.84), rng.uniform(0.58, 0.78), rng.uniform(0.4, 0.52)
-    bottom = 0.18 + legs
-    top = bottom + tall
-    parts = [box([0, bottom + tall / 2, 0], [wide, tall, deep], round_by=0.12)]
-    parts.append(box([0, bottom + tall * 0.55, deep / 2], [wide * 0.6, tall * 0.4, 0.12], round_by=0.2))
-    parts.append(limb([[0, top - 0.05, 0], [0, top + 0.14, 0]], [0.14, 0.14]))
-    skull = np.array([0.0, top + 0.1 + 0.45 * head, 0.0])
-    parts.append(box(skull, [1.4 * head, 0.95 * head, 1.05 * head], round_by=0.12))
-    eye = turned(lathe([(0.23 * head, -0.1), (0.23 * head, 0.1)]), 90, "x")
-    parts += pair(moved(eye, skull + [0.34 * head, 0.08 * head, 0.52 * head]))
-    crown = skull + [0, 0.45 * head, 0]
-    parts.append(limb([crown, crown + [0, 0.2, 0]], [0.065, 0.06], segments=8))
-    parts += [ellipsoid(crown + [0, 0.24, 0], 0.1, rings=8)]
-    parts += pair(ellipsoid([wide / 2, top - 0.14, 0], 0.16, rings=10))
-    shoulder, bend = np.array([wide / 2 + 0.1, top - 0.14, 0.0]), rng.uniform(0.15, 0.5)
-    elbow = shoulder + arms * np.array([0.2, -0.5, 0.0])
-    hand = elbow + arms * np.array([0.0, -0.6 + 0.3 * bend, bend])
-    parts += pair(limb([shoulder, elbow, hand], [0.095, 0.095, 0.095], segments=8))
-    parts += pair(box(hand, [0.22, 0.22, 0.22], round_by=0.2))
-    for side in (-0.085, 0.085):
-        claw = hand + [side, -0.12, 0.08]
-        parts += pair(box(claw, [0.1, 0.24, 0.14], round_by=0.25))
-    hip = np.array([wide * 0.28, bottom, 0.0])
-    parts += pair(limb([hip, hip * [1, 0, 0] + [0, 0.12, 0]], [0.11, 0.11], segments=10))
-    return join([*parts, *pair(box([hip[0], 0.1, 0.06], [0.27, 0.2, 0.46], round_by=0.2))])
 
 
 def ghost(rng: Rng, traits: Traits) -> Part:

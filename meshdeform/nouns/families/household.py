@@ -133,33 +133,6 @@ def hat(rng: Rng, traits: Traits) -> Part:
     return lathe([(crown * 0.9, 0.0), *disc, (crown, 0.2), *dome, (0.0, 0.1 + height)], segments=28)
 
 
-def snowman(rng: Rng, traits: Traits) -> Part:
-    """Draw a snowman: three balls, a carrot nose in front and two stick arms."""
-    low, middle = rng.uniform(0.46, 0.54), rng.uniform(0.32, 0.37)
-    head = traits.draw(rng, "head", (0.13, 0.15), (0.24, 0.28), (0.42, 0.5))
-    nose = traits.draw(rng, "nose", (0.03, 0.05), (0.18, 0.26), (0.6, 0.8))
-    chest = low * 1.75 + middle * 0.65
-    face = np.array([0.0, chest + middle * 0.75 + head * 0.7, 0.0])
-    parts = [ellipsoid([0, low * 0.92, 0], [low, low * 0.95, low]), ellipsoid([0, chest, 0], middle)]
-    parts.append(ellipsoid(face, head))
-    parts.append(limb([face + [0, 0, head * 0.6], face + [0, 0, head + nose]], [0.085, 0.035], segments=10))
-    arm = np.array([middle * 0.7, chest + 0.08, 0.0])
-    return join([*parts, *pair(limb([arm, arm + [0.42, 0.22, 0]], [0.065, 0.06], segments=8))])
-
-
-def house(rng: Rng, traits: Traits) -> Part:
-    """Draw a house: a box under a gabled roof whose ridge runs along Z, with a chimney."""
-    width, depth, wall = rng.uniform(0.95, 1.1), rng.uniform(1.1, 1.35), rng.uniform(0.6, 0.75)
-    rise = traits.draw(rng, "roof", (0.12, 0.18), (0.48, 0.6), (1.05, 1.3))
-    parts = [box([0, wall / 2, 0], [width, wall, depth], round_by=0.06)]
-    eaves = width / 2 + 0.14
-    gable = [(-eaves, 0.0), (-eaves, -0.1), (0.0, -0.1), (eaves, -0.1), (eaves, 0.0), (0.06, rise), (-0.06, rise)]
-    roof = extrude(gable, depth + 0.2, bevel=0.03)
-    parts.append(Part(roof.verts + [0, wall + 0.05, 0], roof.faces))
-    stack = box([width * 0.26, wall + rise * 0.75, -depth * 0.22], [0.2, rise * 0.6 + 0.4, 0.2], round_by=0.1)
-    return join([*parts, stack])
-
-
 def star(rng: Rng, _: Traits) -> Part:
     """Draw a five-pointed star standing on two points, thickest in the middle, facing +Z."""
     inner = rng.uniform(0.42, 0.5)

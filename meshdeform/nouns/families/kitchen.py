@@ -88,13 +88,6 @@ def can(rng: Rng, _: Traits) -> Part:
     return vessel(wall, 0.07, high - 0.09)
 
 
-def plate(rng: Rng, _: Traits) -> Part:
-    """Draw a flat plate or a deep one: a hollow with a broad rim."""
-    deep, inner = rng.uniform(0.12, 0.26), rng.uniform(0.55, 0.68)
-    outer = [(0.5, 0.0), (0.5, 0.04), (inner, 0.05), (0.97, deep), (1.0, deep + 0.05)]
-    return lathe([*outer, (0.96, deep + 0.06), (inner + 0.06, 0.5 * deep + 0.06), (inner - 0.06, 0.09)])
-
-
 def potion(rng: Rng, _: Traits) -> Part:
     """Draw a flask with a collar, a long neck and a cork: round, conical or heart-like with broad shoulders."""
     wide, neck, kind = rng.uniform(0.5, 0.62), rng.uniform(0.15, 0.19), rng.integers(3)

@@ -196,7 +196,6 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "box": partial(_box, 4, 0.2),
     "brick": partial(_box, 2, 0.2),
     "cab": _cab,
-    "cube": partial(_box, 6, 0.25),
     "drum": partial(_drum, "y"),
     "drumx": partial(_drum, "x"),
     "drumz": partial(_drum, "z"),
@@ -228,6 +227,8 @@ def solid(name: str, groups: Groups) -> Part:
     form, sides = name.rstrip("0123456789"), name.lstrip("abcdefghijklmnopqrstuvwxyz")
     if form in ("lathe", "turn"):
         return _of_sides(lathe(_profile(form == "turn", groups), segments=24), sides)
+    if form == "cube":
+        return _box(int(sides or 6), 0.25, groups)
     if form == "limb":
         return limb([group[:3] for group in groups], [group[3:] * (6 - len(group)) for group in groups],
             segments=int(sides or 16))  # fmt: skip
