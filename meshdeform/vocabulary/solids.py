@@ -57,7 +57,6 @@ LAYOUTS: dict[str, str] = {
     "bucket": "body handle*3",
     "burger": "bun patty cheese lettuce bun seed*9",
     "butterfly": "body head feeler*2 wing*4",
-    "cactus": "body arm*2",
     "cake": "plate body*2 icing*2 candle*5",
     "camel": f"{_ON_LEGS} hump*2 neck head ear*2 tail",
     "camera": "body finder lens grip button*2",
@@ -69,7 +68,6 @@ LAYOUTS: dict[str, str] = {
     "cat": "body*2 leg*2 foot*2 head nose ear*2 tail",
     "chest": "body lid lid body lid body lock",
     "chicken": "body neck head crest*3 beak wattle tail*3 wing*2 leg*2 foot*6",
-    "church": "body roof tower*3 cross*2 door window*6",
     "column": "body base | body base top | body base top*3",
     "cone": "base body",
     "corn": "body stem leaf*4",
@@ -107,7 +105,6 @@ LAYOUTS: dict[str, str] = {
     "hotdog": "bun*2 sausage sauce",
     "igloo": "body door",
     "jar": "body/13/neck/15/lid | body/13/neck/15/lid lid",
-    "lighthouse": "tower/14/lantern house roof door window*2 lantern",
     "lion": f"{_ON_LEGS} neck mane head nose ear*2 tail*2",
     "log": "body branch",
     "monkey": "body head nose eye*2 ear*2 arm*2 hand*2 leg*2 foot*2 tail",
@@ -150,14 +147,12 @@ LAYOUTS: dict[str, str] = {
         "handle/3/head head*2 flame*5 | handle/3/head head*2 handle*2 flame*5"
         " | handle/3/head head flame*5 | handle/3/head head handle*2 flame*5"
     ),
-    "tree": "trunk crown*6",
     "trousers": "body belt leg*2 belt body pocket*2",
     "truck": "body load cabin*3 bumper cabin*4 load*5 wheel*6 lamp*2",
     "turtle": "shell*2 leg*4 neck head tail",
     "umbrella": "canopy handle canopy",
     "van": "body window body roof window* wheel*4 bumper*2 lamp*2",
     "vase": "body/11/neck",
-    "windmill": "body*2 roof axle sail*8 door",
     "wolf": f"{_ON_LEGS} neck head nose mane*6 ear*2 tail",
 }
 """The parts of the solids of each noun, in the order in which its family joins them."""

@@ -10,7 +10,6 @@ from meshdeform.nouns.families.parts import (
     Part,
     box,
     disc,
-    ellipsoid,
     extrude,
     join,
     lathe,
@@ -64,28 +63,6 @@ def castle(rng: Rng, traits: Traits) -> Part:
     return join([*parts, box([0, wall, 0], [0.7 * half, wall + 2 * keep, 0.7 * half], round_by=0.1)])
 
 
-def church(rng: Rng, traits: Traits) -> Part:
-    """Draw a church: a long gabled nave, a square tower in front (+Z) with a spire and a cross, arched windows."""
-    width, length, wall = rng.uniform(0.72, 0.84), rng.uniform(1.15, 1.4), rng.uniform(0.5, 0.62)
-    roof = traits.draw(rng, "roof", (0.1, 0.15), (0.42, 0.52), (0.95, 1.15))
-    rise = traits.draw(rng, "tower", (0.06, 0.14), (0.6, 0.75), (1.5, 1.75))
-    side, spire = rng.uniform(0.42, 0.48), rng.uniform(0.5, 0.62)
-    front, top = length / 2 + 0.08, wall + rise
-    peak = top + spire
-    parts = [box([0, wall / 2, 0], [width, wall, length], round_by=0.06)]
-    parts += [gable(width / 2 + 0.1, roof, length + 0.12, [0, wall + 0.05, 0])]
-    parts += [box([0, top / 2, front], [side, top, side], round_by=0.06)]
-    parts += [box([0, top - 0.02, front], [side + 0.13, 0.13, side + 0.13], round_by=0.35)]
-    parts += [pyramid(side / 2 + 0.03, spire, [0, top, front])]
-    parts += [box([0, peak + 0.12, front], [0.11, 0.4, 0.11], round_by=0.25)]
-    parts += [box([0, peak + 0.16, front], [0.32, 0.11, 0.11], round_by=0.25)]
-    parts += [arch(0.26, 0.4, 0.12, [0, 0.0, front + side / 2 + 0.02])]
-    pane = turned(arch(0.18, 0.36 * wall / 0.55, 0.12, [0, 0, 0]), 90, "y")
-    for z in (-0.36, -0.08, 0.2):
-        parts += pair(moved(pane, [width / 2 + 0.01, wall * 0.22, z * length]))
-    return join(parts)
-
-
 def igloo(rng: Rng, _: Traits) -> Part:
     """Draw an igloo: a dome of blocks with grooves between them, a round tunnel with an open mouth in front (+Z)."""
     tall, blocks = rng.uniform(0.86, 1.02), 14
@@ -104,28 +81,6 @@ def igloo(rng: Rng, _: Traits) -> Part:
     tube = lathe([*outer, (radius * 0.68, reach), (radius * 0.66, reach - 0.32)], segments=28)
     passage = moved(turned(tube, 90, "x"), [0, 0.12, 0])
     return join([shell, Part(np.maximum(passage.verts, [-9.0, 0.0, -9.0]), passage.faces)])
-
-
-def lighthouse(rng: Rng, _: Traits) -> Part:
-    """Draw a lighthouse: a slim tapering tower with raised bands, a gallery, a lantern under a cap, a low hut."""
-    foot, waist, tall = rng.uniform(0.4, 0.46), rng.uniform(0.25, 0.29), rng.uniform(1.55, 1.85)
-    wall: list[tuple[float, float]] = []
-    for step, level in enumerate(np.linspace(0.0, 1.0, 7)[:-1]):
-        swell = 0.05 * (step % 2)
-        for height in (level, level + 1 / 6):
-            wall.append((foot + (waist - foot) * height + swell, 0.14 + tall * height))
-    top = 0.14 + tall
-    gallery = [(0.42, top + 0.02), (0.44, top + 0.05), (0.44, top + 0.16), (0.36, top + 0.17), (0.2, top + 0.17)]
-    lantern = [(0.2, top + 0.48), (0.32, top + 0.48), (0.32, top + 0.54), (0.18, top + 0.66), (0.05, top + 0.7)]
-    tower = lathe([(foot * 1.4, 0.0), (foot * 1.3, 0.14), *wall, *gallery, *lantern, (0.05, top + 0.8)])
-    hut, wide = rng.uniform(0.34, 0.42), rng.uniform(0.4, 0.5)
-    parts = [tower, box([foot + 0.2, hut / 2, 0.05], [wide + 0.2, hut, 0.46], round_by=0.06)]
-    parts.append(turned(gable(0.31, 0.22, wide + 0.3, [-0.05, hut, foot + 0.2]), 90, "y"))
-    parts.append(arch(0.2, 0.38, 0.14, [0, 0.12, foot + 0.02]))
-    window = [
-        ellipsoid([0, 0.14 + tall * level, foot + (waist - foot) * level + 0.05], 0.075) for level in (0.42, 0.75)
-    ]
-    return join([*parts, *window, ellipsoid([0, top + 0.8, 0], 0.08, rings=8)])
 
 
 def skyscraper(rng: Rng, _: Traits) -> Part:
@@ -158,23 +113,6 @@ def tent(rng: Rng, _: Traits) -> Part:
     for z in (-length / 2 + 0.04, length / 2 - 0.04):
         parts += pair(limb([[half + 0.06, 0.05, z], [-0.14, tall + 0.16, z]], [0.065, 0.06], segments=10))
     return join([*parts, limb([[0, tall - 0.01, -length / 2], [0, tall - 0.01, length / 2]], [0.075, 0.075])])
-
-
-def windmill(rng: Rng, traits: Traits) -> Part:
-    """Draw a windmill: an eight-sided tapering tower, a gallery, a round cap, four broad sails on a hub in front."""
-    foot, neck, tall = rng.uniform(0.46, 0.54), rng.uniform(0.26, 0.31), rng.uniform(1.3, 1.5)
-    sail = traits.draw(rng, "sail", (0.34, 0.42), (0.85, 1.0), (1.5, 1.75))
-    tower = lathe([(foot, 0.0), (neck, tall), (neck * 0.8, tall + 0.04)], segments=8)
-    ring = foot + (neck - foot) * 0.34
-    deck = lathe([(ring, 0.28 * tall), (ring + 0.16, 0.31 * tall), (ring + 0.16, 0.37 * tall), (ring, 0.4 * tall)])
-    cap = ellipsoid([0, tall + 0.02, 0.03], [neck * 1.2, 0.3, neck * 1.35])
-    hub, front = tall + 0.06, neck + 0.26
-    axle = limb([[0, hub, 0], [0, hub, front + 0.06]], [0.12, 0.12], segments=10)
-    blade = extrude([(-0.14, 0.14), (0.3, 0.14), (0.36, 0.1 + sail), (-0.14, 0.1 + sail)], 0.16, bevel=0.25)
-    vane = [blade, limb([[0, 0, 0.02], [0, 0.14 + sail, 0.02]], [0.075, 0.07], segments=8)]
-    turn = rng.uniform(38, 52)
-    sails = [moved(turned(part, turn + 90 * step, "z"), [0, hub, front]) for step in range(4) for part in vane]
-    return join([tower, deck, cap, axle, *sails, arch(0.26, 0.3, 0.14, [0, 0, foot - 0.05])])
 
 
 ROOT2 = float(np.sqrt(2.0))

@@ -205,37 +205,6 @@ def carrot(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def cactus(rng: Rng, traits: Traits) -> Part:
-    """Draw a saguaro: a column with two arms that bend upward, left and right."""
-    radius, height = rng.uniform(0.24, 0.3), rng.uniform(1.6, 1.9)
-    reach = traits.draw(rng, "arms", (0.06, 0.12), (0.4, 0.52), (0.85, 1.05))
-    thick = radius * rng.uniform(0.6, 0.7)
-    parts = [limb([[0, radius * 0.6, 0], [0, height - radius, 0]], [radius * 0.95, radius])]
-    for side in (-1.0, 1.0):
-        low = rng.uniform(0.45, 0.62) * height * 0.8
-        out = radius + 0.26
-        path = [[0, low, 0], [side * out * 0.8, low, 0], [side * out, low + 0.1, 0]]
-        path += [[side * out, low + 0.14 + reach, 0]]
-        parts.append(limb(path, [thick] * 4))
-    return join(parts)
-
-
-def tree(rng: Rng, traits: Traits) -> Part:
-    """Draw a broadleaf tree: a trunk under a round crown of several clumps."""
-    trunk = traits.draw(rng, "trunk", (0.12, 0.2), (0.6, 0.8), (1.3, 1.6))
-    crown = traits.draw(rng, "crown", (0.36, 0.42), (0.62, 0.72), (1.0, 1.15))
-    radius = rng.uniform(0.13, 0.17)
-    stem = lathe([(radius * 1.5, 0.0), (radius, 0.25), (radius * 0.9, trunk + crown)])
-    middle = trunk + crown * 0.85
-    clumps = [ellipsoid([0, middle, 0], [crown * 0.85, crown * 0.9, crown * 0.85])]
-    start = rng.uniform(0, 72)
-    for fifth in range(5):
-        clump = ellipsoid([crown * 0.5, 0, 0], crown * rng.uniform(0.5, 0.6), rings=9)
-        lift = middle + crown * rng.uniform(-0.3, 0.3)
-        clumps.append(moved(turned(clump, start + 72 * fifth, "y"), [0, lift, 0]))
-    return join([stem, *clumps])
-
-
 def pineapple(rng: Rng, traits: Traits) -> Part:
     """Draw a pineapple: a knobby barrel under a tuft of leaves that bend outward."""
     girth, height = rng.uniform(0.42, 0.48), rng.uniform(1.1, 1.25)
