@@ -210,7 +210,7 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "slab": partial(_slab, 2),
     "spoked": _spoked,
     "tube": partial(_rod, True),
-    "tyre": lambda groups: tyre(*groups[1], groups[0]),
+    "tyre": lambda groups: tyre(groups[1][0], groups[1][1], groups[0]),
     "wheel": _wheel,
     "wing": _wing,
 }
