@@ -3,7 +3,8 @@
     python -m bench.nouns.drawn                               the nouns, as `SEED` draws them
     python -m bench.nouns.drawn run FOLDER OUT                the runs, as a user would
     python -m bench.nouns.drawn sheets OUT                    OUT/sphere.png ..., OUT/asset-1.png ..., OUT/key.json
-    python -m bench.nouns.drawn count OUT named.txt grades.txt
+    python -m bench.nouns.drawn count OUT named.txt grades.txt    `drawn_grades.json`
+    python -m bench.nouns.drawn tables                            what they come to
 
 `drawn.json` has an asset of a plausible kind for each noun, by authors that nothing here was made with; seed and assets
 were committed before any of them was run. FOLDER has the files, wherever in it, beside what they refer to. `titles` are
@@ -39,9 +40,12 @@ from meshdeform.vocabulary.nouns import NOUNS
 SEED, COUNT = 65, 40
 READS = 3
 """The least `a` of what reads as its noun."""
+GRADES = Path(__file__).with_name("drawn_grades.json")
 _LIST = Path(__file__).with_name("drawn.json")
 _SPHERE = ROOT / "examples" / "sphere.glb"
 _ON_A_SHEET, _SIDE = 12, 200
+_STEPS = {"run": ("folder", "out"), "sheets": ("out",), "count": ("out", "named", "grades"), "tables": ()}
+"""What the command does, with the paths that it needs."""
 
 
 def drawn() -> list[str]:
@@ -110,28 +114,45 @@ def _sheets(out: Path) -> None:
 
 
 def _count(out: Path, named: Path, grades: Path) -> None:
-    """Print how many are recognised, and how the assets are graded."""
+    """Save what was named from a sphere, and the grades of the assets."""
     said = dict(line.split()[:2] for line in named.read_text().splitlines() if line.strip())
-    right = [noun for number, (noun, _) in enumerate(titles(), 1) if said.get(str(number)) == noun]
-    print(f"from a sphere: {share(len(right), COUNT)}; not: {', '.join(sorted(set(drawn()) - set(right)))}")
+    key = json.loads((out / "key.json").read_text())
     rows = read((out / "key.json").read_text())
     given = parsed(grades.read_text(), len(rows))
+    rows = [replace(row, grade=given[number]) for number, row in enumerate(rows, 1)]
+    told = {noun: said.get(str(number), "-") for number, (noun, _) in enumerate(titles(), 1)}
+    document = saved(SEED, key["commits"], rows).replace("{\n", f'{{\n "named": {json.dumps(told)},\n', 1)
+    GRADES.write_text(document, encoding="utf-8")
+
+
+def _tables() -> None:
+    """Print how many are recognised, and how the assets are graded."""
+    document = GRADES.read_text(encoding="utf-8")
+    named, rows = json.loads(document)["named"], read(document)
+    right = [noun for noun, said in named.items() if said == noun]
+    print(f"from a sphere: {share(len(right), COUNT)}; not: {', '.join(sorted(set(named) - set(right)))}")
     for run in ("now", NOTHING):
-        those = {row.asset: given[number] for number, row in enumerate(rows, 1) if row.run == run}
-        reads = [noun for noun, (a, _, _) in those.items() if a >= READS]
-        means = ", ".join(
-            f"{name} {sum(each[k] for each in those.values()) / len(those):.1f}" for k, name in enumerate("abc")
-        )
-        kept = sum(c >= KEPT for _, _, c in those.values())
-        print(f"{run}: reads as the noun {share(len(reads), COUNT)}; kept {share(kept, COUNT)}; {means}")
-        print(f"  not: {', '.join(sorted(set(drawn()) - set(reads)))}")
+        those = [row for row in rows if row.run == run and row.grade]
+        for verdict in dict.fromkeys(["", *(row.verdict for row in those)]):
+            graded = [(row.asset, row.grade) for row in those if row.grade and verdict in ("", row.verdict)]
+            reads = [noun for noun, grade in graded if grade[0] >= READS]
+            means = ", ".join(f"{sum(grade[k] for _, grade in graded) / len(graded):.1f}" for k in range(3))
+            kept = share(sum(grade[2] >= KEPT for _, grade in graded), len(graded))
+            print(f"{run} {verdict}: reads as the noun {share(len(reads), len(graded))}; kept {kept}; a, b, c {means}")
+            if run != NOTHING and not verdict:
+                print(f"  reads: {', '.join(sorted(reads))}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the nouns, run them, draw the sheets, or count what was seen."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     steps = parser.add_subparsers(dest="step")
-    for name, paths in (("run", ("folder", "out")), ("sheets", ("out",)), ("count", ("out", "named", "grades"))):
+    for name, paths in (
+        ("run", ("folder", "out")),
+        ("sheets", ("out",)),
+        ("count", ("out", "named", "grades")),
+        ("tables", ()),
+    ):
         step = steps.add_parser(name)
         for path in paths:
             step.add_argument(path, type=Path)
@@ -142,6 +163,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _sheets(asked.out)
     elif asked.step == "count":
         _count(asked.out, asked.named, asked.grades)
+    elif asked.step == "tables":
+        _tables()
     else:
         print(*drawn())
 
