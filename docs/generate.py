@@ -3,7 +3,7 @@
 * docs/parameters.md, from the models of a request;
 * parts of pages, between two comments: the settings in docs/configuration.md, the codes in docs/errors.md, the methods
   in docs/client.md, the commands and exit codes in docs/cli.md, the routes, and the files of each kind of job, in
-  docs/http.md.
+  docs/http.md, tables in docs/plain.md and docs/sketch.md, and the layout of a file in docs/surface_fit.md.
 
 The references of HTTP and of commands are made when the site is built (docs/generation/site.py).
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # a script finds its own folder only
 
-from docs.generation import client, commands, errors, kinds, parameters, routes, settings  # noqa: E402
+from docs.generation import client, commands, errors, kinds, parameters, routes, settings, tables  # noqa: E402
 
 __all__ = ["pages"]
 
@@ -39,6 +39,9 @@ _RENEWED = {
     "configuration.md": (settings.page,),
     "errors.md": (errors.page,),
     "http.md": (routes.page, kinds.page),
+    "plain.md": (tables.plain,),
+    "sketch.md": (tables.drawings,),
+    "surface_fit.md": (tables.fields,),
 }
 
 
