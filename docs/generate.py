@@ -5,7 +5,7 @@
   in docs/client.md, the commands and exit codes in docs/cli.md, the routes, and the files of each kind of job, in
   docs/http.md, tables in docs/plain.md and docs/sketch.md, and the layout of a file in docs/surface_fit.md.
 
-The references of HTTP and of commands are made when the site is built (docs/generation/site.py).
+The references of HTTP, of commands and of equations are made when the site is built (docs/generation/site.py).
 """
 
 from __future__ import annotations
