@@ -12,47 +12,29 @@ from pathlib import Path
 __all__ = ["MODULES", "page"]
 
 _ROOT = Path(__file__).resolve().parents[2]
-MODULES = (
-    *(f"meshdeform/geometry/{name}" for name in ("weld", "junctions", "shapes", "intersections", "quality")),
-    *(
-        f"meshdeform/deformation/{name}"
-        for name in (
-            "poisson controls lattice_field rigid_bodies constraints stand_in binding variables regularizers loop "
-            "surface_guard path edit_map"
-        ).split()
-    ),
-    *(f"meshdeform/rendering/{name}" for name in ("cameras", "shading", "rasterizer")),
-    *(f"meshdeform/guidance/{name}" for name in ("sds", "alignment", "target", "points", "silhouettes")),
-    "meshdeform/runs/prompts",
-    *(f"meshdeform/assets/{name}" for name in ("placement", "rig", "attached")),
-    *(
-        f"meshdeform/reading/{name}"
-        for name in "read choice articulated groups votes smoothing evidence deciding trust".split()
-    ),
-    *(
-        f"meshdeform/exemplar/{name}"
-        for name in (
-            "choosing posture pieces affine_maps axis_maps side_maps blending splines smooth_fit surface_fit sprouts "
-            "mending invertible relaxing clay spherical borrowing outlook"
-        ).split()
-    ),
-    *(
-        f"meshdeform/kinds/surface_fit/{name}"
-        for name in "surface_sources oriented_points collapse network fitting scalar_fields intrinsic".split()
-    ),
-    *(
-        f"meshdeform/kinds/families/{name}"
-        for name in "collection inference machine learning sampling boundary cut assembly embedded".split()
-    ),
-)
+_FOLDERS = {
+    "geometry": "weld junctions shapes intersections quality",
+    "deformation": "poisson controls lattice_field rigid_bodies constraints stand_in binding variables regularizers "
+    "loop surface_guard path edit_map",
+    "rendering": "cameras shading rasterizer",
+    "guidance": "sds alignment target points silhouettes",
+    "runs": "prompts",
+    "assets": "placement rig attached",
+    "reading": "read choice articulated groups votes smoothing evidence deciding trust",
+    "exemplar": "choosing posture pieces affine_maps axis_maps side_maps blending splines smooth_fit surface_fit "
+    "sprouts mending invertible relaxing clay spherical borrowing outlook",
+    "kinds/surface_fit": "surface_sources oriented_points collapse network fitting scalar_fields intrinsic",
+    "kinds/families": "collection inference machine learning sampling boundary cut assembly embedded",
+}
+MODULES = [f"meshdeform/{folder}/{name}" for folder, names in _FOLDERS.items() for name in names.split()]
 """Files whose docstrings hold the method, without their ending."""
 
 _HEAD = """\
 # Equations
 
 Every equation with its source, module by module, as the docstrings of the code have them. This page is generated when
-the site is built. [Method](method.md), [Method of shapes](shapes.md), [Surface fits](surface_fit.md) and [Families](families.md) say how the
-modules work together.
+the site is built. [Method](method.md), [Method of shapes](shapes.md), [Surface fits](surface_fit.md) and
+[Families](families.md) say how the modules work together.
 """
 
 
