@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import inspect
 import json
 import os
 import re
@@ -16,22 +15,10 @@ from typing import Any
 
 import typer.main
 
-import meshdeform.errors
-from meshdeform.errors import MeshdeformError
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from service.jobs.documents import WordDocument
 from tests.cases import each_case
-
-ERRORS = sorted(
-    (
-        value
-        for value in vars(meshdeform.errors).values()
-        if isinstance(value, type) and value.__module__ == "meshdeform.errors"
-    ),
-    key=lambda error: error.__name__,
-)
-ERRORS = [error for error in ERRORS if issubclass(error, MeshdeformError)]
 
 # Read by the client and the command line, not by the service.
 CLIENTS = {"MESHDEFORM_URL", "MESHDEFORM_API_KEY"}
@@ -49,11 +36,6 @@ def sections(path: Path) -> dict[str, str]:
         elif heading:
             found[heading] += line + "\n"
     return found
-
-
-def flat(text: str) -> str:
-    """Return the text in one line."""
-    return " ".join(text.split())
 
 
 def snippets(path: Path, language: str) -> list[str]:
@@ -99,27 +81,6 @@ def test_every_setting_that_any_page_names_exists(repository: Path) -> None:
     for page in [repository / "README.md", *(repository / "docs").glob("*.md")]:
         named = set(re.findall(r"MESHDEFORM_[A-Z_]*[A-Z]", page.read_text()))
         assert named <= known, page.name
-
-
-@each_case("error", ERRORS, ids=lambda error: error.code)
-def test_every_error_has_a_section_with_its_status_and_advice(error: type[MeshdeformError], repository: Path) -> None:
-    text = flat(sections(repository / "docs/errors.md")[error.code])
-    assert f"{error.status}. {flat(error.__doc__ or '')}" in text
-    assert flat(error.advice) in text
-
-
-def test_the_client_page_names_every_method(repository: Path) -> None:
-    from meshdeform.client import Client, Result
-
-    text = sections(repository / "docs/client.md")["Reference"]
-    for kind in (Client, Result):
-        for name, value in vars(kind).items():
-            if not name.startswith("_") and callable(value) and name != "close":
-                assert f"`{name}(" in text, f"{kind.__name__}.{name}"
-                # Both have some names in common, with parameters of their own.
-                told = [match.split(",") for match in re.findall(rf"`{name}\(([^)`]*)\)`", text)]
-                named = [{word.strip() for word in words} - {"*", "...", ""} for words in told]
-                assert any(each <= inspect.signature(value).parameters.keys() for each in named), name
 
 
 def test_what_is_generated_is_what_the_code_says() -> None:
