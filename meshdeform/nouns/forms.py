@@ -26,7 +26,6 @@ from meshdeform.nouns.variants import (
     standing_cat,
     standing_rabbit,
 )
-from meshdeform.priors.builtin.vocabulary import NOUNS as FIRST
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
 from meshdeform.vocabulary.solids import Piece
@@ -59,10 +58,10 @@ _FORMS: dict[str, tuple[str, ...]] = {
     "van": ("van", "truck"),
 }
 FORMS: dict[str, tuple[str, ...]] = {
-    noun: forms if noun in FIRST else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
+    noun: forms if "plain" in TABLE[noun].traits else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
 }
-"""The families, forms and kinds of the members by which assets are read. The first nouns are read without their
-kinds: among members of many, a plain dog lost its head and its neck."""
+"""The families, forms and kinds of the members by which assets are read. Plain nouns are read without their kinds:
+among members of many, a plain dog lost its head and its neck."""
 
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""
