@@ -41,9 +41,10 @@ from scipy import sparse
 from scipy.spatial import ConvexHull, cKDTree
 from torch import Tensor
 
-from meshdeform.deformation.poisson import identity_jacobians
-from meshdeform.geometry.mesh import RestMesh, sparse_product
+from meshdeform.deformation.differentiable import identity_jacobians
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import NearestPlaces, even_samples
+from meshdeform.geometry.tensors import sparse_product
 
 _SAMPLES = 5000
 
@@ -161,24 +162,24 @@ def is_block(mesh: RestMesh) -> bool:
 
 
 def _along_axes(mesh: RestMesh) -> bool:
-    along = np.abs(mesh.normals.numpy()) > _ALONG
+    along = np.abs(mesh.normals) > _ALONG
     upright, level = (mesh.areas[faces].sum() / mesh.areas.sum() for faces in (along[:, ::2].any(1), along[:, 1]))
     return bool(upright + level > _BUILT and min(upright, level) > _EACH)
 
 
 def is_convex(mesh: RestMesh) -> bool:
     """Return whether a surface is that of its convex hull; a single triangle encloses nothing, and has none."""
-    verts = mesh.verts.numpy()
+    verts = mesh.verts
     if len(verts) <= verts.shape[1]:
         return False
     hull = ConvexHull(verts, qhull_options="QJ")  # also of what is flat
-    return bool(abs(mesh.areas.sum().item() / hull.area - 1) < _CONVEX)
+    return bool(abs(float(mesh.areas.sum()) / hull.area - 1) < _CONVEX)
 
 
 def _places(mesh: RestMesh) -> _Floats:
     """Return places (P, 3) spread evenly over the surface."""
     face, weights = even_samples(mesh.areas, _SAMPLES, seed=0)
-    return np.asarray((weights[..., None] * mesh.verts.numpy()[mesh.faces.numpy()[face]]).sum(1))
+    return np.asarray((weights[..., None] * mesh.verts[mesh.faces[face]]).sum(1))
 
 
 class Controls(Protocol):

@@ -30,12 +30,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint
-from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
 from meshdeform.deformation.controls import UNKNOWN, Nature, Structure, structure_of
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.deformation.regularizers import Pulls, Regularizers
-from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Safeguard, Settings
 from meshdeform.deformation.stand_in import StandIn, chosen_carrier
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
@@ -44,6 +43,7 @@ from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.tensors import faces_of
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.shading import OrthogonalGrid, Renderer, Shading
@@ -140,10 +140,10 @@ class Deformation:
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = OrthogonalGrid(bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
-        self._rest_extent = float(shown.verts.abs().max())
+        self._rest_extent = float(np.abs(shown.verts).max())
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
-        self._renderer = Renderer(shown.faces, shown.verts.shape[0], self._views.style, device, appearance=worn)
+        self._renderer = Renderer(faces_of(shown), len(shown.verts), self._views.style, device, appearance=worn)
         # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all, and
         # a loss for a region reaches its elements alone.
         few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS and not shares
@@ -199,12 +199,12 @@ class Deformation:
     @property
     def optimized_faces(self) -> int:
         """Number of faces of the mesh, or of its stand-in if it has one."""
-        return self._stand_in.mesh.faces.shape[0]
+        return len(self._stand_in.mesh.faces)
 
     @property
     def simplified(self) -> bool:
         """Whether a stand-in is drawn in place of the mesh."""
-        return self.optimized_faces != self.mesh.faces.shape[0]
+        return self.optimized_faces != len(self.mesh.faces)
 
     @property
     def shading(self) -> Shading:
@@ -457,5 +457,5 @@ def _nearest_faces(mesh: RestMesh, variables: Variables) -> NDArray[np.int64] | 
     shown = variables.rest
     if shown.faces.shape == mesh.faces.shape:
         return None
-    middles = shown.verts[shown.faces].mean(1).numpy()
-    return NearestPlaces(mesh, middles, shown.normals.numpy()).faces
+    middles = shown.verts[shown.faces].mean(1)
+    return NearestPlaces(mesh, middles, shown.normals).faces

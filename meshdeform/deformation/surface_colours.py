@@ -61,13 +61,13 @@ def baked_appearance(
     have two by two at least. `curved`: returns the points (P, 3) of faces (P,) at shares (P, 2) of the way from their
     first corner to the other two, where the stand-in stands for something that is not flat.
     """
-    corners = simple.verts.numpy()[simple.faces.numpy()]
+    corners = simple.verts[simple.faces]
     sides = _tile_sides(corners, detail, most)
     face, column, row = _texels(sides)
     along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
     a, b, c = corners[face].transpose(1, 0, 2)
     points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a) if curved is None else curved(face, along)
-    colours = _looked_up(appearance, whole, points, simple.normals.numpy()[face], simple.areas[face], sides[face])
+    colours = _looked_up(appearance, whole, points, simple.normals[face], simple.areas[face], sides[face])
     starts, width, height = _packed(sides)
     pixels = np.zeros((height, width, 4), np.uint8)
     pixels[starts[face, 1] + row, starts[face, 0] + column] = colours
@@ -78,7 +78,7 @@ def baked_appearance(
     mode = "BLEND" if "BLEND" in modes else "MASK" if "MASK" in modes else "OPAQUE"
     texture = Texture(pixels, ("clamp", "clamp"), reduced=False)
     return Appearance(
-        simple.faces.numpy().reshape(-1),
+        simple.faces.reshape(-1),
         np.arange(count).reshape(-1, 3),
         ((places.reshape(-1, 2) + 0.5) / [width, height]).astype(np.float32),
         np.ones((count, 4), np.float32),

@@ -35,6 +35,7 @@ from torch.nn import functional
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.base import Guidance, HeavyGuidance, StepContext
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.rasterizer import CoverageRenderer
@@ -94,10 +95,10 @@ class SilhouetteTerm:
         SilhouetteError
             The pictures contradict their directions.
         """
-        self._renderer = CoverageRenderer(mesh.faces, len(mesh.verts), self._side, self._device)
+        self._renderer = CoverageRenderer(faces_of(mesh), len(mesh.verts), self._side, self._device)
         scales = picture_scales(self._views)
         spreads = [mask_spread(view.mask) * scale for view, scale in zip(self._views, scales, strict=True)]
-        reach = float(mesh.verts.norm(dim=1).max())
+        reach = float(np.linalg.norm(mesh.verts, axis=1).max())
         own = [mask_spread(mask) * unit for mask, unit in self._rest_masks(mesh, reach)]
         size = math.exp(float(np.mean(np.log(np.array(own) / np.array(spreads)))))
         self._placed = []
@@ -112,7 +113,7 @@ class SilhouetteTerm:
         for view in self._views:
             cameras = _cameras(view, _MARGIN * reach).to(self._device)
             with torch.no_grad():
-                covered = self._renderer.render(mesh.verts.float().to(self._device), cameras)[0]
+                covered = self._renderer.render(verts_of(mesh).float().to(self._device), cameras)[0]
             masks.append((covered.cpu().numpy() > 0.5, _view_width(view, _MARGIN * reach) / self._side))
         return masks
 

@@ -17,10 +17,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
+
+_Floats = NDArray[np.float64]
 
 NUM_VIEWS = 4
 _UNIT_SPHERE = 1.05
@@ -169,22 +173,22 @@ RADIUS = 0.6
 class Frame:
     """Similarity between the world and the cameras' frame."""
 
-    centre: Tensor  # (3,) float64: centre of the bounding box, in the world
+    centre: _Floats  # (3,) float64: centre of the bounding box, in the world
     scale: float  # camera units per world unit
 
     @classmethod
-    def around(cls, verts: Tensor) -> Frame:
+    def around(cls, verts: _Floats) -> Frame:
         """Return the frame in which `verts` (V, 3) are centred and the farthest is at `RADIUS`."""
-        centre = (verts.amin(0) + verts.amax(0)) / 2
-        return cls(centre, RADIUS / float((verts - centre).norm(dim=1).max()))
+        centre = (verts.min(0) + verts.max(0)) / 2
+        return cls(centre, RADIUS / float(np.linalg.norm(verts - centre, axis=1).max()))
 
-    def enter(self, verts: Tensor) -> Tensor:
+    def enter(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the world into the frame."""
-        return (verts - self.centre) * self.scale
+        return np.asarray((verts - self.centre) * self.scale)
 
-    def leave(self, verts: Tensor) -> Tensor:
+    def leave(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the frame into the world."""
-        return verts / self.scale + self.centre
+        return np.asarray(verts / self.scale + self.centre)
 
     def place(self, mesh: TriangleMesh) -> TriangleMesh:
         """Transform a mesh from the world into the frame."""

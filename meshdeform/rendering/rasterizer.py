@@ -802,11 +802,11 @@ class CoverageRenderer:
     """
 
     def __init__(self, faces: Tensor, n_verts: int, side: int, device: torch.device | str = "cpu") -> None:
-        edges = edges_of(faces.cpu())
+        edges = edges_of(faces.cpu().numpy())
         self.side = side
         self._n_verts = n_verts
         self._faces = faces.to(device)
-        self._edges = SilhouetteEdges(edges.edges.to(device), edges.opposite.to(device))
+        self._edges = SilhouetteEdges(*(torch.from_numpy(each).to(device) for each in (edges.edges, edges.opposite)))
 
     def render(self, verts: Tensor, cameras: Cameras) -> Tensor:
         """Draw the mesh from every camera.

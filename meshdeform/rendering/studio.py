@@ -178,8 +178,10 @@ class PaintedRenderer:
             first = torch.full((int(place.max()) + 1,), len(place)).scatter_reduce_(
                 0, place, torch.arange(len(place)), "amin"
             )
-            edges = edges_of(first[place][faces])
-            self._edges = SilhouetteEdges(edges.edges.to(positions.device), edges.opposite.to(positions.device))
+            edges = edges_of(first[place][faces].numpy())
+            self._edges = SilhouetteEdges(
+                *(torch.from_numpy(each).to(positions.device) for each in (edges.edges, edges.opposite))
+            )
         return self._edges
 
 

@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.silhouette import read_silhouette
@@ -19,10 +18,11 @@ from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.geometry.quality import measure_fit
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.points import Landmark, LandmarkTerm, diagonal_of
+from meshdeform.guidance.landmarks import Landmark, diagonal_of, landmark_distances
 from meshdeform.guidance.sds import ScoreDistillation, WeightedPrompt
 from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuidance, SilhouetteTerm
 from meshdeform.guidance.target import TargetGuidance
@@ -168,11 +168,11 @@ class SilhouetteFit:
         term = SilhouetteTerm(self.views, device=device)
         return BesideSilhouettes(guidance, term, self._params.silhouette_weight, identity)
 
-    def measure(self, rest: TriangleMesh, verts: Tensor) -> list[dict[str, Any]]:
+    def measure(self, rest: TriangleMesh, verts: _Floats) -> list[dict[str, Any]]:
         """Return `silhouettes` of the report for a result (V, 3) in the cameras' frame."""
         term = SilhouetteTerm(self.views)
         term.begin(rest)
-        before, after = term.overlaps(rest.verts), term.overlaps(verts)
+        before, after = (term.overlaps(torch.from_numpy(each)) for each in (rest.verts, verts))
         return [
             {
                 "part": name,
@@ -229,7 +229,8 @@ class TargetFit:
         shifts = not (params.regions or params.handles)
         if params.align is not AlignMode.AUTO and shifts:
             # The solve keeps the centre of mass of the asset, so the difference is a translation.
-            offset = RestMesh.of(self.target).centre_of_mass() - RestMesh.of(rest).centre_of_mass()
+            apart = RestMesh.of(self.target).centre_of_mass() - RestMesh.of(rest).centre_of_mass()
+            offset = torch.from_numpy(apart)
         return TargetGuidance(
             stand_in_of(self.target),
             device=device,
@@ -241,7 +242,7 @@ class TargetFit:
             shifts=shifts,
         )
 
-    def measure(self, rest: TriangleMesh, verts: Tensor) -> dict[str, Any]:
+    def measure(self, rest: TriangleMesh, verts: _Floats) -> dict[str, Any]:
         """Return `fit` of the report for a result (V, 3) in the cameras' frame; distances as shares of the diagonal.
 
         `before` has the same distances of the source.
@@ -254,7 +255,7 @@ class TargetFit:
             "alignment": self.alignment.to_dict(),
         }
         if self.landmarks:
-            reached = _landmark_distances(rest, verts, self.landmarks) / diagonal_of(self.target)
+            reached = landmark_distances(self.landmarks, rest, verts) / diagonal_of(self.target)
             measured["landmarks"] = {"count": len(reached), "mean": float(reached.mean()), "max": float(reached.max())}
         return measured
 
@@ -267,15 +268,9 @@ def _silhouette_overlap(mesh: TriangleMesh, target: TriangleMesh) -> float:
 @torch.no_grad()
 def _masks(mesh: TriangleMesh) -> NDArray[np.bool_]:
     """Return the covered pixels (8, S, S) from eight azimuths."""
-    renderer = Renderer(mesh.faces, len(mesh.verts), _STYLE)
-    views = [renderer.render(mesh.verts, fixed_cameras(azimuth, 15.0)) for azimuth in (0.0, 45.0)]
+    renderer = Renderer(faces_of(mesh), len(mesh.verts), _STYLE)
+    views = [renderer.render(verts_of(mesh), fixed_cameras(azimuth, 15.0)) for azimuth in (0.0, 45.0)]
     return np.asarray(torch.cat(views)[..., 2].numpy() > _COVERED)
-
-
-def _landmark_distances(rest: TriangleMesh, verts: Tensor, landmarks: tuple[Landmark, ...]) -> _Floats:
-    term = LandmarkTerm(landmarks, 1.0)
-    term.begin(rest)
-    return term.distances(verts)
 
 
 def _place(place: Place, positions: _Floats, number: int, name: str) -> _Floats:
@@ -286,4 +281,4 @@ def _place(place: Place, positions: _Floats, number: int, name: str) -> _Floats:
 
 
 def _entered(frame: Frame, point: _Floats) -> _Floats:
-    return np.asarray(frame.enter(torch.from_numpy(point[None])).numpy()[0])
+    return np.asarray(frame.enter(point[None])[0])

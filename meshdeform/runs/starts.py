@@ -48,7 +48,7 @@ class Start:
         """Return the start that a checkpoint's tensors are relative to."""
         if _VERTS not in state:
             return cls(welded.mesh)
-        return cls(TriangleMesh(state[_VERTS], welded.mesh.faces), json.loads(bytes(state[_TOLD].numpy())))
+        return cls(TriangleMesh(state[_VERTS].numpy(), welded.mesh.faces), json.loads(bytes(state[_TOLD].numpy())))
 
     @property
     def state(self) -> dict[str, Tensor]:
@@ -56,7 +56,7 @@ class Start:
         if self.told is None:
             return {}
         told = np.frombuffer(json.dumps(self.told, sort_keys=True).encode(), np.uint8)
-        return {_VERTS: self.world.verts.clone(), _TOLD: torch.from_numpy(told.copy())}
+        return {_VERTS: torch.from_numpy(self.world.verts.copy()), _TOLD: torch.from_numpy(told.copy())}
 
     def turned(self, front: Orientation) -> Orientation:
         """Return the front of the fit by that of the asset."""

@@ -10,9 +10,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
@@ -236,14 +234,10 @@ class TextDeformRun(JobRun):
         backdrop = self._facts.asset.backdrop
         return structure.level or stands or (backdrop is not None and backdrop.left)
 
-    def _world_verts(self) -> Tensor:
+    def _world_verts(self) -> NDArray[np.float64]:
         constraints = self._facts.control.constraints
-        verts, kept = self._facts.frame.leave(self._deformation.verts()), constraints.kept
+        verts, kept = self._facts.frame.leave(self._deformation.verts().numpy()), constraints.kept
         if kept is None and not constraints.handles and self._keeps_ground:
             verts[:, 1] += self._facts.welded.mesh.verts[:, 1].min() - verts[:, 1].min()
         # The way into the frame and back rounds.
-        return (
-            verts
-            if kept is None
-            else torch.where(torch.from_numpy(kept)[:, None], self._facts.welded.mesh.verts, verts)
-        )
+        return verts if kept is None else np.where(kept[:, None], self._facts.welded.mesh.verts, verts)

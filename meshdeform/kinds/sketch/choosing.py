@@ -42,8 +42,8 @@ def gradients(pictures: NDArray[np.float32]) -> _Floats:
 
 def line_pictures(asset: Asset) -> NDArray[np.float32]:
     """Return the lines of an asset from many sides as `prepared` returns a drawing (54, SIDE, SIDE)."""
-    verts = torch.from_numpy(np.ascontiguousarray(asset.surface.positions, np.float64))
-    verts = Frame.around(verts).enter(verts)
+    positions = asset.surface.positions.astype(np.float64)
+    verts = torch.from_numpy(Frame.around(positions).enter(positions))
     faces = torch.from_numpy(np.ascontiguousarray(asset.surface.triangles, np.int64))
     azimuths, elevations = zip(*_VIEWS, strict=True)
     cameras = fixed_cameras(azimuths, elevations, _FOV_DEG)
