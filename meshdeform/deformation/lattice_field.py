@@ -53,12 +53,13 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
-from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
+from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
 from meshdeform.deformation.differentiable import placed_by
 from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.poisson import factorise
 from meshdeform.deformation.regularizers import STRAINED, penalty
 from meshdeform.deformation.rigid_bodies import RigidBodies
+from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.variables import ControlledMap, Elements
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.geometry.kernels import kernel

@@ -22,10 +22,10 @@ from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
 from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
-from meshdeform.deformation.controls import Structure
 from meshdeform.deformation.differentiable import placed_by
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.settings import Carrier
+from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError

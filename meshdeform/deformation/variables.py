@@ -31,11 +31,12 @@ from scipy.sparse import csgraph
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
-from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
+from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
 from meshdeform.deformation.differentiable import jacobians_of, placed_by, solve_linear
 from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.poisson import LinearSystem, PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.structure import Structure
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 

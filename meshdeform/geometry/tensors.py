@@ -5,6 +5,9 @@ Nothing here returns a NaN or huge gradient, whatever the mesh: a zero area has 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -27,6 +30,16 @@ def verts_of(mesh: TriangleMesh) -> Tensor:
 def faces_of(mesh: TriangleMesh) -> Tensor:
     """Return the faces (F, 3) int64, which share the memory of the mesh."""
     return torch.from_numpy(mesh.faces)
+
+
+def tensors_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
+    """Return copies of arrays, such as those of a checkpoint, as tensors."""
+    return {name: torch.from_numpy(array.copy()) for name, array in arrays.items()}
+
+
+def arrays_of(tensors: Mapping[str, Tensor]) -> dict[str, NDArray[Any]]:
+    """Return copies of tensors as arrays, for a checkpoint."""
+    return {name: tensor.detach().cpu().clone().numpy() for name, tensor in tensors.items()}
 
 
 def face_cross(verts: Tensor, faces: Tensor) -> Tensor:

@@ -19,15 +19,13 @@ import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
-from meshdeform.deformation.loop import stored_shape
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.mending import Mended
 from meshdeform.exemplar.outlines import Outlines, outlines_of
@@ -51,7 +49,7 @@ from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.exemplar_control import Controls
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import DIGITS, ExemplarFacts, Fit, exemplar_report
-from meshdeform.runs.goals import SilhouetteFit, TargetFit
+from meshdeform.runs.fits import SilhouetteFit, TargetFit
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import shape_id
@@ -113,17 +111,19 @@ def _identity(job_input: RunInput) -> dict[str, str]:
     return {"id": "exemplar", "revision": "", "sha256": sha256}
 
 
-def _shape(state: Mapping[str, Tensor], facts: AssetFacts, surface: WeldedSurface, frame: Frame) -> _Floats:
+def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, surface: WeldedSurface, frame: Frame) -> _Floats:
     """Return the vertices (V, 3) of a checkpoint of this or of an optimised run, in world space.
 
     `frame`: that of the cameras around the asset.
     """
     if _VERTS in state:
-        return frame.leave(state[_VERTS].numpy())
+        return frame.leave(state[_VERTS])
+    from meshdeform.deformation.loop import stored_shape
+
     start = Start.of_state(state, facts.welded)
     control = read_control(facts.params, surface, start.frame, RestMesh.of(start.frame.place(facts.welded.mesh)))
     shape = stored_shape(start.mesh, state, Carrier.AUTO, bodies=control.bodies, constraints=control.constraints)
-    return start.frame.leave(shape.numpy())
+    return start.frame.leave(shape)
 
 
 def _targets(facts: AssetFacts, job_input: RunInput, frame: Frame) -> dict[str, TargetFit]:
@@ -177,7 +177,7 @@ class ExemplarRun(JobRun):
     def checkpoint(self) -> bytes:
         """Return the current shape: a run that resumes starts again."""
         verts = self._facts.frame.enter(self._verts())
-        state = Checkpoint(self.step, {_VERTS: torch.from_numpy(verts)})
+        state = Checkpoint(self.step, {_VERTS: verts})
         return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
 
     def snapshot(self) -> ArtifactData:

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from meshdeform.deformation.constraints import surface_distances
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.guidance.sds import WeightedPrompt
+from meshdeform.guidance.weighted import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import Prompt, active_prompts
 from meshdeform.runs.control import Control, WeldedSurface

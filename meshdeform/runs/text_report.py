@@ -16,8 +16,7 @@ from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.assets.surface import Surface
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
 from meshdeform.deformation.constraints import Body
-from meshdeform.deformation.controls import is_convex
-from meshdeform.deformation.loop import Deformation
+from meshdeform.deformation.structure import is_convex
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
@@ -25,7 +24,6 @@ from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, me
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
-from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
@@ -33,7 +31,7 @@ from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest
 from meshdeform.requests.parameters import OF_OPTIMISER
 from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
 from meshdeform.runs.control import Control, control_report
-from meshdeform.runs.goals import Goal, SilhouetteFit
+from meshdeform.runs.fits import SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition, asks_source
@@ -56,8 +54,11 @@ from meshdeform.runs.worth import (
 from meshdeform.vocabulary.grammar import ParsedPrompt, parse
 
 if TYPE_CHECKING:
+    from meshdeform.deformation.loop import Deformation
     from meshdeform.plain.change import Done
+    from meshdeform.priors.base import Prior
     from meshdeform.reading import Reading
+    from meshdeform.runs.goals import Goal
 
 _MOSTLY = 0.5
 _REMEDIES = {
