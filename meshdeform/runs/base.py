@@ -308,8 +308,7 @@ def missing_torch() -> DependencyError:
     """Return the error of what needs torch where it is not installed."""
     return DependencyError(
         "This job needs torch, which the extra `sds` brings and which is not installed.",
-        advice=f"Install it where jobs run: {install_command(TORCH_EXTRA)}. Fits to nouns and targets and changes in plain "
-        "words do without.",
+        advice=f"Install it where jobs run: {install_command(TORCH_EXTRA)}. Fits and changes of parts do without.",
         extra=TORCH_EXTRA,
     )
 
@@ -330,7 +329,7 @@ class Kind:
     """Returns the number of steps of a request, for limits and estimates. Takes the request, the default model, and the
     stored result of `check` in JSON, if any. Torch-free."""
     load: Callable[[], StartRun]
-    """Imports the code that runs the kind, including torch if it needs that, and returns the function that starts a run."""
+    """Imports the code that runs the kind, and torch if it needs that, and returns the function that starts a run."""
     artifacts: tuple[ArtifactKind, ...]
     takes_output: bool = False  # whether requests may have options in `output`
     uses: Callable[[JobRequest], Collection[str]] | None = None
