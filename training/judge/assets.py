@@ -30,4 +30,4 @@ def views_of_assets(folder: Path, split: str) -> ViewSet:
 def mesh_of(path: Path) -> TriangleMesh:
     """Return an asset as the judge is shown it."""
     body = loose_body(load_asset(path.read_bytes(), path.name, Limits.unlimited()))
-    return TriangleMesh(torch.from_numpy(body.points), torch.from_numpy(body.faces))
+    return TriangleMesh(body.points, body.faces)

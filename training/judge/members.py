@@ -165,7 +165,7 @@ class ViewSet:
                 if rng.random() < _FACETED:
                     shape = faceted(shape)
             cameras = (training_cameras(rng),) if split == TRAINING else judging_cameras()
-            images[row] = pictures(TriangleMesh(torch.from_numpy(shape.verts), torch.from_numpy(shape.faces)), *cameras)
+            images[row] = pictures(TriangleMesh(shape.verts, shape.faces), *cameras)
         return cls(images, torch.full((members,), _number(kind)))
 
     @classmethod

@@ -24,9 +24,7 @@ BALL, BOX = icosphere(2), TriangleMesh(2 * box(3).verts, box(3).faces)
 
 def part(builder: Builder, mesh: Any, **node: Any) -> int:
     """Add a node with a mesh to the builder's hierarchy."""
-    return builder.node(
-        builder.mesh(builder.primitive(mesh.verts, mesh.faces.astype(np.uint16))), **node
-    )
+    return builder.node(builder.mesh(builder.primitive(mesh.verts, mesh.faces.astype(np.uint16))), **node)
 
 
 def car() -> tuple[Builder, dict[str, int]]:

@@ -29,15 +29,11 @@ def cart() -> bytes:
     upper, lower = ({**builder.primitive(ball.verts, part), "material": 0} for part in (faces[:half], faces[half:]))
     lower["attributes"], lower["material"] = upper["attributes"], 1
     body = builder.mesh(upper, lower, name="hull")
-    axle = builder.mesh(
-        {**builder.primitive(pair.verts, pair.faces.astype(np.uint16)), "material": 1}, name="axle"
-    )
+    axle = builder.mesh({**builder.primitive(pair.verts, pair.faces.astype(np.uint16)), "material": 1}, name="axle")
     builder.node(body, name="Body")
     builder.node(axle, translation=[0, -1, 0.5])
     builder.node(axle, translation=[0, -1, -0.5])
-    hub = builder.mesh(
-        builder.primitive(0.2 * box(1).verts + [2.0, 0, 0], box(1).faces.astype(np.uint16))
-    )
+    hub = builder.mesh(builder.primitive(0.2 * box(1).verts + [2.0, 0, 0], box(1).faces.astype(np.uint16)))
     builder.node(children=[builder.node(hub, in_scene=False, name="hub")], name="Group")
     return builder.glb()
 

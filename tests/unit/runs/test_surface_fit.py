@@ -161,9 +161,7 @@ def test_a_surface_far_from_the_origin_is_fitted_where_it_is(kind: str) -> None:
         np.savez(file, sdf=inside, origin=far - 1.3, spacing=axis[1] - axis[0])
     else:
         lines = ["v {:.6f} {:.6f} {:.6f}".format(*place) for place in verts + far]
-        file = io.BytesIO(
-            "\n".join([*lines, *("f {} {} {}".format(*face) for face in ball.faces + 1)]).encode()
-        )
+        file = io.BytesIO("\n".join([*lines, *("f {} {} {}".format(*face) for face in ball.faces + 1)]).encode())
     run = begin(file.getvalue(), f"a.{kind}")
     list(run)
     written = load_asset(run.finish()["level_1.glb"].data).surface.positions - far
