@@ -37,7 +37,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.guidance.base import Guidance, HeavyGuidance, StepContext
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.rasterizer import CoverageRenderer
+from meshdeform.rendering.rasterizer import CoverageRenderer, projected
 from meshdeform.rendering.shading import RenderStyle
 
 _SIDE = 128
@@ -110,7 +110,7 @@ class SilhouetteTerm:
         assert self._renderer is not None
         masks = []
         for view in self._views:
-            cameras = _cameras(view, _MARGIN * reach).to(self._device)
+            cameras = _cameras(view, _MARGIN * reach)
             with torch.no_grad():
                 covered = self._renderer.render(mesh.verts.float().to(self._device), cameras)[0]
             masks.append((covered.cpu().numpy() > 0.5, _view_width(view, _MARGIN * reach) / self._side))
@@ -135,7 +135,7 @@ class SilhouetteTerm:
         outside = ndimage.distance_transform_edt(~sampled) - ndimage.distance_transform_edt(sampled)
         distance = outside.reshape(self._side, fine, self._side, fine).mean((1, 3)) / (self._side * fine)
         goal, away = (torch.from_numpy(each).float().to(self._device) for each in (mask, distance))
-        return _Placed(_cameras(view, radius).to(self._device), goal, away, _centre_of(goal))
+        return _Placed(_cameras(view, radius), goal, away, _centre_of(goal))
 
     def loss(self, verts: Tensor, _context: StepContext | None = None) -> tuple[Tensor, dict[str, float]]:
         """Return the loss above, float64 and differentiable in the vertices (V, 3); and `silhouette_iou`, its mean."""
@@ -155,7 +155,7 @@ class SilhouetteTerm:
 
     def _unreached(self, verts: Tensor, cameras: Cameras, covered: Tensor, mask: Tensor) -> Tensor:
         """Return the sum of the distances from uncovered pixels of the mask to the nearest vertices, in sides."""
-        clip = verts @ cameras.view_proj[0, :, :3].to(verts.dtype).T + cameras.view_proj[0, :, 3].to(verts.dtype)
+        clip = projected(verts, cameras)[0]
         places = torch.stack([1 - clip[:, 1] / clip[:, 3], 1 + clip[:, 0] / clip[:, 3]], 1) / 2  # row, column
         rows, columns = ((mask > 0.5) & (covered < 0.5)).nonzero(as_tuple=True)
         if not len(rows):

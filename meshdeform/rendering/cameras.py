@@ -19,14 +19,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 
+_Floats = NDArray[np.float64]
+
 NUM_VIEWS = 4
-_UNIT_SPHERE = 1.05
+UNIT_SPHERE = 1.05
 """Default radius of the sphere that just fits the view: the unit sphere and a margin."""
 
 
@@ -91,7 +91,7 @@ def fixed_cameras(
     fov_deg: float = 37.5,
     *,
     views: int = NUM_VIEWS,
-    fitting_radius: float = _UNIT_SPHERE,
+    fitting_radius: float = UNIT_SPHERE,
     turn_deg: float = 0.0,
 ) -> Cameras:
     """Place cameras that look at the origin, at azimuths ``azimuth_deg + 90 k`` or at the given ones.
@@ -132,7 +132,7 @@ def fixed_cameras(
 
 
 def orthogonal_cameras(
-    bounds: CameraRange, shares: Sequence[float], fitting_radius: float = _UNIT_SPHERE, turn_deg: float = 0.0
+    bounds: CameraRange, shares: Sequence[float], fitting_radius: float = UNIT_SPHERE, turn_deg: float = 0.0
 ) -> Cameras:
     """Place four cameras a quarter turn apart by six shares of the ways from the least to the greatest values.
 
@@ -164,20 +164,20 @@ RADIUS = 0.6
 class Frame:
     """Similarity between the world and the cameras' frame."""
 
-    centre: Tensor  # (3,) float64: centre of the bounding box, in the world
+    centre: _Floats  # (3,) float64: centre of the bounding box, in the world
     scale: float  # camera units per world unit
 
     @classmethod
-    def around(cls, verts: Tensor) -> Frame:
+    def around(cls, verts: _Floats) -> Frame:
         """Return the frame in which `verts` (V, 3) are centred and the farthest is at `RADIUS`."""
-        centre = (verts.amin(0) + verts.amax(0)) / 2
-        return cls(centre, RADIUS / float((verts - centre).norm(dim=1).max()))
+        centre = (verts.min(0) + verts.max(0)) / 2
+        return cls(centre, RADIUS / float(np.linalg.norm(verts - centre, axis=1).max()))
 
-    def enter(self, verts: Tensor) -> Tensor:
+    def enter(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the world into the frame."""
         return (verts - self.centre) * self.scale
 
-    def leave(self, verts: Tensor) -> Tensor:
+    def leave(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the frame into the world."""
         return verts / self.scale + self.centre
 

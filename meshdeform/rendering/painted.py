@@ -82,7 +82,7 @@ class PaintedRenderer:
         faces = self._colours.faces if len(drawn) == len(front) else self._colours.faces[drawn]
         squares, through = _Squares(size, factor), np.ones(side * side, np.float32)
         behind: _Singles | None = None
-        for layer in range(self._colours.layers):
+        for _ in range(self._colours.layers):
             found, depth = nearest_faces(clip[None], faces, side, side, behind)
             pixels = np.flatnonzero(found.ravel() >= 0)
             seen = drawn[found.ravel()[pixels]]
@@ -127,8 +127,8 @@ class PaintedRenderer:
 class _Surface:
     """One state of the surface.
 
-    `places`, (M, 3): of the vertices of the appearance. `values`, (C, M): what is interpolated: the normals, 1 where the
-    file has one (not if it has all of them: `normal_rows` of both), and the values of the colours. `cross`, (3, F):
+    `places`, (M, 3): of the vertices of the appearance. `values`, (C, M): what is interpolated: `normal_rows` of the
+    normals, and of 1 where the file has one if it lacks some, and then the values of the colours. `cross`, (3, F):
     normals of the faces, as long as twice their area, and `offset`, (F,), their products with a corner.
     """
 
@@ -195,7 +195,9 @@ class _Squares:
         """Return the picture (size, size, 3) in front of a backdrop, both sRGB."""
         picture = backdrop.reshape(-1, 3).copy()
         some = np.flatnonzero(self._covered)
-        light, covered = ((each[..., some] / self._factor**2).astype(np.float32) for each in (self._light, self._covered))
+        light, covered = (
+            (each[..., some] / self._factor**2).astype(np.float32) for each in (self._light, self._covered)
+        )
         light += (1 - covered) * linear_from_srgb(picture[some].T)
         picture[some] = srgb_from_linear(np.clip(light, 0, 1)).T
         return picture.reshape(backdrop.shape)

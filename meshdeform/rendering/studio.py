@@ -121,9 +121,7 @@ class Studio:
         at = (np.arange(self._size, dtype=np.float32) + 0.5) * 2 / self._size - 1
         back = np.linalg.inv(view_proj.astype(np.float64)).astype(np.float32)
         # Lines of sight from the near to the far plane, as rows and columns that are added up.
-        near, far = (
-            [at * row[0] - at[:, None] * row[1] + (z * row[2] + row[3]) for row in back] for z in (-1.0, 1.0)
-        )
+        near, far = ([at * row[0] - at[:, None] * row[1] + (z * row[2] + row[3]) for row in back] for z in (-1.0, 1.0))
         near, far = ([each / places[3] for each in places[:3]] for places in (near, far))
         along = (ground - near[1]) / (far[1] - near[1])
         x, z = ((near[axis] + along * (far[axis] - near[axis])) / _SHADOW_REACH for axis in (0, 2))

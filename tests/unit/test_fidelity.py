@@ -17,9 +17,9 @@ from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.rendering.cameras import CameraRange, Framing, sample_orthogonal_cameras
-from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.rendering.shading import sample_scene
+from meshdeform.rendering.cameras import CameraRange, Framing
+from meshdeform.rendering.rasterizer import projected, rasterize
+from meshdeform.rendering.shading import sample_orthogonal_cameras, sample_scene
 from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, resolve
 from tests.cases import each_case
 from training.shapes import box
@@ -122,7 +122,7 @@ def test_the_object_fills_the_published_share_of_the_picture() -> None:
     shares = []
     for _ in range(8):
         cameras = sample_orthogonal_cameras(CameraRange(), generator, radius)
-        clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+        clip = projected(mesh.verts.float(), cameras)
         shares.append(float((rasterize(clip, mesh.faces, 96, 96).face_ids >= 0).float().mean()))
     assert 0.55 < sum(shares) / len(shares) < 0.8
 

@@ -29,7 +29,7 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
+from meshdeform.rendering.rasterizer import projected, rasterize_compiled, rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
@@ -56,7 +56,7 @@ def torch_path() -> Iterator[None]:
 
 
 def clip_of(mesh: TriangleMesh, cameras: Cameras) -> Tensor:
-    return mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    return projected(mesh.verts.float(), cameras)
 
 
 @each_case("name", MESHES)
@@ -93,7 +93,7 @@ def test_pictures_and_their_gradients_agree(device: str, name: str, shading: str
     def drawn(where: str) -> tuple[Tensor, Tensor]:
         verts = mesh.verts.clone().to(where).requires_grad_()
         renderer = Renderer(mesh.faces, len(mesh.verts), style, where, appearance=painted(mesh))
-        image = renderer.render(verts, cameras.to(where))
+        image = renderer.render(verts, cameras)
         (image * weights.to(where)).sum().backward()
         assert verts.grad is not None
         return image.detach().cpu(), verts.grad.cpu()

@@ -17,8 +17,9 @@ from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
-from meshdeform.rendering.studio import PaintedRenderer, PaintedStyle, Pose, preview_png
+from meshdeform.rendering.studio import Pose, preview_png
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.fakes import plain_appearance
@@ -173,7 +174,7 @@ def test_wrong_shapes_are_refused() -> None:
 
 def _ribbon(height: float) -> TriangleMesh:
     """Two faces of length 1 and this height, in a square, on a row of pixel centres of a front view of 32 pixels."""
-    distance = float(fixed_cameras(0.0, 0.0).eye[0].norm())
+    distance = float(np.linalg.norm(fixed_cameras(0.0, 0.0).eye[0]))
     y = distance * float(torch.tan(torch.deg2rad(torch.tensor(37.5 / 2)))) / 32
     rows = [-0.5, y - height / 2, y + height / 2, 0.5]
     verts = torch.tensor([[x, row, 0.0] for row in rows for x in (-0.5, 0.5)], dtype=torch.float64)
@@ -258,9 +259,9 @@ def drawn(asset: bytes, size: int = 64) -> Any:
     loaded = load_asset(asset)
     appearance = loaded.appearance()
     renderer = PaintedRenderer(appearance, PaintedStyle(size, 1, (1.0, 0.0, 1.0)))
-    positions, normals = (torch.from_numpy(a) for a in (loaded.surface.positions, loaded.surface.normals))
-    picture = renderer.render(positions, normals, fixed_cameras(0.0, 0.0, 20.0, views=1))[0]
-    return (picture * 255).round().byte().numpy(), appearance.left_out
+    cameras = fixed_cameras(0.0, 0.0, 20.0, views=1)
+    picture = renderer.render(loaded.surface.positions, loaded.surface.normals, cameras)[0]
+    return np.rint(picture * 255).astype(np.uint8), appearance.left_out
 
 
 def quarters(picture: Any) -> list[tuple[int, ...]]:

@@ -16,6 +16,7 @@ from meshdeform.rendering.rasterizer import (
     antialias,
     interpolate,
     interpolate_torch,
+    projected,
     rasterize,
     rasterize_compiled,
     rasterize_spans,
@@ -28,8 +29,7 @@ BACKENDS = [rasterize_compiled, rasterize_spans]
 
 
 def to_clip(verts: Tensor, azimuth: float = 20.0) -> Tensor:
-    cameras = fixed_cameras(azimuth, 15.0)
-    return verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    return projected(verts.float(), fixed_cameras(azimuth, 15.0))
 
 
 def flat(points: list[tuple[float, float, float]]) -> Tensor:
@@ -188,8 +188,7 @@ def draw(
     verts: Tensor, faces: Tensor, edges: SilhouetteEdges, size: int, weights: Tensor | None, smooth: bool
 ) -> Tensor:
     """Mean over the picture of (weighted) coverage."""
-    cameras = fixed_cameras(13.0, 10.0)
-    clip = verts @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    clip = projected(verts, fixed_cameras(13.0, 10.0))
     fragments = rasterize(clip, faces, size, size)
     image = (fragments.face_ids >= 0).float()[..., None]
     if smooth:
@@ -249,7 +248,7 @@ def test_hidden_edges_change_nothing() -> None:
     shift = torch.zeros(3, requires_grad=True)
     cameras = fixed_cameras(0.0, 0.0, views=1)
     verts = torch.cat([front.verts.float() * 0.6, back.verts.float() + torch.tensor([0.0, 0.0, -0.75]) + shift])
-    clip = verts @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    clip = projected(verts, cameras)
     fragments = rasterize(clip, faces, 64, 64)
     image = antialias((fragments.face_ids >= 0).float()[..., None], clip, silhouette_edges(faces), fragments.depth)
     image.sum().backward()
