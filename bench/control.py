@@ -56,7 +56,7 @@ def alike(source: Asset, result: Asset) -> None:
         cells = []
         for mesh, whole in ((level, before), (RestMesh(edit.move(level), level.faces), after)):
             points = mesh.verts[mesh.faces].mean(1).numpy()
-            apart = NearestPlaces(whole, points, mesh.normals.numpy()).distances(points) / diagonal
+            apart = NearestPlaces(whole, points, mesh.normals).distances(points) / diagonal
             cells += [f"{apart.mean():.2%}", f"{np.percentile(apart, 99):.2%}"]
         print(f"| {len(level.faces):,} of {len(before.faces):,} triangles | {' | '.join(cells)} |")
 
@@ -64,7 +64,7 @@ def alike(source: Asset, result: Asset) -> None:
 if __name__ == "__main__":
     torch.set_num_threads(1)
     mesh = source_mesh("quadruped")
-    data = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    data = build_glb(mesh.verts, mesh.faces)
     made = deformed(data, "quadruped.glb", PROMPT, preset="preview")
     both = load_asset(data), load_asset(made["result.glb"])
     strength(*both)

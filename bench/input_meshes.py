@@ -38,7 +38,7 @@ class Input:
 
 
 def _of(special: str, mesh: TriangleMesh, *, meets: bool = False) -> Input:
-    return Input(special, mesh.verts.numpy(), mesh.faces.numpy(), meets=meets)
+    return Input(special, mesh.verts, mesh.faces, meets=meets)
 
 
 def _moved(mesh: TriangleMesh, x: float = 0.0, y: float = 0.0, z: float = 0.0, scale: float = 1.0) -> TriangleMesh:
@@ -246,7 +246,7 @@ def _far(size: float) -> Input:
 
 def _far_node(size: float) -> Input:
     ball = _sphere(size)
-    return Input("radius 1 on a node at (1e6, 1e6, 1e6)", ball.verts.numpy(), ball.faces.numpy(), (1e6, 1e6, 1e6))
+    return Input("radius 1 on a node at (1e6, 1e6, 1e6)", ball.verts, ball.faces, (1e6, 1e6, 1e6))
 
 
 def _coarse(size: float) -> Input:
@@ -265,7 +265,7 @@ def _large(size: float) -> Input:
 def _packed(file: str, special: str) -> Callable[[float], Input]:
     def made(size: float) -> Input:
         ball = _sphere(size)
-        return Input(special, ball.verts.numpy(), ball.faces.numpy(), file=file)
+        return Input(special, ball.verts, ball.faces, file=file)
 
     return made
 

@@ -86,10 +86,10 @@ def solves(levels: Sequence[int], repeats: int) -> None:
         laplacian = cotangent_laplacian(mesh)
         free = np.arange(1, len(mesh.verts))
         system = laplacian[free][:, free].tocsc()
-        right = laplacian @ mesh.verts.numpy()
+        right = laplacian @ mesh.verts
         # What a step asks for: the sides of the step before, a little changed.
         change = 1e-3 * np.random.default_rng(0).standard_normal(right.shape)
-        start = mesh.verts.numpy()[1:] - mesh.verts.numpy()[0]
+        start = mesh.verts[1:] - mesh.verts[0]
         block = np.asfortranarray((right + laplacian @ change)[1:])
         lu = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
         factoring: dict[str, Callable[[], object]] = {

@@ -154,7 +154,7 @@ def measured(source: bytes, result: bytes, report: dict[str, Any]) -> dict[str, 
     """Return the figures of an asset."""
     before, after = (load_asset(data, "a.glb", Limits.unlimited()) for data in (source, result))
     welded = welded_surface(before)
-    rows, faces = welded.first_rows(), welded.mesh.faces.numpy()
+    rows, faces = welded.first_rows(), welded.mesh.faces
     edges = RestMesh.of(welded.mesh).edges
     neighbours = edges.faces[(edges.faces >= 0).all(1) & edges.consistent].numpy()
     folds = []

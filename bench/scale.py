@@ -48,9 +48,9 @@ def write(path: Path, faces: int, components: int) -> None:
     parts = [bumpy_sphere(faces // components) for _ in range(components)]
     shift = torch.tensor([2.5, 0.0, 0.0], dtype=torch.float64)
     mesh = join(*(TriangleMesh(part.verts + k * shift, part.faces) for k, part in enumerate(parts)))
-    verts = mesh.verts.numpy()
+    verts = mesh.verts
     normals = verts - np.round(verts[:, :1] / 2.5) * shift.numpy()
-    path.write_bytes(build_glb(verts, mesh.faces.numpy(), normals=normals / np.linalg.norm(normals, axis=1)[:, None]))
+    path.write_bytes(build_glb(verts, mesh.faces, normals=normals / np.linalg.norm(normals, axis=1)[:, None]))
 
 
 def measure(path: Path, steps: int) -> dict[str, float]:

@@ -64,7 +64,7 @@ class FakePrior:
             view_size = optimum.shape[-1] // 2
             content = optimum.numpy().tobytes()
         else:
-            content = optimum.verts.numpy().tobytes() + optimum.faces.numpy().tobytes()
+            content = optimum.verts.tobytes() + optimum.faces.tobytes()
         self.style = RenderStyle(view_size=view_size, supersample=1, shading="normals")
         self.alphas_cumprod = torch.linspace(0.999, 0.001, self.num_timesteps)
         self.identity = {"id": "fake", "revision": "", "sha256": hashlib.sha256(content).hexdigest()}

@@ -174,7 +174,7 @@ def _bottle() -> tuple[bytes, str]:
     glass = lathe(outline, 48)
     cork = lathe([(0.0, 0.86), (0.06, 0.86), (0.06, 0.93), (0.06, 1.0), (0.0, 1.0)], 24)
     made = [("Glass", glass), ("Cork", cork)]
-    return build_glb([Primitive(mesh.verts.numpy(), mesh.faces.numpy(), name=name) for name, mesh in made]), "a.glb"
+    return build_glb([Primitive(mesh.verts, mesh.faces, name=name) for name, mesh in made]), "a.glb"
 
 
 def _chair() -> tuple[bytes, str]:

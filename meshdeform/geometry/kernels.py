@@ -1,16 +1,42 @@
-"""Compile loops over numbers to machine code."""
+"""Compile loops over numbers to machine code, when the first of them is called: numba takes long to import."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import update_wrapper
 from typing import Any, TypeVar
-
-import numba
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
+class _Kernel:
+    """A function that is compiled when it is first called."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        self._compiled: Callable[..., Any] | None = None
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.compiled(*arguments)
+
+    @property
+    def compiled(self) -> Callable[..., Any]:
+        """The compiled function, which other processes have compiled if they could."""
+        if self._compiled is None:
+            import numba
+
+            self._compiled = numba.njit(cache=True, nogil=True)(self._function)
+            # numba knows compiled functions only, so they take the places of the names that the function may call.
+            names = self._function.__globals__
+            for name, value in list(names.items()):
+                if isinstance(value, _Kernel):
+                    names[name] = value.compiled
+        return self._compiled
+
+
 def kernel(function: _Function) -> _Function:
     """Compile a function once for all processes; while it runs, other threads run too."""
-    compiled: _Function = numba.njit(cache=True, nogil=True)(function)
-    return compiled
+    lazy: Any = _Kernel(function)
+    made: _Function = lazy
+    return made

@@ -227,7 +227,7 @@ class NearestPlaces:
     """
 
     def __init__(self, mesh: RestMesh, points: _Floats, normals: _Floats, *, tree: SurfaceTree | None = None) -> None:
-        self._verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+        self._verts, faces = mesh.verts, mesh.faces
         tree = _tree_of(mesh, known=bool(normals.any())) if tree is None else tree
         self.faces, self.weights = tree.find(points, normals)
         self.corners = faces[self.faces].astype(np.int32)
@@ -258,7 +258,7 @@ def _tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:
     edge = math.sqrt(2 * float(mesh.areas.sum()) / len(mesh.faces))
     # Unknown normals are equally far from all, which would only keep the tree from leaving branches out.
     opposite = _OPPOSITE * edge if known else 0.0
-    return SurfaceTree(mesh.verts.numpy(), mesh.faces.numpy(), mesh.normals.numpy(), spacing=edge, opposite=opposite)
+    return SurfaceTree(mesh.verts, mesh.faces, mesh.normals, spacing=edge, opposite=opposite)
 
 
 def nearest_larger_faces(

@@ -25,6 +25,7 @@ from torch import Tensor, nn
 
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.priors.builtin.network import file_sha256
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
@@ -146,14 +147,15 @@ def framed(mesh: TriangleMesh) -> Tensor:
     ShapeError
         There are no faces, the surface is a single point, or a position is not finite.
     """
-    used = mesh.verts[mesh.faces.reshape(-1)]
+    verts = verts_of(mesh)
+    used = verts[faces_of(mesh).reshape(-1)]
     if not used.numel() or not bool(used.isfinite().all()):
         raise ShapeError("the judge needs a mesh with faces and finite positions")
     centre = (used.amin(0) + used.amax(0)) / 2
     radius = (used - centre).norm(dim=1).max()
     if not float(radius) > 0:
         raise ShapeError("the judge needs a mesh with an extent, but all vertices are one point")
-    placed: Tensor = (mesh.verts - centre) / radius
+    placed: Tensor = (verts - centre) / radius
     return placed
 
 
@@ -167,7 +169,7 @@ def draw_views(mesh: TriangleMesh, *cameras: Cameras) -> Tensor:
     shading is never mistaken for background.
     """
     verts = framed(mesh)
-    renderer = Renderer(mesh.faces, len(verts), _STYLE)
+    renderer = Renderer(faces_of(mesh), len(verts), _STYLE)
     images = torch.cat([renderer.render(verts, group)[..., :1] for group in cameras])
     return (1.0 - images.permute(0, 3, 1, 2)).clamp(0.0, 1.0)
 

@@ -175,11 +175,11 @@ class Frame:
 
     def enter(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the world into the frame."""
-        return (verts - self.centre) * self.scale
+        return np.asarray((verts - self.centre) * self.scale)
 
     def leave(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the frame into the world."""
-        return verts / self.scale + self.centre
+        return np.asarray(verts / self.scale + self.centre)
 
     def place(self, mesh: TriangleMesh) -> TriangleMesh:
         """Transform a mesh from the world into the frame."""

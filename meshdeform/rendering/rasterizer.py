@@ -43,7 +43,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -334,7 +333,7 @@ def interpolate_torch(
     return (corner.double() * weights[..., None]).sum(1).to(values.dtype)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights, out):  # type: ignore[no-untyped-def]
     for n in range(len(pixels)):
         b, within = divmod(pixels[n], height * width)
@@ -354,7 +353,7 @@ def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights,
             out[n, c] = (a0 * values[b, f[0], c] + a1 * values[b, f[1], c] + a2 * values[b, f[2], c]) * inverse
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _backward(clip, values, faces, pixels, face_of_pixel, height, width, weights, grad, d_clip, d_values):  # type: ignore[no-untyped-def]
     x = np.empty(3)
     y = np.empty(3)
@@ -401,7 +400,7 @@ class _Interpolate(torch.autograd.Function):
         arrays = [t.detach().contiguous().numpy() for t in (clip, values, faces, pixels, face_of_pixel)]
         weights = np.empty((len(pixels), 3))
         out = np.empty((len(pixels), values.shape[2]), arrays[1].dtype)
-        _forward(*arrays, height, width, weights, out)
+        _forward(*arrays, height, width, weights, out)  # type: ignore[no-untyped-call, call-arg]
         ctx.saved = (arrays, height, width, weights)  # type: ignore[attr-defined]
         return torch.from_numpy(out)
 
@@ -410,7 +409,7 @@ class _Interpolate(torch.autograd.Function):
     def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor | None, ...]:
         arrays, height, width, weights = ctx.saved  # type: ignore[attr-defined]
         d_clip, d_values = np.zeros(arrays[0].shape), np.zeros(arrays[1].shape)
-        _backward(*arrays, height, width, weights, grad.contiguous().numpy(), d_clip, d_values)
+        _backward(*arrays, height, width, weights, grad.contiguous().numpy(), d_clip, d_values)  # type: ignore[no-untyped-call, call-arg]
         as_clip = torch.from_numpy(d_clip.astype(arrays[0].dtype))
         return as_clip, torch.from_numpy(d_values.astype(arrays[1].dtype)), None, None, None, None, None
 
@@ -806,11 +805,11 @@ class CoverageRenderer:
     """
 
     def __init__(self, faces: Tensor, n_verts: int, side: int, device: torch.device | str = "cpu") -> None:
-        edges = edges_of(faces.cpu())
+        edges = edges_of(faces.cpu().numpy())
         self.side = side
         self._n_verts = n_verts
         self._faces = faces.to(device)
-        self._edges = SilhouetteEdges(edges.edges.to(device), edges.opposite.to(device))
+        self._edges = SilhouetteEdges(*(torch.from_numpy(each).to(device) for each in (edges.edges, edges.opposite)))
 
     def render(self, verts: Tensor, cameras: Cameras) -> Tensor:
         """Draw the mesh from every camera.

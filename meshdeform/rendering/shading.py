@@ -57,7 +57,8 @@ from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import edges_of, through_normals
+from meshdeform.geometry.mesh import edges_of
+from meshdeform.geometry.tensors import through_normals
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import NUM_VIEWS, UNIT_SPHERE, CameraRange, Cameras, orthogonal_cameras
@@ -542,11 +543,11 @@ class Renderer:
     ) -> None:
         if faces.ndim != 2 or faces.shape[1] != 3:
             raise ShapeError(f"expected faces (F, 3), got {tuple(faces.shape)}")
-        edges = edges_of(faces.cpu())
+        edges = edges_of(faces.cpu().numpy())
         self.style = style
         self.n_verts = n_verts
         self.faces = faces.to(device)
-        self.edges = SilhouetteEdges(edges.edges.to(device), edges.opposite.to(device))
+        self.edges = SilhouetteEdges(*(torch.from_numpy(each).to(device) for each in (edges.edges, edges.opposite)))
         self._dtype = dtype
         self._background = torch.tensor(style.background, dtype=dtype, device=device)
         self._light = functional.normalize(torch.tensor(_LIGHT, dtype=dtype, device=device), dim=0)

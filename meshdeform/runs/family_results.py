@@ -500,8 +500,8 @@ def wall_shape(
     starts = np.cumsum([0, *(len(piece.verts) for piece, _ in pieces)])
     return WallShape(
         name,
-        np.concatenate([piece.verts.numpy() for piece, _ in pieces]),
-        np.concatenate([piece.faces.numpy() + start for (piece, _), start in zip(pieces, starts, strict=False)]),
+        np.concatenate([piece.verts for piece, _ in pieces]),
+        np.concatenate([piece.faces + start for (piece, _), start in zip(pieces, starts, strict=False)]),
         np.concatenate([np.full(len(piece.faces), part, np.uint8) for piece, part in pieces]),
         points,
         confidence,
@@ -511,7 +511,7 @@ def wall_shape(
 def _welded(verts: NDArray[np.float64], faces: NDArray[np.int64]) -> TriangleMesh:
     """Return the triangles with one vertex at each place: across seams nothing could be collapsed."""
     places, rows = np.unique(verts[faces.reshape(-1)], axis=0, return_inverse=True)
-    return TriangleMesh(torch.from_numpy(places), torch.from_numpy(rows.reshape(-1, 3).astype(np.int64)))
+    return TriangleMesh(places, rows.reshape(-1, 3).astype(np.int64))
 
 
 def nearest_members(

@@ -114,7 +114,7 @@ def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source
     """Return the body of an asset that was welded, as `corrected` does."""
     from meshdeform.plain.body import body_of
 
-    body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
+    body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces)
     return corrected(body, asset, params, source)
 
 
@@ -202,13 +202,11 @@ def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str
 
 def _judged(points: Floats, faces: Index) -> Mapping[str, float]:
     """Return the probabilities that the judge gives all nouns; none if it is missing."""
-    import torch
-
     from meshdeform.geometry.mesh import TriangleMesh
     from meshdeform.judge import Judge
 
     try:
-        return Judge().noun_probabilities(TriangleMesh(torch.from_numpy(points), torch.from_numpy(faces)))
+        return Judge().noun_probabilities(TriangleMesh(points, faces))
     except ModelError as error:
         _log.warning("the source is not recognised: %s", error)
         return {}

@@ -62,7 +62,7 @@ def main() -> None:
 def _glb(components: int) -> bytes:
     sphere = icosphere(2)
     mesh = join(*(replace(sphere, verts=sphere.verts + 3.0 * number) for number in range(components)))
-    return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    return build_glb(mesh.verts, mesh.faces)
 
 
 def _run(glb: bytes, document: dict[str, Any], **files: Any) -> JobRun:

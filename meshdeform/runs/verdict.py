@@ -10,9 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.errors import ModelError
 from meshdeform.geometry.mesh import TriangleMesh
@@ -93,9 +91,9 @@ def prompt_reports(
     looks like to the judge says little by itself.
     """
     reports = []
-    diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
-    moved = (mesh.verts - rest.verts).square().sum(1).numpy() / diagonal**2
-    corners = mesh.faces.numpy()
+    diagonal = float(np.linalg.norm(np.ptp(rest.verts, axis=0)))
+    moved = ((mesh.verts - rest.verts) ** 2).sum(1) / diagonal**2
+    corners = mesh.faces
     for each, faces in zip(prompts.given, prompts.faces, strict=True):
         report = each.model_dump(mode="json", exclude_none=True)
         report["faces"] = len(mesh.faces) if faces is None else int(faces.sum())
@@ -117,10 +115,8 @@ def _rms(squares: _Floats) -> float:
 
 def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
     """Return some faces of a mesh as a mesh of their own."""
-    chosen = mesh.faces[torch.from_numpy(faces)]
-    used, corners = torch.unique(chosen, return_inverse=True)
-    verts: Tensor = mesh.verts[used]
-    return TriangleMesh(verts, corners.view(-1, 3))
+    used, corners = np.unique(mesh.faces[faces], return_inverse=True)
+    return TriangleMesh(mesh.verts[used], corners.reshape(-1, 3).astype(np.int64))
 
 
 @one_torch_thread()

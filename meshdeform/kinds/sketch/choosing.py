@@ -41,7 +41,8 @@ def gradients(pictures: NDArray[np.float32]) -> _Floats:
 
 def line_pictures(asset: Asset) -> NDArray[np.float32]:
     """Return the lines of an asset from many sides as `prepared` returns a drawing (54, SIDE, SIDE)."""
-    verts = Frame.around(asset.surface.positions).enter(asset.surface.positions)
+    positions = asset.surface.positions.astype(np.float64)
+    verts = Frame.around(positions).enter(positions)
     faces = np.asarray(asset.surface.triangles, np.int64)
     azimuths, elevations = zip(*_VIEWS, strict=True)
     cameras = fixed_cameras(azimuths, elevations, _FOV_DEG)

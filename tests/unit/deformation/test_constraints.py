@@ -29,7 +29,7 @@ from tests.cases import each_case
 from training.shapes import grid
 
 BALL = RestMesh.of(icosphere(3))
-POINTS = BALL.verts.numpy()
+POINTS = BALL.verts
 FINE = RestMesh.of(icosphere(5))
 CAP = POINTS[:, 1] > 0.5
 PARTNERS = find_partners(BALL, 0)
@@ -108,7 +108,7 @@ def test_a_handle_reaches_its_place_exactly_and_a_soft_one_its_share(carrier: st
         if weight == 1.0:
             assert np.allclose(shaken(carried).numpy()[HELD], goal, atol=1e-9)
     # A point within a face, together with one that stays.
-    face, shares = BALL.faces.numpy()[7], (0.2, 0.3, 0.5)
+    face, shares = BALL.faces[7], (0.2, 0.3, 0.5)
     goals = [goal, shares @ POINTS[face]]
     both = [Handle((HELD,), (1.0,), goals[0]), Handle(tuple(face.tolist()), shares, goals[1])]
     found = shaken(variables(carrier, handles=both)).numpy()
@@ -141,7 +141,7 @@ def test_a_symmetric_mesh_stays_symmetric_to_the_last_bit_of_its_displacements(c
 @each_case("carrier", ["surface", "lattice"])
 def test_the_gradient_is_right_with_all_constraints_at_once(carrier: str) -> None:
     small = RestMesh.of(icosphere(1))
-    points = small.verts.numpy()
+    points = small.verts
     cap = points[:, 1] > 0.8
     held, other = (int(np.argmin(((points - at) ** 2).sum(1))) for at in ([0.6, -0.8, 0.1], [0.5, -0.2, -0.8]))
     carried = variables(
@@ -172,7 +172,7 @@ def test_the_gradient_is_right_with_all_constraints_at_once(carrier: str) -> Non
 @each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_the_whole_of_a_large_mesh_keeps_its_bits_too(carrier: Carrier) -> None:
     whole = FINE
-    points = whole.verts.numpy()
+    points = whole.verts
     cap = points[:, 1] > 0.5
     partners = find_partners(whole, 0)
     constraints = Constraints(freedom_around(whole, cap, 0.5), 0.5, Mirror.of_partners(partners))

@@ -103,7 +103,7 @@ def test_a_face_has_the_nearest_one_that_looks_the_same_way_as_its_mirror_image(
     """The two sides of a thin plate, whose triangles are no mirror images of each other."""
     plate = TriangleMesh(box(5).verts * torch.tensor([1.0, 1.0, 1e-3], dtype=F64), box(5).faces)
     rest = RestMesh.of(plate)
-    centres, normals = rest.verts[rest.faces].mean(1).numpy(), rest.normals.numpy()
+    centres, normals = rest.verts[rest.faces].mean(1).numpy(), rest.normals
     level = Level.of_elements(centres, normals, np.zeros(3), Structure(planes=(0,)))
     assert level is not None
     with torch.no_grad():

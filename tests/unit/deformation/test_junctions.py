@@ -58,7 +58,7 @@ def random(*shape: int) -> Tensor:
 @each_case("mesh", [plate(), plate(joined=True)])
 def test_the_solve_gives_back_what_is_closed_and_closes_what_is_not(mesh: RestMesh) -> None:
     system = PoissonSystem(mesh)
-    closed = mesh.junctions.closed(mesh.verts.numpy(), (mesh.verts + 0.2 * random(*mesh.verts.shape)).numpy())
+    closed = mesh.junctions.closed(mesh.verts, (mesh.verts + 0.2 * random(*mesh.verts.shape)).numpy())
     answer = torch.from_numpy(closed)
     solved = system.solve(jacobians_from_verts(mesh.gradient, answer))
     torch.testing.assert_close(solved - solved.mean(0), answer - answer.mean(0), atol=1e-10, rtol=0)
@@ -157,7 +157,7 @@ def test_the_way_to_a_result_is_closed(share: float) -> None:
     mesh = plate()
     goal = mesh.verts.clone()
     goal[:, 2] += 0.6 * (goal[:, 0] * 3).sin()
-    closed = torch.from_numpy(mesh.junctions.closed(mesh.verts.numpy(), goal.numpy()))
+    closed = torch.from_numpy(mesh.junctions.closed(mesh.verts, goal.numpy()))
     path = ShapePath(mesh, closed)
     assert gap(mesh, path.at(share)) < 1e-10
     assert torch.equal(path.at(1.0), closed)
@@ -183,10 +183,10 @@ def test_a_detail_on_a_face_follows_it_where_its_corners_follow_an_edge() -> Non
     assert mesh.junctions.verts.tolist() == [5, 6, 7]
     field = bent(LatticeField(mesh))
     shape, nodes = placed(field).detach().numpy(), field.solve().detach().numpy()
-    point, corners = mesh.verts[-3].numpy(), mesh.verts.numpy()[mesh.faces.numpy()[2:-1]]
+    point, corners = mesh.verts[-3].numpy(), mesh.verts[mesh.faces[2:-1]]
     shares = [np.linalg.lstsq(np.stack([b - a, c - a], 1), point - a, rcond=None)[0] for a, b, c in corners]
     within = [min(u, v, 1 - u - v) >= 0 for u, v in shares].index(True)
-    weights, face = np.array([1 - shares[within].sum(), *shares[within]]), mesh.faces.numpy()[2 + within]
+    weights, face = np.array([1 - shares[within].sum(), *shares[within]]), mesh.faces[2 + within]
     assert np.isin(face, mesh.junctions.verts).any()
     off = field.lattice.embedding(np.stack([point, weights @ corners[within]])) @ nodes
     np.testing.assert_allclose(shape[-3] - weights @ shape[face], off[0] - off[1], atol=1e-12)

@@ -44,10 +44,10 @@ def random_stretch(count: int, seed: int = 0) -> Tensor:
 
 def test_every_point_follows_an_affine_map_exactly() -> None:
     lattice = Lattice.around(RestMesh.of(CART))
-    weights = lattice.embedding(CART.verts.numpy())
-    np.testing.assert_allclose(weights @ lattice.nodes, CART.verts.numpy(), atol=1e-14)
+    weights = lattice.embedding(CART.verts)
+    np.testing.assert_allclose(weights @ lattice.nodes, CART.verts, atol=1e-14)
     linear = random_stretch(1)[0].numpy()
-    np.testing.assert_allclose(weights @ (lattice.nodes @ linear.T), CART.verts.numpy() @ linear.T, atol=1e-14)
+    np.testing.assert_allclose(weights @ (lattice.nodes @ linear.T), CART.verts @ linear.T, atol=1e-14)
     with pytest.raises(ValueError, match="not inside"):
         lattice.embedding(np.array([[5.0, 0.0, 0.0]]))
 
@@ -141,17 +141,17 @@ def followed(*parts: TriangleMesh) -> tuple[RestMesh, NDArray[np.float64]]:
     lattice = Lattice.around(mesh)
     nodes = lattice.nodes.copy()
     nodes[:, 2] += 0.5 - 2 * (nodes[:, 0] ** 2 + nodes[:, 1] ** 2)
-    weights = lattice.embedding(mesh.verts.numpy()) + pull_of_large_faces(lattice, mesh)
+    weights = lattice.embedding(mesh.verts) + pull_of_large_faces(lattice, mesh)
     return mesh, weights @ nodes
 
 
 def test_a_beam_stays_on_its_wall_whose_chord_leaves_the_map_and_what_is_farther_follows_the_map() -> None:
     mesh, verts = followed(WALL, beam(0.055))
-    rest = mesh.verts.numpy()
+    rest = mesh.verts
     after = verts[-8:, 2] - verts[:8][rest[:8, 2] > 0, 2].mean()
     np.testing.assert_allclose(after, rest[-8:, 2] - 0.05, atol=2e-3)
     mesh, verts = followed(WALL, beam(0.2))
-    x, y, z = mesh.verts.numpy()[-8:].T
+    x, y, z = mesh.verts[-8:].T
     np.testing.assert_allclose(verts[-8:, 2], z + 0.5 - 2 * (x * x + y * y), atol=5e-3)
 
 

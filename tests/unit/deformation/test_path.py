@@ -67,7 +67,7 @@ def test_a_bend_of_120_degrees_keeps_lengths_and_volume_and_parts_together(share
         # A bend by that share of the angle, up to 0.3 % of the length.
         assert_close(shape, bend(mesh.verts, 120 * share), atol=0.003 * LENGTH, rtol=0)
         assert abs(volume(mesh, shape) / volume(mesh, mesh.verts) - 1) < 0.002
-        assert measure(mesh.verts.numpy(), mesh.faces.numpy(), shape.numpy()).flipped_faces == 0
+        assert measure(mesh.verts, mesh.faces, shape.numpy()).flipped_faces == 0
 
 
 @each_case("degrees", [179.9, 180.0, 180.1])

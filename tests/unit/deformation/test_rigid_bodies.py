@@ -28,7 +28,7 @@ RIGID, SIMILARITY = Rigidity.RIGID, Rigidity.SIMILARITY
 
 WHEELS = [moved(torus(n=12, m=8), 0.5 * x, -0.3, 0.0, scale=0.15) for x in (-1, 1)]
 CART = RestMesh.of(join(moved(icosphere(2), 0, 0.3, 0, scale=0.5), *WHEELS))
-FREE, LEFT, RIGHT = (np.flatnonzero(CART.components.numpy() == number) for number in range(3))
+FREE, LEFT, RIGHT = (np.flatnonzero(CART.components == number) for number in range(3))
 BODIES = [Body(LEFT, RIGID), Body(RIGHT, SIMILARITY)]
 
 
@@ -115,11 +115,11 @@ def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:
     """Space is pressed to half its height, and a ball below a box is not: it runs into the box."""
     for gap, free in ((0.01, True), (0.06, False)):
         mesh = RestMesh.of(join(box(4), moved(icosphere(2), 0, -0.6 - gap, 0, scale=0.1)))
-        ball = np.flatnonzero(mesh.components.numpy() == 1)
+        ball = np.flatnonzero(mesh.components == 1)
         field = LatticeField(mesh, bodies=[Body(ball, RIGID)])
         guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, field)
         jacobians = field.tensors["cell_jacobians"]
         with torch.no_grad():
             jacobians[:, 1, 1] = 0.5
-        assert len(cutting_pairs(placed(field).detach().numpy(), mesh.faces.numpy())) > 0
+        assert len(cutting_pairs(placed(field).detach().numpy(), mesh.faces)) > 0
         assert (guard.correct(Adam([{"params": [jacobians], "lr": 1.0}])) == 0) == free

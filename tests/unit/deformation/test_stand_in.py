@@ -54,13 +54,13 @@ def test_vertices_follow_the_simplified_surface() -> None:
     simple = stand_in_of(TORUS)
     assert simple.faces.shape[0] == 800
     binding = Binding(simple, TORUS)
-    assert np.array_equal(binding.move(simple.verts), TORUS.verts.numpy())
+    assert np.array_equal(binding.move(simple.verts), TORUS.verts)
     np.testing.assert_allclose(binding.move(turned(simple.verts)), turned(TORUS.verts).numpy(), atol=1e-12)
     followed = binding.move(bent(simple.verts))
     expected = bent(TORUS.verts).numpy()
     assert float((bent(TORUS.verts) - TORUS.verts).abs().max()) > 0.1
     assert np.linalg.norm(followed - expected, axis=1).max() < 0.01
-    quality = measure(TORUS.verts.numpy(), TORUS.faces.numpy(), followed)
+    quality = measure(TORUS.verts, TORUS.faces, followed)
     assert (quality.flipped_faces, quality.self_intersecting_faces_after) == (0, 0)
 
 
@@ -75,7 +75,7 @@ def test_the_sides_of_a_thin_wall_follow_their_own_sides() -> None:
 
     followed = Binding(simple, wall).move(parted(simple.verts))
     middle = (wall.verts[:, :2].abs() < 0.3).all(1).numpy()
-    assert (np.sign(followed[middle, 2]) == np.sign(wall.verts.numpy()[middle, 2])).all()
+    assert (np.sign(followed[middle, 2]) == np.sign(wall.verts[middle, 2])).all()
     assert np.abs(followed[middle, 2]).min() > 0.5
 
 
@@ -90,7 +90,7 @@ def test_a_lattice_carries_the_whole_mesh_as_if_there_were_no_stand_in() -> None
         field.tensors["cell_jacobians"] += 0.1 * torch.randn(
             field.tensors["cell_jacobians"].shape, generator=generator, dtype=F64
         )
-    expected = field.lattice.embedding(whole.verts.numpy()) @ field.solve().detach().numpy()
+    expected = field.lattice.embedding(whole.verts) @ field.solve().detach().numpy()
     np.testing.assert_array_equal(stands.follow(field), expected)
     assert len(placed(field)) < whole.verts.shape[0] / 4
 
@@ -126,5 +126,5 @@ def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: 
     way = whole.verts() - TORUS.verts
     wanted = goal.verts - TORUS.verts
     assert float((way * wanted).sum() / (way.norm() * wanted.norm())) > 0.5
-    quality = measure(TORUS.verts.numpy(), TORUS.faces.numpy(), whole.verts().numpy())
+    quality = measure(TORUS.verts, TORUS.faces, whole.verts().numpy())
     assert (quality.flipped_faces, quality.self_intersecting_faces_after) == (0, 0)

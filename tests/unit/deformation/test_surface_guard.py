@@ -27,8 +27,8 @@ MESH = icosphere(2)
 
 
 def broken(mesh: TriangleMesh, verts: torch.Tensor) -> int:
-    faces = mesh.faces.numpy()
-    folded = FaceNeighbours(faces, mesh.verts.numpy()).folded(verts.numpy())
+    faces = mesh.faces
+    folded = FaceNeighbours(faces, mesh.verts).folded(verts.numpy())
     return int((folded | intersecting_faces(verts.numpy(), faces)).sum())
 
 
@@ -153,8 +153,8 @@ def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeg
         for _ in run:
             pass
     assert torch.equal(whole.verts(), resumed.verts())
-    folded = FaceNeighbours(mesh.faces.numpy(), mesh.verts.numpy()).folded(whole.verts().numpy()).any()
-    cut = intersecting_faces(whole.verts().numpy(), mesh.faces.numpy()).any()
+    folded = FaceNeighbours(mesh.faces, mesh.verts).folded(whole.verts().numpy()).any()
+    cut = intersecting_faces(whole.verts().numpy(), mesh.faces).any()
     assert bool(folded) is (safeguard is Safeguard.NONE)
     assert bool(cut) is (safeguard is not Safeguard.INTERSECTIONS)
 
@@ -164,7 +164,7 @@ def lined_box() -> TriangleMesh:
     shell = box(10)
     lining = TriangleMesh(shell.verts * 0.6 + torch.tensor([0.0, -0.2, 0.0]), shell.faces.flip(1))
     both = join(shell, lining)
-    return weld(both.verts.numpy().round(9), both.faces.numpy()).mesh
+    return weld(both.verts.round(9), both.faces).mesh
 
 
 def test_surfaces_that_touch_at_rest_do_not_hold_their_component() -> None:
@@ -174,7 +174,7 @@ def test_surfaces_that_touch_at_rest_do_not_hold_their_component() -> None:
     tensor, guard, optimizer = guarded(mesh)
     with torch.no_grad():
         tensor[:, 1] += 0.02 * torch.sin(7 * mesh.verts[:, 0] + 2 * mesh.verts[:, 2])
-    assert intersecting_faces((mesh.verts + tensor.detach()).numpy(), mesh.faces.numpy()).sum() > 20
+    assert intersecting_faces((mesh.verts + tensor.detach()).numpy(), mesh.faces).sum() > 20
     assert guard.correct(optimizer) == 0
     # Elsewhere nothing is excused: the lid is pushed down through the lining.
     with torch.no_grad():

@@ -75,7 +75,7 @@ def test_the_rasterizer_sees_the_same_faces(device: str, name: str) -> None:
 def painted(mesh: TriangleMesh) -> Appearance:
     """Return the look of a mesh with a texture that is laid on from the front and has holes."""
     pixels = np.random.default_rng(0).integers(0, 256, (16, 16, 4), np.uint8)
-    look = plain_appearance(len(mesh.verts), mesh.faces.numpy())
+    look = plain_appearance(len(mesh.verts), mesh.faces)
     paint = Paint((1.0, 1.0, 1.0, 1.0), Texture(pixels), "MASK")
     return replace(look, texcoords=mesh.verts[:, :2].numpy().astype(np.float32), paints=(paint,))
 

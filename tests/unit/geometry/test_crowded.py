@@ -33,8 +33,8 @@ MIB = 1 << 20
 def boxes(offsets: NDArray[np.float64]) -> TriangleMesh:
     """One box at each of the offsets (N, 3)."""
     one = box(1)
-    verts = (one.verts.numpy() + offsets[:, None]).reshape(-1, 3)
-    faces = one.faces.numpy() + len(one.verts) * np.arange(len(offsets))[:, None, None]
+    verts = (one.verts + offsets[:, None]).reshape(-1, 3)
+    faces = one.faces + len(one.verts) * np.arange(len(offsets))[:, None, None]
     return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces.reshape(-1, 3)))
 
 
@@ -54,7 +54,7 @@ def memory_below(most: int) -> Iterator[None]:
 
 @pytest.mark.parametrize("mesh", [CROWD, COPIES], ids=["through each other", "in one place"])
 def test_searches_for_pairs_give_up(mesh: TriangleMesh) -> None:
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     with memory_below(256 * MIB):
         for search in (intersecting_faces, cutting_pairs):
             with pytest.raises(TooManyPairsError):
@@ -66,7 +66,7 @@ def test_searches_for_pairs_give_up(mesh: TriangleMesh) -> None:
 def test_a_block_of_boxes_that_touch_is_searched() -> None:
     """512 boxes: the 3 * 64 * 7 pairs that share a side have the two triangles of each on each other."""
     mesh = boxes(np.stack(np.meshgrid(*[np.arange(8.0)] * 3), -1).reshape(-1, 3))
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     assert not intersecting_faces(verts, faces).any()
     pairs = np.unique(touching_pairs(verts, faces, np.full(len(faces), 1e-4)) // 12, axis=0)
     offset = np.abs(np.diff(verts.reshape(512, -1, 3)[pairs].mean(2), axis=1))[:, 0]
@@ -75,7 +75,7 @@ def test_a_block_of_boxes_that_touch_is_searched() -> None:
 
 
 def test_too_many_pairs_are_counted_as_unknown() -> None:
-    verts, faces = CROWD.verts.numpy(), CROWD.faces.numpy()
+    verts, faces = CROWD.verts, CROWD.faces
     quality = measure(verts, faces, 2 * verts)
     assert quality.self_intersecting_faces_before is None
     assert quality.self_intersecting_faces_after is None
@@ -83,7 +83,7 @@ def test_too_many_pairs_are_counted_as_unknown() -> None:
     assert (quality.flipped_faces, quality.collapsed_faces) == (0, 0)
     assert "not counted" in quality.warnings(len(faces))[0]
     ball = icosphere(2)
-    assert measure(ball.verts.numpy(), ball.faces.numpy(), ball.verts.numpy()).warnings(len(ball.faces)) == []
+    assert measure(ball.verts, ball.faces, ball.verts).warnings(len(ball.faces)) == []
 
 
 def dented(variables: VertexDisplacements, depth: float) -> None:
@@ -130,7 +130,7 @@ def test_the_guard_finds_only_folds_from_then_on_and_says_so(monkeypatch: pytest
 
 def test_elements_spread_to_all_that_share_a_control_point() -> None:
     mesh = RestMesh.of(torus())
-    elements, faces = Elements.faces_of(mesh), mesh.faces.numpy()
+    elements, faces = Elements.faces_of(mesh), mesh.faces
     beside = (faces[:, None, :, None] == faces[None, :, None, :]).any((2, 3))
     flags = np.zeros(len(faces), bool)
     flags[[3, 200]] = True
@@ -167,7 +167,7 @@ def test_a_mesh_with_too_many_faces_around_its_vertices_is_not_simplified() -> N
 
 def test_samples_come_in_blocks_with_all_of_a_face(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = icosphere(2)
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     points, owners = samples_of(verts, faces, 0.05)
     assert count_samples(verts, faces, 0.05) == len(points)
     monkeypatch.setattr("meshdeform.geometry.places._BLOCK", 100)
@@ -184,7 +184,7 @@ def test_a_lattice_around_large_faces_is_coarser_and_says_so() -> None:
         found = Lattice.around(RestMesh.of(CROWD))
     assert found.coarse
     assert "coarser" in found.warnings[0]
-    assert count_samples(CROWD.verts.numpy(), CROWD.faces.numpy(), found.spacing / 2) <= lattice_field.MAX_SAMPLES
+    assert count_samples(CROWD.verts, CROWD.faces, found.spacing / 2) <= lattice_field.MAX_SAMPLES
     usual = Lattice.around(RestMesh.of(icosphere(3)))
     assert (usual.coarse, usual.warnings) == (False, [])
 

@@ -81,7 +81,7 @@ def test_the_guard_holds_what_a_much_too_great_rate_would_break(name: str) -> No
 @each_case("name", ["moebius", "moebius-narrow", "winding", "double-sided", "book", "walled", "repeated"])
 def test_what_cannot_be_wound_alike_is_not_folded(name: str) -> None:
     mesh = shape(name, 1.0)
-    assert not FaceNeighbours(mesh.faces.numpy()).folded(mesh.verts.numpy()).any()
+    assert not FaceNeighbours(mesh.faces).folded(mesh.verts).any()
 
 
 @each_case("turned", [False, True])
@@ -89,13 +89,13 @@ def test_a_fold_is_seen_whichever_way_faces_are_wound(turned: bool) -> None:
     mesh = grid(6)
     verts = mesh.verts.clone()
     verts[int(verts.norm(dim=1).argmin()), :2] += 0.3
-    usual = FaceNeighbours(mesh.faces.numpy()).folded(verts.numpy())
+    usual = FaceNeighbours(mesh.faces).folded(verts.numpy())
     assert 1 <= usual.sum() <= 6
     faces = mesh.faces.clone()
     faces[::3] = faces[::3].flip(1) if turned else faces[::3].roll(1, 1)
     beside = FaceNeighbours(faces.numpy())
     assert np.array_equal(beside.folded(verts.numpy()), usual)
-    assert not beside.folded(mesh.verts.numpy()).any()
+    assert not beside.folded(mesh.verts).any()
     both = FaceNeighbours(torch.cat([faces, faces.flip(1)]).numpy())
     assert np.array_equal(both.folded(verts.numpy()), np.tile(usual, 2))
 
@@ -107,7 +107,7 @@ def test_parts_that_meet_at_rest_may_move_through_each_other() -> None:
         variables, guard, optimizer = guarded(mesh, VertexDisplacements)
         with torch.no_grad():
             variables.tensors["displacements"][first_part(mesh), :2] -= 0.04
-        assert len(cutting_pairs(placed(variables).detach().numpy(), mesh.faces.numpy()))
+        assert len(cutting_pairs(placed(variables).detach().numpy(), mesh.faces))
         assert guard.correct(optimizer) == 0
 
 
@@ -122,7 +122,7 @@ def test_parts_that_are_apart_at_rest_may_not_and_hold_nobody_else_back(monkeypa
     parts[0, :, 0] += 0.8  # into the second
     parts[2, :, 2] += 0.2  # along the fourth, which it cuts at rest
     assert guard.correct(optimizer) == 0.5
-    pairs = cutting_pairs(placed(variables).detach().numpy(), mesh.faces.numpy()) // len(ball.faces)
+    pairs = cutting_pairs(placed(variables).detach().numpy(), mesh.faces) // len(ball.faces)
     assert (pairs.min(1) == 2).all()
     assert float(parts[0, 0, 0]) in (pytest.approx(0.4), pytest.approx(0.2), pytest.approx(0.08))
     assert (parts[2, :, 2] == 0.2).all()
@@ -143,7 +143,7 @@ def test_as_many_faces_as_vertices_are_not_mistaken_for_each_other() -> None:
     assert 0 < guard.correct(optimizer) < 1
     assert torch.equal(jacobians[crushed].detach(), torch.eye(3, dtype=torch.float64))
     assert (optimizer.state[jacobians]["exp_avg"][crushed] == 0).all()
-    assert not FaceNeighbours(mesh.faces.numpy()).folded(placed(variables).detach().numpy()).any()
+    assert not FaceNeighbours(mesh.faces).folded(placed(variables).detach().numpy()).any()
 
 
 def test_a_guard_that_goes_on_excuses_what_it_did_before() -> None:

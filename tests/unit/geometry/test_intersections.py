@@ -21,7 +21,7 @@ def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
 
 
 def hits(mesh: TriangleMesh) -> NDArray[np.bool_]:
-    return intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy())
+    return intersecting_faces(mesh.verts, mesh.faces)
 
 
 @each_case(
@@ -116,9 +116,9 @@ def test_a_flat_sheet_does_not_cut_itself_however_it_is_turned() -> None:
     sheet = grid(20)
     for seed in range(30):
         generator = np.random.default_rng(seed)
-        flat = sheet.verts.numpy() + np.pad(generator.uniform(-0.01, 0.01, (len(sheet.verts), 2)), ((0, 0), (0, 1)))
+        flat = sheet.verts + np.pad(generator.uniform(-0.01, 0.01, (len(sheet.verts), 2)), ((0, 0), (0, 1)))
         turned = (flat + [0, 0, 1]) @ Rotation.random(random_state=seed).as_matrix()
-        assert not intersecting_faces(turned, sheet.faces.numpy()).any(), seed
+        assert not intersecting_faces(turned, sheet.faces).any(), seed
 
 
 def test_who_cuts_whom() -> None:
@@ -176,7 +176,7 @@ def test_triangles_touch_from_their_distance_on(other: NDArray[np.float64], dist
 
 def test_faces_around_a_vertex_touch_only_where_they_lie_on_each_other() -> None:
     fan, flat = icosphere(2), np.full(320, 1e-6)
-    assert len(touching_pairs(fan.verts.numpy(), fan.faces.numpy(), flat)) == 0
+    assert len(touching_pairs(fan.verts, fan.faces, flat)) == 0
     # Two triangles with a common corner, the second one within the first.
     verts = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0], [0.5, 0.1, 0], [0.1, 0.5, 0]], np.float64)
     pair = np.array([[0, 1, 2], [0, 3, 4]])

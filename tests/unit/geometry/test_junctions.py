@@ -24,7 +24,7 @@ def mesh_of(points: list[tuple[float, ...]], faces: list[tuple[int, int, int]]) 
 
 
 def found(mesh: TriangleMesh) -> Junctions:
-    return Junctions.of(mesh.verts.numpy(), mesh.faces.numpy())
+    return Junctions.of(mesh.verts, mesh.faces)
 
 
 def moved(mesh: TriangleMesh, x: float, y: float, z: float = 0.0) -> TriangleMesh:
@@ -49,7 +49,7 @@ def test_vertices_on_an_edge_follow_it_in_proportion() -> None:
     carried = seen.carried(shifts)
     np.testing.assert_array_equal(carried[[0, 1, 2, 5]], shifts[[0, 1, 2, 5]])
     np.testing.assert_allclose(carried[3], 0.75 * shifts[0] + 0.25 * shifts[1])
-    np.testing.assert_array_equal(seen.closed(PLATE.verts.numpy(), PLATE.verts.numpy()), PLATE.verts.numpy())
+    np.testing.assert_array_equal(seen.closed(PLATE.verts, PLATE.verts), PLATE.verts)
 
 
 def test_a_chain_is_followed_to_its_end() -> None:
@@ -131,18 +131,18 @@ def test_copies_of_a_sheet_have_the_same() -> None:
 def test_scale_and_rotation_and_small_offsets_find_the_same(scale: float) -> None:
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     noise = np.random.default_rng(2).normal(size=(6, 3)) * 1e-7
-    points = scale * ((PLATE.verts.numpy() + noise) @ turn.T + 3.0)
-    seen = Junctions.of(points, PLATE.faces.numpy())
+    points = scale * ((PLATE.verts + noise) @ turn.T + 3.0)
+    seen = Junctions.of(points, PLATE.faces)
     assert seen.verts.tolist() == [3, 4]
     np.testing.assert_allclose(seen.shares, [0.25, 0.75], atol=1e-6)
     points[3] += scale * 1e-3
-    assert Junctions.of(points, PLATE.faces.numpy()).verts.tolist() == [4]
+    assert Junctions.of(points, PLATE.faces).verts.tolist() == [4]
 
 
 def test_a_search_that_would_list_too_many_pairs_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(junctions, "_MOST", 1)
     monkeypatch.setattr(junctions, "_MOST_OF_EDGE", 0)
-    points, faces = PLATE.verts.numpy(), PLATE.faces.numpy()
+    points, faces = PLATE.verts, PLATE.faces
     assert len(found(PLATE)) == 0
     assert opened(points, faces, points) is None
 
@@ -177,7 +177,7 @@ def test_ends_of_edges_are_held_with_what_lies_on_them() -> None:
 
 
 def test_vertices_that_came_off_their_edge_are_counted() -> None:
-    points, faces = PLATE.verts.numpy(), PLATE.faces.numpy()
+    points, faces = PLATE.verts, PLATE.faces
     assert measure(points, faces, points).opened_junctions == 0
     assert measure(points, faces, 3 * points + 1).opened_junctions == 0
     off = points.copy()

@@ -130,7 +130,7 @@ def test_the_operators_agree(mesh: TriangleMesh) -> None:
     assert vertex_areas(mesh).sum() == pytest.approx(effective_face_areas(mesh).sum())
     # The gradient of a linear function is the part of its slope that lies in the face.
     slope, normal = np.array([0.3, -1.2, 0.7]), face_normals(mesh.verts, mesh.faces).numpy()
-    found = (gradient @ (mesh.verts.numpy() @ slope)).reshape(-1, 3)
+    found = (gradient @ (mesh.verts @ slope)).reshape(-1, 3)
     np.testing.assert_allclose(found, slope - (normal @ slope)[:, None] * normal, atol=1e-12)
 
 

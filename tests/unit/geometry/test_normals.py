@@ -31,7 +31,7 @@ def carried(
     mesh: TriangleMesh, new: Tensor, normals: NDArray[np.float64], triangles: NDArray[np.int64] | None = None
 ) -> NDArray[np.float64]:
     jacobians = completed_jacobians(mesh, new)
-    corners = mesh.faces.numpy() if triangles is None else triangles
+    corners = mesh.faces if triangles is None else triangles
     return transform_normals(normals, corners, jacobians, torch.from_numpy(effective_face_areas(mesh)))
 
 
@@ -50,7 +50,7 @@ def test_the_true_normals_of_an_ellipsoid_come_out() -> None:
     """A sphere's normals under x -> A x become those of the ellipsoid, A^-T n: what recomputing only approximates."""
     mesh = icosphere(4)
     stretch = torch.tensor([1.0, 2.0, 0.5], dtype=F64)
-    found = carried(mesh, mesh.verts * stretch, mesh.verts.numpy())
+    found = carried(mesh, mesh.verts * stretch, mesh.verts)
     true = unit((mesh.verts / stretch).numpy())
     assert np.degrees(np.arccos(np.clip((found * true).sum(1), -1, 1))).max() < 1.0
 
@@ -74,7 +74,7 @@ def test_hard_edges_stay_hard() -> None:
 def test_missing_normals_stay_missing_and_unused_vertices_keep_theirs() -> None:
     ball = icosphere(1)
     mesh = TriangleMesh(torch.cat([ball.verts, torch.ones(1, 3, dtype=F64)]), ball.faces)
-    normals = np.concatenate([unit(ball.verts.numpy()), [[0.0, 1.0, 0.0]]])
+    normals = np.concatenate([unit(ball.verts), [[0.0, 1.0, 0.0]]])
     normals[3] = np.nan
     found = carried(mesh, smooth_map(mesh.verts), normals)
     assert np.isnan(found[3]).all()
@@ -84,7 +84,7 @@ def test_missing_normals_stay_missing_and_unused_vertices_keep_theirs() -> None:
 
 def test_faces_that_collapse_have_no_say() -> None:
     mesh = icosphere(1)
-    normals = mesh.verts.numpy()
+    normals = mesh.verts
     assert np.array_equal(carried(mesh, torch.zeros_like(mesh.verts), normals), normals)
     pinched = smooth_map(mesh.verts)
     pinched[mesh.faces[0]] = pinched[mesh.faces[0, 0]].clone()
@@ -94,8 +94,8 @@ def test_faces_that_collapse_have_no_say() -> None:
 
 def tangents_of(mesh: TriangleMesh) -> NDArray[np.float64]:
     """Unit tangents around the Y axis, handedness alternating."""
-    around = np.cross([0.0, 1.0, 0.0], mesh.verts.numpy() + [1e-3, 0, 2e-3])
-    normals = mesh.verts.numpy()
+    around = np.cross([0.0, 1.0, 0.0], mesh.verts + [1e-3, 0, 2e-3])
+    normals = mesh.verts
     flat = unit(around - (around * normals).sum(1, keepdims=True) * normals)
     return np.concatenate([flat, np.where(np.arange(len(flat)) % 2, 1.0, -1.0)[:, None]], 1)
 
@@ -105,8 +105,8 @@ def test_tangents_are_carried_perpendicular_with_their_handedness() -> None:
     new, tangents = smooth_map(mesh.verts), tangents_of(mesh)
     jacobians = completed_jacobians(mesh, new)
     areas = torch.from_numpy(effective_face_areas(mesh))
-    corners = mesh.faces.numpy()
-    normals = transform_normals(mesh.verts.numpy(), corners, jacobians, areas)
+    corners = mesh.faces
+    normals = transform_normals(mesh.verts, corners, jacobians, areas)
     found = transform_tangents(tangents, normals, corners, jacobians, areas)
     assert np.array_equal(found[:, 3], tangents[:, 3])
     np.testing.assert_allclose((found[:, :3] * normals).sum(1), 0, atol=1e-6)
@@ -118,7 +118,7 @@ def test_tangents_are_carried_perpendicular_with_their_handedness() -> None:
     # Without a deformation they stay, and missing ones stay missing.
     tangents[5] = np.nan
     still = completed_jacobians(mesh, mesh.verts)
-    for normals in (mesh.verts.numpy(), np.full(mesh.verts.shape, np.nan)):
+    for normals in (mesh.verts, np.full(mesh.verts.shape, np.nan)):
         found = transform_tangents(tangents, normals, corners, still, areas)
         np.testing.assert_allclose(found, tangents, atol=1e-12)
 
@@ -134,7 +134,7 @@ def test_a_normal_that_would_point_behind_a_face_is_rebuilt() -> None:
     faces = face_cross(mesh.verts, mesh.faces), face_cross(new, mesh.faces)
     after = unit(faces[1].numpy())
     assert (after[1] @ moved[0]) < 0, "the ridge's normal points behind the folded side"
-    rebuilt, count = rebuild_turned_normals(moved, normals, mesh.faces.numpy(), *faces)
+    rebuilt, count = rebuild_turned_normals(moved, normals, mesh.faces, *faces)
     assert count >= 2
     np.testing.assert_allclose(rebuilt[0], unit(faces[1].sum(0, keepdim=True).numpy())[0], atol=1e-12)
     # With the winding turned around, the same vertices and the same normals up to their sign.
@@ -146,11 +146,11 @@ def test_a_normal_that_would_point_behind_a_face_is_rebuilt() -> None:
 
 def test_normals_that_keep_their_sides_and_missing_ones_stay() -> None:
     mesh = icosphere(2)
-    normals = mesh.verts.numpy().copy()
+    normals = mesh.verts.copy()
     normals[5] = np.nan
     new = smooth_map(mesh.verts)
     moved = carried(mesh, new, normals)
     faces = face_cross(mesh.verts, mesh.faces), face_cross(new, mesh.faces)
-    rebuilt, count = rebuild_turned_normals(moved, normals, mesh.faces.numpy(), *faces)
+    rebuilt, count = rebuild_turned_normals(moved, normals, mesh.faces, *faces)
     assert count == 0
     np.testing.assert_array_equal(rebuilt, moved)

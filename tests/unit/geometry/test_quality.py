@@ -24,7 +24,7 @@ from training.shapes import box, grid, torus, uv_sphere
 
 
 def compare(mesh: TriangleMesh, verts: torch.Tensor) -> MeshQuality:
-    return measure(mesh.verts.numpy(), mesh.faces.numpy(), verts.numpy())
+    return measure(mesh.verts, mesh.faces, verts.numpy())
 
 
 @each_case("mesh", [icosphere(2), torus()])
@@ -166,7 +166,7 @@ def test_cuts_are_counted_against_rest_by_pairs() -> None:
 
 
 def arrays(mesh: TriangleMesh, scale: float = 1.0):
-    return mesh.verts.numpy() * scale, mesh.faces.numpy()
+    return mesh.verts * scale, mesh.faces
 
 
 @each_case(

@@ -31,7 +31,7 @@ def test_a_split_mesh_is_welded_to_what_it_was(mesh) -> None:  # type: ignore[no
     assert bool((edges_of(welded.mesh.faces).counts == 2).all())
     assert torch.equal(welded.mesh.verts[welded.mesh.faces], mesh.verts[mesh.faces])
     assert np.array_equal(welded.face_source, np.arange(len(triangles)))
-    assert np.array_equal(welded.mesh.verts.numpy()[welded.vertex_map], positions)
+    assert np.array_equal(welded.mesh.verts[welded.vertex_map], positions)
     assert set(welded.skipped.values()) == {0}
     assert np.array_equal(welded.scatter(welded.mesh.verts, positions), positions)
 
@@ -111,8 +111,8 @@ def test_any_soup_welds_or_says_that_it_is_empty(
         return
     reach = 2 * WELD_TOLERANCE * np.linalg.norm(np.ptp(positions, axis=0))
     used = welded.vertex_map >= 0
-    gap = np.linalg.norm(welded.mesh.verts.numpy()[welded.vertex_map[used]] - positions[used], axis=1)
+    gap = np.linalg.norm(welded.mesh.verts[welded.vertex_map[used]] - positions[used], axis=1)
     assert (gap <= reach).all()
     assert len(welded.face_source) == len(triangles) - welded.skipped["degenerate_faces"]
     corners = welded.vertex_map[triangles[welded.face_source]]
-    assert np.array_equal(corners, welded.mesh.faces.numpy())
+    assert np.array_equal(corners, welded.mesh.faces)

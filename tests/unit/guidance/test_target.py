@@ -178,7 +178,7 @@ def test_a_cone_is_reached_without_distortion() -> None:
     rest = framed(SPHERE)
     target = aligned(cone(), rest).place_mesh(cone())
     verts = fit(rest, target).verts()
-    quality = measure(rest.verts.numpy(), rest.faces.numpy(), verts.numpy())
+    quality = measure(rest.verts, rest.faces, verts.numpy())
     assert measure_fit(TriangleMesh(verts, rest.faces), target).within > 0.95
     assert quality.symmetric_dirichlet_mean < 1.3
     assert quality.flipped_faces == 0

@@ -40,8 +40,8 @@ def chair() -> TriangleMesh:
 
 def plain_glb(mesh: TriangleMesh, name: str = "", **more: object) -> bytes:
     builder = Builder()
-    faces = mesh.faces.numpy().astype(np.uint16)
-    builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name=name, **more)
+    faces = mesh.faces.astype(np.uint16)
+    builder.node(builder.mesh(builder.primitive(mesh.verts, faces)), name=name, **more)
     return builder.glb()
 
 
@@ -50,8 +50,8 @@ def rigged_dog(*, turned: bool = False) -> bytes:
     builder, parts = Builder(), dog()
     verts, faces, owner, start = [], [], [], 0
     for number, mesh in enumerate(parts.values()):
-        verts.append(mesh.verts.numpy())
-        faces.append(mesh.faces.numpy() + start)
+        verts.append(mesh.verts)
+        faces.append(mesh.faces + start)
         owner += [number] * len(mesh.verts)
         start += len(mesh.verts)
     places, joints = np.concatenate(verts), np.zeros((start, 4), np.uint8)

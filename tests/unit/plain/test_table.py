@@ -35,8 +35,8 @@ def nodes(parts: dict[str, TriangleMesh]) -> bytes:
     """A file with a node for each part."""
     builder = Builder()
     for name, mesh in parts.items():
-        faces = mesh.faces.numpy().astype(np.uint16)
-        builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name=name)
+        faces = mesh.faces.astype(np.uint16)
+        builder.node(builder.mesh(builder.primitive(mesh.verts, faces)), name=name)
     return builder.glb()
 
 

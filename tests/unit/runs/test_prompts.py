@@ -48,7 +48,7 @@ def request_of(prompt: str, *prompts: dict[str, Any], **params: Any) -> JobReque
 
 
 def start(prompt: str, *prompts: dict[str, Any], **params: Any) -> Any:
-    asset = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
+    asset = build_glb(BALL.verts, BALL.faces)
     return started(asset, prompt, prior=prior(), prompts=prompts, **{**QUICK, **params})
 
 

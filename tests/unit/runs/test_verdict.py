@@ -38,7 +38,7 @@ def test_what_was_kept_is_measured_on_the_shapes() -> None:
     verts = ball.verts.clone()
     verts[0] *= -1.5
     result = TriangleMesh(verts, ball.faces)
-    quality = measure(ball.verts.numpy(), ball.faces.numpy(), verts.numpy()).to_dict()
+    quality = measure(ball.verts, ball.faces, verts.numpy()).to_dict()
     assert kept_structure(ball, ball, {**quality, "self_intersections_added": None})["cut_share"] == 0
     structure = kept_structure(ball, result, quality)
     assert structure["cut_share"] == pytest.approx(quality["self_intersections_added"] / len(ball.faces))
@@ -68,7 +68,7 @@ def test_a_giraffe_that_nothing_was_trained_with_matches_its_prompt_and_no_other
 @each_case("guidance, carrier", [("sds", "auto"), ("sds", "surface"), ("target", "auto")])
 def test_a_prompt_has_it_and_every_report_a_verdict(guidance: str, carrier: str) -> None:
     ball = icosphere(1)
-    asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
+    asset = build_glb(ball.verts, ball.faces)
     prior = load_prior("builtin", device="cpu")
     params = {"guidance": guidance, "carrier": carrier}
     _, report = finished(started(asset, "a mushroom", steps=1, target=asset, prior=prior, **params))
