@@ -44,7 +44,7 @@ def sketch(
 
     meshdeform sketch chair.png -o chair.glb --set legs=column
     """
-    require("torch", "deform")
+    require("scipy", "deform")
     from meshdeform.kinds.sketch.families import FAMILIES
     from meshdeform.kinds.sketch.looking import is_unsure
 

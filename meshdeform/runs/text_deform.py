@@ -5,7 +5,9 @@ Joints, morph targets and the nodes that hang on the surface follow it, unless `
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from meshdeform.assets import load_asset
 from meshdeform.errors import PartNotFoundError
@@ -13,9 +15,10 @@ from meshdeform.plain.words import Sentence
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import WORDS_PART
-from meshdeform.runs.base import JobRun, RunInput, RunLog, load_model
+from meshdeform.runs.base import JobRun, RunInput, RunLog, import_extra, load_model
 from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
+from meshdeform.runs.devices import resolve_device
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.surfaces import (
     drawn_triangles,
@@ -29,8 +32,11 @@ from meshdeform.runs.text_report import (
 from meshdeform.runs.word_pins import KnowingRun, words_of
 from meshdeform.words import in_use
 
-_ON_ORIGIN = 0.01
-"""Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
+
+_OPTIMISED = "meshdeform.runs.optimised"
+"""What needs torch."""
 
 
 def start(job_input: RunInput) -> JobRun:
@@ -46,15 +52,17 @@ def start(job_input: RunInput) -> JobRun:
 def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
     """Start the run; a prompt that is a change in plain words is carried out at once."""
     log = RunLog()
-    request, file, limits, device = job_input.request, job_input.files["asset"], job_input.limits, job_input.device
+    request, file, limits = job_input.request, job_input.files["asset"], job_input.limits
     sentence = asked_changes(request.prompt, params)
-    # A change needs no prior; whether a description is one, only the asset tells.
-    prior = load_model(params.model, job_input) if params.guidance is GuidanceKind.SDS and sentence is None else None
+    # A change needs neither torch nor a prior; whether a description is one, only the asset tells.
+    optimised = params.guidance is not GuidanceKind.EXEMPLAR and sentence is None
+    prior = _prior(params, job_input) if optimised else None
     file = replace(file, sha256=file.digest)
     with log.phase("read"):
         asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
         welded = welded_surface(asset, params.backdrop)
-    facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, device)
+    # The optimiser alone has another device.
+    facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, "cpu")
     if sentence is not None:
         change = _change(facts, sentence, job_input, log)
         if change is not None:
@@ -63,11 +71,21 @@ def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
         from meshdeform.runs.exemplar import start_exemplar
 
         return start_exemplar(facts, job_input, log)
-    from meshdeform.runs.optimised import start_optimised
+    return _optimised(facts, prior, job_input, log)
 
-    if sentence is not None:
-        prior = load_model(params.model, job_input)
-    return start_optimised(facts, prior, job_input, log)
+
+def _prior(params: ResolvedParams, job_input: RunInput) -> Prior | None:
+    """Return the prior of an optimisation, if a prompt guides it; DependencyError: torch is not installed."""
+    import_extra(_OPTIMISED)
+    return load_model(params.model, job_input) if params.guidance is GuidanceKind.SDS else None
+
+
+def _optimised(facts: AssetFacts, prior: Prior | None, job_input: RunInput, log: RunLog) -> JobRun:
+    """Start an optimisation; `prior`: None also of a description that turned out to be no change."""
+    start: Callable[..., JobRun] = import_extra(_OPTIMISED).start_optimised
+    if prior is None:
+        prior = _prior(facts.params, job_input)
+    return start(replace(facts, device=resolve_device(job_input.device)), prior, job_input, log)
 
 
 def _change(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog) -> JobRun | None:
