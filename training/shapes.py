@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 
-_Floats = NDArray[np.float64]
-_Index = NDArray[np.int64]
 
-
-def _closed_grid(n: int, m: int, wrap_n: bool, wrap_m: bool) -> _Index:
+def _closed_grid(n: int, m: int, wrap_n: bool, wrap_m: bool) -> NDArray[np.int64]:
     """Return the triangles of an n x m grid of vertices, closed or open in each direction."""
     i, j = np.meshgrid(np.arange(n if wrap_n else n - 1), np.arange(m if wrap_m else m - 1), indexing="ij")
     k, q = (i + 1) % n, (j + 1) % m
@@ -28,13 +25,12 @@ def grid(n: int = 10, size: float = 1.0) -> TriangleMesh:
     """Return an open square of 2 n^2 triangles in the plane z = 0, facing +Z."""
     x = np.linspace(-size / 2, size / 2, n + 1)
     u, v = np.meshgrid(x, x, indexing="ij")
-    return TriangleMesh(np.stack([u, v, np.zeros_like(u)], -1).reshape(-1, 3), _closed_grid(n + 1, n + 1, False, False))
+    return TriangleMesh(np.stack([u, v, 0 * u], -1).reshape(-1, 3), _closed_grid(n + 1, n + 1, False, False))
 
 
 def torus(major: float = 0.7, minor: float = 0.25, n: int = 48, m: int = 24) -> TriangleMesh:
     """Return a torus around the Y axis with 2 n m triangles."""
-    u = np.arange(n) / n * 2 * math.pi
-    v = np.arange(m) / m * 2 * math.pi
+    u, v = (np.arange(count) / count * 2 * math.pi for count in (n, m))
     uu, vv = np.meshgrid(u, v, indexing="ij")
     ring = major + minor * np.cos(vv)
     verts = np.stack([ring * np.sin(uu), minor * np.sin(vv), ring * np.cos(uu)], -1).reshape(-1, 3)
@@ -62,12 +58,12 @@ def lathe(profile: Sequence[tuple[float, float]], n: int = 32) -> TriangleMesh:
     if any(r < 0 for r, _ in profile) or any(r == 0 for r, _ in profile[1:-1]):
         raise ShapeError("radii must be positive; only the first and the last may be 0")
     turn = np.arange(n) / n * 2 * math.pi
-    verts: list[_Floats] = []
-    rings: list[_Index] = []
+    verts: list[NDArray[np.float64]] = []
+    rings: list[NDArray[np.int64]] = []
     count = 0
     for radius, height in profile:
         around = turn if radius else turn[:1]
-        verts.append(np.stack([radius * np.sin(around), np.full(len(around), height), radius * np.cos(around)], 1))
+        verts.append(np.stack([radius * np.sin(around), np.full_like(around, height), radius * np.cos(around)], 1))
         # A pole is one vertex in place of a whole ring.
         rings.append(count + (np.arange(n) if radius else np.zeros(n, np.int64)))
         count += len(around)
@@ -107,7 +103,6 @@ def box(n: int = 1, size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Trian
     points = np.concatenate(turns)
     faces = np.concatenate([side.faces + k * len(side.verts) for k in range(6)])
     _, inverse = np.unique(np.rint(points * 4 * n).astype(np.int64), axis=0, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    verts = np.zeros((int(inverse.max()) + 1, 3))
+    verts = np.empty((int(inverse.max()) + 1, 3))
     verts[inverse] = points
-    return TriangleMesh(verts * np.array(size), inverse[faces])
+    return TriangleMesh(verts * size, inverse[faces])

@@ -304,7 +304,7 @@ class Deformation:
         control = self._variables.solve()
         verts = self._variables.verts(control)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
-        cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg).to(self._device)
+        cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
         shading = self._renderer.sample_shading(self._generator)
         image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene, shading))

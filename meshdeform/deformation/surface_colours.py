@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
@@ -125,14 +124,10 @@ def _looked_up(
 ) -> NDArray[np.uint8]:
     """Return sRGB and opacity (P, 4) of the places on the whole mesh that are nearest to points."""
     places, colours = NearestPlaces(whole, points, normals), BaseColours(appearance)
-    face, weights = torch.from_numpy(places.faces), torch.from_numpy(places.weights).float()
-    values = (colours.values[colours.faces[face]] * weights[:, :, None]).sum(1)
-    density = colours.texel_areas().numpy()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
+    values = (colours.values[:, colours.faces[places.faces]] * places.weights.astype(np.float32)).sum(-1)
+    density = colours.texel_areas()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
     level = 0.5 * np.log2(np.maximum(density * 2 * areas / (sides - 1) ** 2, 1e-12))
-    paint = colours.paint[face]
-    values_found = colours.colours(paint, values, torch.from_numpy(level).float())
-    rgba = torch.cat(
-        [srgb_from_linear(values_found[:, :3].clamp(0, 1)), colours.opacity(paint, values_found)[:, None]], 1
-    )
-    pixels: NDArray[np.uint8] = (rgba * 255).round().to(torch.uint8).numpy()
-    return pixels
+    paint = colours.paint[places.faces]
+    found = colours.colours(paint, values, level.astype(np.float32))
+    rgba = np.stack([*srgb_from_linear(np.clip(found[:3], 0, 1)), colours.opacity(paint, found)], 1)
+    return np.rint(rgba * 255).astype(np.uint8)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
+from meshdeform.rendering.visibility import nearest_faces
 
 __all__ = ["SIDE", "PlacedMask", "covered", "placed_masks"]
 
@@ -96,12 +97,7 @@ def _placed(view: SilhouetteView, scale: float, radius: float, side: int) -> Pla
 
 def covered(verts: _Floats, faces: NDArray[np.int64], cameras: Cameras, side: int) -> _Flags:
     """Return what a mesh covers of the pixels (B, side, side) of each camera."""
-    import torch
-
-    from meshdeform.rendering.rasterizer import rasterize
-
-    clip = torch.from_numpy(verts).float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
-    return np.asarray(rasterize(clip, torch.from_numpy(faces), side, side).face_ids.numpy() >= 0)
+    return np.asarray(nearest_faces(cameras.project(verts.astype(np.float32)), faces, side, side)[0] >= 0)
 
 
 def centre_of(image: NDArray[np.floating] | _Flags) -> _Floats:

@@ -33,7 +33,7 @@ from meshdeform.geometry.tensors import faces_of
 from meshdeform.guidance.base import Guidance, HeavyGuidance, StepContext
 from meshdeform.guidance.masks import SIDE, PlacedMask, placed_masks
 from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.rasterizer import CoverageRenderer
+from meshdeform.rendering.rasterizer import CoverageRenderer, projected
 from meshdeform.rendering.shading import RenderStyle
 
 _DISTANCE_WEIGHT = 8.0
@@ -52,7 +52,7 @@ class _Placed:
     def of(cls, placed: PlacedMask, device: str | torch.device) -> Self:
         """Return a view as tensors on a device."""
         mask, away = (torch.from_numpy(each).float().to(device) for each in (placed.mask, placed.distance))
-        return cls(placed.cameras.to(device), mask, away, _centre_of(mask))
+        return cls(placed.cameras, mask, away, _centre_of(mask))
 
     def moved_to(self, covered: Tensor) -> tuple[Tensor, Tensor]:
         """Return mask and signed distance (S, S), moved so that the mask has the centre of `covered` (S, S)."""
@@ -114,7 +114,7 @@ class SilhouetteTerm:
 
     def _unreached(self, verts: Tensor, cameras: Cameras, covered: Tensor, mask: Tensor) -> Tensor:
         """Return the sum of the distances from uncovered pixels of the mask to the nearest vertices, in sides."""
-        clip = verts @ cameras.view_proj[0, :, :3].to(verts.dtype).T + cameras.view_proj[0, :, 3].to(verts.dtype)
+        clip = projected(verts, cameras)[0]
         places = torch.stack([1 - clip[:, 1] / clip[:, 3], 1 + clip[:, 0] / clip[:, 3]], 1) / 2  # row, column
         rows, columns = ((mask > 0.5) & (covered < 0.5)).nonzero(as_tuple=True)
         if not len(rows):

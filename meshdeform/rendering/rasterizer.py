@@ -53,10 +53,8 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.rendering.cameras import Cameras
+from meshdeform.rendering.visibility import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
-
-EMPTY_DEPTH = 3.0
-"""Depth where there is no face: greater than that of any point in front of the cameras, even past the far plane."""
 
 _SUB = 256
 _HALF = 128
@@ -789,6 +787,12 @@ def is_compiled(tensor: Tensor) -> bool:
     return tensor.device.type == "cpu"
 
 
+def projected(verts: Tensor, cameras: Cameras) -> Tensor:
+    """Return the places (B, V, 4) of positions (V, 3) in the views' clip space."""
+    matrices = torch.from_numpy(cameras.view_proj).to(verts)
+    return verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
+
+
 class CoverageRenderer:
     """Draws the silhouettes of the deformed states of one mesh.
 
@@ -815,7 +819,7 @@ class CoverageRenderer:
         verts : (V, 3) floating
             Deformed positions in the cameras' frame.
         cameras : Cameras
-            B cameras, on the mesh's device.
+            B cameras.
 
         Returns
         -------
@@ -829,8 +833,7 @@ class CoverageRenderer:
         """
         if verts.shape != (self._n_verts, 3):
             raise ShapeError(f"expected verts ({self._n_verts}, 3), got {tuple(verts.shape)}")
-        matrices = cameras.view_proj.to(verts.dtype)
-        clip = verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
+        clip = projected(verts, cameras)
         fragments = rasterize(clip, self._faces, self.side, self.side)
         covered = (fragments.face_ids >= 0).to(verts.dtype)[..., None]
         return antialias(covered, clip, self._edges, fragments.depth)[..., 0]

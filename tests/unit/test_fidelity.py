@@ -17,9 +17,10 @@ from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, face_normals
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.rendering.cameras import CameraRange, Framing, sample_orthogonal_cameras
-from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.rendering.shading import sample_scene
+from meshdeform.geometry.tensors import faces_of, verts_of
+from meshdeform.rendering.cameras import CameraRange, Framing
+from meshdeform.rendering.rasterizer import projected, rasterize
+from meshdeform.rendering.shading import sample_orthogonal_cameras, sample_scene
 from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, resolve
 from tests.cases import each_case
 from training.shapes import box
@@ -81,7 +82,7 @@ def pulls(mesh: TriangleMesh, smooth: float, rough: float) -> dict[str, float]:
     ours, theirs = Regularizers(system.rest), Published(system)
     generator = torch.Generator().manual_seed(0)
     noise = torch.randn(len(mesh.faces), 3, 3, generator=generator, dtype=F64)
-    centres = mesh.verts[mesh.faces].mean(1)
+    centres = verts_of(mesh)[faces_of(mesh)].mean(1)
     wave = torch.sin(2 * centres)[:, :, None] * torch.tensor([[1.0, 0.5, -0.3]], dtype=F64)
     state = torch.eye(3, dtype=F64) + smooth * wave + rough * noise
 
@@ -122,8 +123,8 @@ def test_the_object_fills_the_published_share_of_the_picture() -> None:
     shares = []
     for _ in range(8):
         cameras = sample_orthogonal_cameras(CameraRange(), generator, radius)
-        clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
-        shares.append(float((rasterize(clip, mesh.faces, 96, 96).face_ids >= 0).float().mean()))
+        clip = projected(verts_of(mesh).float(), cameras)
+        shares.append(float((rasterize(clip, faces_of(mesh), 96, 96).face_ids >= 0).float().mean()))
     assert 0.55 < sum(shares) / len(shares) < 0.8
 
 

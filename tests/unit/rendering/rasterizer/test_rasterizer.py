@@ -9,6 +9,7 @@ from torch import Tensor
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.rasterizer import (
     EMPTY_DEPTH,
@@ -16,6 +17,7 @@ from meshdeform.rendering.rasterizer import (
     antialias,
     interpolate,
     interpolate_torch,
+    projected,
     rasterize,
     rasterize_compiled,
     rasterize_spans,
@@ -28,8 +30,7 @@ BACKENDS = [rasterize_compiled, rasterize_spans]
 
 
 def to_clip(verts: Tensor, azimuth: float = 20.0) -> Tensor:
-    cameras = fixed_cameras(azimuth, 15.0)
-    return verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    return projected(verts.float(), fixed_cameras(azimuth, 15.0))
 
 
 def flat(points: list[tuple[float, float, float]]) -> Tensor:
@@ -79,10 +80,10 @@ def test_what_lies_at_or_beyond_the_far_plane_stays_behind(backend, far: float) 
 def test_neighbours_neither_overlap_nor_leave_gaps(backend) -> None:
     """A tessellated square covers each pixel once: removing any face uncovers exactly its own pixels."""
     mesh = grid(5, 1.8)
-    clip = torch.cat([mesh.verts.float(), torch.ones(mesh.verts.shape[0], 1)], 1)[None]
-    ids, _ = backend(clip, mesh.faces, 64, 64)
+    clip = torch.cat([verts_of(mesh).float(), torch.ones(len(mesh.verts), 1)], 1)[None]
+    ids, _ = backend(clip, faces_of(mesh), 64, 64)
     covered = int((ids >= 0).sum())
-    alone = sum(int((backend(clip, mesh.faces[[f]], 64, 64)[0] >= 0).sum()) for f in range(len(mesh.faces)))
+    alone = sum(int((backend(clip, faces_of(mesh)[[f]], 64, 64)[0] >= 0).sum()) for f in range(len(mesh.faces)))
     assert covered == alone
     inner = ids[0, 8:56, 8:56]
     assert (inner >= 0).all()
@@ -91,9 +92,9 @@ def test_neighbours_neither_overlap_nor_leave_gaps(backend) -> None:
 @each_case("size", [(64, 64), (33, 97), (256, 256)])
 def test_the_backends_agree(size: tuple[int, int]) -> None:
     for mesh in (torus(n=71, m=71), icosphere(4)):
-        clip = to_clip(mesh.verts * 0.9)
-        ids, depth = rasterize_compiled(clip, mesh.faces, *size)
-        other, other_depth = rasterize_spans(clip, mesh.faces, *size)
+        clip = to_clip(verts_of(mesh) * 0.9)
+        ids, depth = rasterize_compiled(clip, faces_of(mesh), *size)
+        other, other_depth = rasterize_spans(clip, faces_of(mesh), *size)
         assert (ids != other).float().mean() < 1e-3
         assert_close(depth, other_depth, atol=1e-5, rtol=0)
 
@@ -120,10 +121,10 @@ SIZE = 24
 
 def scene(subdivisions: int = 1) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     mesh = icosphere(subdivisions, 0.8)
-    clip = to_clip(mesh.verts)
-    ids = rasterize(clip, mesh.faces, SIZE, SIZE).face_ids.view(-1)
+    clip = to_clip(verts_of(mesh))
+    ids = rasterize(clip, faces_of(mesh), SIZE, SIZE).face_ids.view(-1)
     pixels = (ids >= 0).nonzero()[:, 0]
-    return mesh.verts, clip, mesh.faces, pixels, ids[pixels]
+    return verts_of(mesh), clip, faces_of(mesh), pixels, ids[pixels]
 
 
 def test_a_function_that_is_linear_in_space_is_exact() -> None:
@@ -188,8 +189,7 @@ def draw(
     verts: Tensor, faces: Tensor, edges: SilhouetteEdges, size: int, weights: Tensor | None, smooth: bool
 ) -> Tensor:
     """Mean over the picture of (weighted) coverage."""
-    cameras = fixed_cameras(13.0, 10.0)
-    clip = verts @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    clip = projected(verts, fixed_cameras(13.0, 10.0))
     fragments = rasterize(clip, faces, size, size)
     image = (fragments.face_ids >= 0).float()[..., None]
     if smooth:
@@ -201,33 +201,33 @@ def draw(
 
 
 def silhouette_edges(faces: Tensor) -> SilhouetteEdges:
-    edges = edges_of(faces)
-    return SilhouetteEdges(edges.edges, edges.opposite)
+    edges = edges_of(faces.numpy())
+    return SilhouetteEdges(torch.from_numpy(edges.edges), torch.from_numpy(edges.opposite))
 
 
 @each_case(
     ("mesh", "size"), [(icosphere(1), 64), (icosphere(3), 64), (icosphere(5), 64), (icosphere(2), 256), (grid(8), 64)]
 )
 def test_the_area_of_a_sphere_and_of_an_open_grid_grows_as_it_should(mesh: TriangleMesh, size: int) -> None:
-    edges = silhouette_edges(mesh.faces)
-    verts = mesh.verts.float()
+    edges = silhouette_edges(faces_of(mesh))
+    verts = verts_of(mesh).float()
     scale = torch.tensor(0.6, requires_grad=True)
-    draw(verts * scale, mesh.faces, edges, size, None, True).backward()
+    draw(verts * scale, faces_of(mesh), edges, size, None, True).backward()
     with torch.no_grad():
-        above = draw(verts * 0.61, mesh.faces, edges, 1024, None, False)
-        below = draw(verts * 0.59, mesh.faces, edges, 1024, None, False)
+        above = draw(verts * 0.61, faces_of(mesh), edges, 1024, None, False)
+        below = draw(verts * 0.59, faces_of(mesh), edges, 1024, None, False)
     assert scale.grad is not None
     assert scale.grad.item() == pytest.approx(((above - below) / 0.02).item(), rel=0.05)
 
 
 def test_a_torus_moves_and_stretches_as_finite_differences_say() -> None:
     mesh = torus(n=60, m=40)
-    edges = silhouette_edges(mesh.faces)
-    verts = mesh.verts.float()
+    edges = silhouette_edges(faces_of(mesh))
+    verts = verts_of(mesh).float()
     weights = torch.rand(4, 1, 9, 9, generator=torch.Generator().manual_seed(1))
 
     def value(p: Tensor, size: int, smooth: bool) -> Tensor:
-        return draw(verts * (1 + p[3:]) + p[:3], mesh.faces, edges, size, weights, smooth)
+        return draw(verts * (1 + p[3:]) + p[:3], faces_of(mesh), edges, size, weights, smooth)
 
     p = torch.zeros(6, requires_grad=True)
     value(p, 128, True).backward()
@@ -245,11 +245,11 @@ def test_a_torus_moves_and_stretches_as_finite_differences_say() -> None:
 def test_hidden_edges_change_nothing() -> None:
     """A small sphere behind a large one leaves the picture as it is, and gets no gradient."""
     front, back = icosphere(3), icosphere(2, 0.2)
-    faces = torch.cat([front.faces, back.faces + front.verts.shape[0]])
+    faces = torch.cat([faces_of(front), faces_of(back) + len(front.verts)])
     shift = torch.zeros(3, requires_grad=True)
     cameras = fixed_cameras(0.0, 0.0, views=1)
-    verts = torch.cat([front.verts.float() * 0.6, back.verts.float() + torch.tensor([0.0, 0.0, -0.75]) + shift])
-    clip = verts @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    verts = torch.cat([verts_of(front).float() * 0.6, verts_of(back).float() + torch.tensor([0.0, 0.0, -0.75]) + shift])
+    clip = projected(verts, cameras)
     fragments = rasterize(clip, faces, 64, 64)
     image = antialias((fragments.face_ids >= 0).float()[..., None], clip, silhouette_edges(faces), fragments.depth)
     image.sum().backward()
