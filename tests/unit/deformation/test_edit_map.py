@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from safetensors.numpy import save
 from scipy.spatial.distance import pdist
-from torch import Tensor
 
 from meshdeform.deformation.edit_map import EditMap, Outside
 from meshdeform.errors import ParameterError
@@ -23,10 +23,10 @@ FINE = RestMesh.of(cylinder(0.25, 4.0, 40, 80))
 COARSE = cylinder(0.25, 4.0, 8, 10)
 
 
-def bent(points: Tensor, degrees: float = 60.0) -> Tensor:
+def bent(points: NDArray[np.float64], degrees: float = 60.0) -> NDArray[np.float64]:
     radius = 4.0 / math.radians(degrees)
     angle, arm = (points[:, 1] + 2) / radius, radius - points[:, 0]
-    return np.stack([radius - arm * angle.cos(), arm * angle.sin() - 2, points[:, 2]], 1)
+    return np.stack([radius - arm * np.cos(angle), arm * np.sin(angle) - 2, points[:, 2]], 1)
 
 
 def test_levels_of_detail_and_what_is_near_follow_a_bend_through_few_triangles() -> None:
