@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 
 from meshdeform.geometry.mesh import TriangleMesh
@@ -19,7 +20,7 @@ class HeightJudge:
     def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> torch.Tensor:
         for prompt in prompts:
             parse(prompt)
-        extent = mesh.verts.amax(0) - mesh.verts.amin(0)
+        extent = np.ptp(mesh.verts, axis=0)
         wanted = 1 + torch.arange(len(prompts), dtype=torch.float64) / len(prompts)
         return (-20 * (extent[1] / extent[0] - wanted) ** 2).float()
 

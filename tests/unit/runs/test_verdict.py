@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import build_glb
-from meshdeform.deformation.controls import Nature
 from meshdeform.deformation.orientation import Orientation, OrientationSource
+from meshdeform.deformation.structure import Nature
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
