@@ -23,11 +23,11 @@ def views_of_assets(folder: Path, split: str) -> ViewSet:
     found = {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in folder.rglob("*") if path.is_file()}
     listed = [each for each in json.loads(_LIST.read_text(encoding="utf-8")) if each["split"] == split]
     here = [each for each in listed if each["sha256"] in found]
-    images = [pictures(mesh_of(found[each["sha256"]]), *judging_cameras()) for each in here]
+    images = [pictures(mesh_of(found[each["sha256"]]), judging_cameras()) for each in here]
     return ViewSet(torch.stack(images), torch.tensor([list(NOUNS).index(each["noun"]) for each in here]))
 
 
 def mesh_of(path: Path) -> TriangleMesh:
     """Return an asset as the judge is shown it."""
     body = loose_body(load_asset(path.read_bytes(), path.name, Limits.unlimited()))
-    return TriangleMesh(torch.from_numpy(body.points), torch.from_numpy(body.faces))
+    return TriangleMesh(body.points, body.faces)
