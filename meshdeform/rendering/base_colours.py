@@ -119,7 +119,7 @@ class Textures:
         copy = paint * _LEVELS + _whole(library.clip(library.floor(level), 0, _LEVELS - 1))
         shares, places = [], []
         for axis in (0, 1):
-            size, wraps = self._extents[axis][copy], self._wraps[axis]
+            size, wraps = _taken(self._extents[axis], copy), self._wraps[axis]
             place = texcoords[axis] * size - 0.5
             if self._nearest is not None:
                 place = library.where(self._nearest[paint] & (level < 0), library.round(place), place)
@@ -127,7 +127,7 @@ class Textures:
             mode = None if wraps is None else wraps[paint]
             shares.append(place - low)
             places.append([_whole(self._wrapped(low + step, size, mode)) for step in (0, 1)])
-        width, start = _whole(self._extents[0][copy]), self._starts[copy]
+        width, start = _whole(_taken(self._extents[0], copy)), _taken(self._starts, copy)
         rows = [row * width + start for row in places[1]]
         return [[self._colours(row + column, channels) for column in places[0]] for row in rows], shares, copy
 
@@ -143,8 +143,13 @@ class Textures:
         return library.minimum(library.clip(wrapped, 0, None), count - 1)
 
     def _colours(self, index: Array, channels: Sequence[int]) -> Array:
-        texels = self._texels[index]
-        return self._library.stack([self._decoded[c][_whole(texels[:, c])] for c in channels], 0)
+        texels = _taken(self._texels, index)
+        return self._library.stack([_taken(self._decoded[c], _whole(texels[:, c])) for c in channels], 0)
+
+
+def _taken(table: Array, rows: Array) -> Array:
+    """Return rows of a table."""
+    return table.take(rows, 0) if isinstance(table, np.ndarray) else table[rows]
 
 
 def _whole(values: Array) -> Array:

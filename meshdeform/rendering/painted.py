@@ -68,15 +68,12 @@ class PaintedRenderer:
             shape = (len(cameras.view_proj), self.style.view_size, self.style.view_size, 3)
             backdrops = np.broadcast_to(np.array(self.style.background, np.float32), shape)
         surface = _Surface.of(positions, normals, self._colours)
-        views = zip(cameras.view_proj, cameras.view, cameras.eye, backdrops, strict=True)
+        views = zip(cameras.project(surface.places), cameras.view, cameras.eye, backdrops, strict=True)
         return np.stack([self._render(surface, *each) for each in views])
 
-    def _render(
-        self, surface: _Surface, view_proj: _Singles, view: _Singles, eye: _Singles, backdrop: _Singles
-    ) -> _Singles:
+    def _render(self, surface: _Surface, clip: _Singles, view: _Singles, eye: _Singles, backdrop: _Singles) -> _Singles:
         size, factor = self.style.view_size, self.style.supersample
         side = size * factor
-        clip = surface.places @ view_proj[:, :3].T + view_proj[:, 3]
         front = eye @ surface.cross >= surface.offset
         drawn = np.flatnonzero(front | self._double_sided[self._colours.paint])
         faces = self._colours.faces if len(drawn) == len(front) else self._colours.faces[drawn]

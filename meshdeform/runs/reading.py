@@ -55,7 +55,7 @@ _MOST, _DIGITS = 5, 4
 """How many nouns are told, and digits of a probability."""
 
 _JUDGE = Path(meshdeform.__file__).parent / "judge" / "weights" / "judge.safetensors"
-"""As `meshdeform.judge.WEIGHTS`, which loads torch."""
+"""As `meshdeform.judge.WEIGHTS`, which loads what draws."""
 
 _Z_UP, _Z_UP_ELSE = {".stl": 0.8, ".ply": 0.5}, 0.1
 """Share of files of a format in which +Z is up: printers and CAD have it so, and most of what writes the others has

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from meshdeform.errors import ModelError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure_structure
-from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.judge import Judge
 from meshdeform.runs.prompts import Prompts
 from meshdeform.vocabulary.grammar import parse
@@ -119,7 +118,6 @@ def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
     return TriangleMesh(mesh.verts[used], corners.reshape(-1, 3).astype(np.int64))
 
 
-@one_torch_thread()
 def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     """Compare a mesh with the noun of a prompt of the builtin prior.
 

@@ -23,7 +23,7 @@ def views_of_assets(folder: Path, split: str) -> ViewSet:
     found = {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in folder.rglob("*") if path.is_file()}
     listed = [each for each in json.loads(_LIST.read_text(encoding="utf-8")) if each["split"] == split]
     here = [each for each in listed if each["sha256"] in found]
-    images = [pictures(mesh_of(found[each["sha256"]]), *judging_cameras()) for each in here]
+    images = [pictures(mesh_of(found[each["sha256"]]), judging_cameras()) for each in here]
     return ViewSet(torch.stack(images), torch.tensor([list(NOUNS).index(each["noun"]) for each in here]))
 
 
