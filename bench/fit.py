@@ -66,7 +66,7 @@ def scanned(mesh: TriangleMesh) -> TriangleMesh:
         verts = np.concatenate([verts, 0.01 * size * speck.verts + place])
     turn = np.radians(140)
     about_y = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    return TriangleMesh(torch.from_numpy(12.0 * verts @ about_y.T), torch.from_numpy(faces))
+    return TriangleMesh(12.0 * verts @ about_y.T, faces)
 
 
 def pairs(assets: Path) -> dict[str, tuple[TriangleMesh, TriangleMesh]]:
@@ -113,7 +113,7 @@ def peer(method: Callable[..., Floats]) -> Callable[[TriangleMesh, TriangleMesh]
     return run
 
 
-def row(verts: list[Floats], faces: list[torch.Tensor]) -> Floats:
+def row(verts: list[Floats], faces: list[NDArray[np.int64]]) -> Floats:
     """Draw meshes side by side, from their front and a little from the side and above."""
     drawn = []
     for points, corners in zip(verts, faces, strict=True):
@@ -150,7 +150,7 @@ def main() -> None:
                 continue
             spent = time.process_time() - began
             first = first or spent
-            fitted = measure_fit(TriangleMesh(torch.from_numpy(verts), rest.faces), target)
+            fitted = measure_fit(TriangleMesh(verts, rest.faces), target)
             quality = measure(rest.verts, rest.faces, verts)
             cells = (
                 f"{fitted.within:.1%}",

@@ -43,7 +43,7 @@ def dump_checkpoint(checkpoint: Checkpoint, run: str, asset: str = "") -> bytes:
     metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run, "asset": asset}
     if checkpoint.precision:
         metadata["precision"] = checkpoint.precision
-    return safetensors.numpy.save({k: np.ascontiguousarray(v) for k, v in checkpoint.tensors.items()}, metadata)
+    return safetensors.numpy.save({k: np.asarray(v, order="C") for k, v in checkpoint.tensors.items()}, metadata)
 
 
 def load_checkpoint(data: bytes, run: str) -> Checkpoint:

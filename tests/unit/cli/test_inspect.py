@@ -6,8 +6,8 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
-import torch
 import typer
 
 from meshdeform.assets import build_glb
@@ -46,7 +46,7 @@ def test_inspect_refuses_what_selects_nothing_and_nouns_that_nobody_knows(tmp_pa
 
 def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None:
     wheels = [
-        TriangleMesh(0.2 * torus(n=16, m=8).verts + torch.tensor([x, -0.6, 0.0]), torus(n=16, m=8).faces)
+        TriangleMesh(0.2 * torus(n=16, m=8).verts + np.array([x, -0.6, 0.0]), torus(n=16, m=8).faces)
         for x in (-0.5, 0.5)
     ]
     cart = join(box(1), *wheels)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets.notices import looks_z_up
@@ -19,12 +18,12 @@ from training.shapes import box, lathe, torus
 Floats = NDArray[np.float64]
 
 
-def moved(mesh: TriangleMesh, verts: Floats | torch.Tensor) -> TriangleMesh:
-    return TriangleMesh(torch.as_tensor(verts, dtype=torch.float64), mesh.faces)
+def moved(mesh: TriangleMesh, verts: Floats | NDArray[np.float64]) -> TriangleMesh:
+    return TriangleMesh(verts, mesh.faces)
 
 
 def placed(mesh: TriangleMesh, size: tuple[float, float, float], at: tuple[float, float, float]) -> TriangleMesh:
-    return moved(mesh, mesh.verts * torch.tensor(size, dtype=torch.float64) + torch.tensor(at, dtype=torch.float64))
+    return moved(mesh, mesh.verts * np.array(size, np.float64) + np.array(at, np.float64))
 
 
 def sled() -> TriangleMesh:
@@ -97,7 +96,7 @@ def answer(mesh: TriangleMesh) -> bool:
 
 def with_z_up(mesh: TriangleMesh) -> TriangleMesh:
     """The mesh as a program with Z up exports it: X, -Z, Y."""
-    return TriangleMesh(mesh.verts[:, [0, 2, 1]] * torch.tensor([1.0, -1.0, 1.0], dtype=torch.float64), mesh.faces)
+    return TriangleMesh(mesh.verts[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0], np.float64), mesh.faces)
 
 
 STATUE = lathe([(0.0, 0.0), (0.5, 0.0), (0.4, 0.3), (0.1, 0.6), (0.3, 1.2), (0.0, 1.6)])
@@ -123,7 +122,7 @@ def changed(mesh: TriangleMesh, linear: np.ndarray, *, shuffled: bool = False, a
     order = RANDOM.permutation(len(mesh.verts)) if shuffled else np.arange(len(mesh.verts))
     verts = (mesh.verts @ linear.T + at)[order]
     faces = np.argsort(order)[mesh.faces]
-    return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces))
+    return TriangleMesh(verts, faces)
 
 
 def prism(sides: int, height: float) -> TriangleMesh:
@@ -136,12 +135,12 @@ def prism(sides: int, height: float) -> TriangleMesh:
     corners = [(first, second, second + sides), (first, second + sides, first + sides)]
     corners += [(second, first, low), (first + sides, second + sides, high)]
     faces = np.concatenate([np.stack(corner, 1) for corner in corners])
-    return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces))
+    return TriangleMesh(verts, faces)
 
 
 def test_congruent_components_are_found_in_any_pose_order_and_mirrored() -> None:
     brick = changed(box(2), np.diag([1.0, 2.0, 3.0]))
-    dented = TriangleMesh(brick.verts.clone(), brick.faces)
+    dented = TriangleMesh(brick.verts.copy(), brick.faces)
     dented.verts[0] *= 0.98
     mesh = RestMesh.of(
         join(

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.geometry.mesh import TriangleMesh
@@ -159,7 +158,7 @@ def test_rows_that_are_not_there_are_missing() -> None:
 @each_case("noun, part", [("lamp", "shade"), ("teapot", "spout"), ("castle", "tower"), ("rabbit", "ear")])
 def test_a_part_of_a_member_grows_and_the_rest_stays(noun: str, part: str) -> None:
     member = labelled_member(noun, (), np.random.default_rng(11))
-    glb = plain_glb(TriangleMesh(torch.from_numpy(member.verts), torch.from_numpy(member.faces)))
+    glb = plain_glb(TriangleMesh(member.verts, member.faces))
     body = body_of(glb, noun, front_azimuth_deg=0.0)
     after, done = changed(body, f"a bigger {part}")
     assert (done.found_by, done.flips) == ("shapes", 0)

@@ -14,7 +14,7 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.base_colours import BaseColours
-from meshdeform.runs.text_deform import TextDeformRun
+from meshdeform.runs.optimised import TextDeformRun
 from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
 from tests.unit.runs.jobs import finished, started

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import build_glb, load_asset
@@ -27,9 +26,9 @@ def tower() -> bytes:
     walls = []
     for turn in range(4):
         wall = grid(1 if turn % 2 else 8, 1.0)
-        upright = torch.stack([wall.verts[:, 0], 3 * wall.verts[:, 1] + 1.5, torch.full_like(wall.verts[:, 0], 0.5)], 1)
-        quarter = torch.tensor([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]], dtype=torch.float64)
-        walls.append(TriangleMesh(upright @ torch.matrix_power(quarter, turn), wall.faces))
+        upright = np.stack([wall.verts[:, 0], 3 * wall.verts[:, 1] + 1.5, np.full_like(wall.verts[:, 0], 0.5)], 1)
+        quarter = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]], np.float64)
+        walls.append(TriangleMesh(upright @ np.linalg.matrix_power(quarter, turn), wall.faces))
     mesh = join(*walls)
     return build_glb(mesh.verts, mesh.faces)
 
@@ -97,9 +96,7 @@ def test_strengths_and_shapes_from_other_files_leave_it_closed() -> None:
     for strength in (0.3, 1.5):
         assert gap(with_strength(SOURCE, result, strength)) < 1e-6
     fine = grid(12, 8.0)
-    sheets = join(
-        *(TriangleMesh(fine.verts + torch.tensor([0.0, 1.5, z], dtype=torch.float64), fine.faces) for z in (-0.5, 0.5))
-    )
+    sheets = join(*(TriangleMesh(fine.verts + np.array([0.0, 1.5, z], np.float64), fine.faces) for z in (-0.5, 0.5)))
     around = load_asset(build_glb(sheets.verts, sheets.faces))
     carried = with_edit(SOURCE, edit_of(around, around.replace(twisted(around.surface.positions))))
     assert gap(carried) < 1e-6

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.cli.report_lines import fit_line
@@ -66,7 +65,7 @@ def test_what_does_not_fit_the_files_is_refused(params: dict, place: list) -> No
 
 
 def test_parts_on_a_lattice_are_fitted_and_a_rigid_one_keeps_its_shape() -> None:
-    two = join(SPHERE, TriangleMesh(0.4 * SPHERE.verts + torch.tensor([1.6, 0.0, 0.0]), SPHERE.faces))
+    two = join(SPHERE, TriangleMesh(0.4 * SPHERE.verts + np.array([1.6, 0.0, 0.0]), SPHERE.faces))
     asset = build_glb(two.verts, two.faces)
     target = build_glb(two.verts * (1.0, 1.3, 1.0), two.faces)
     positions, report = fitted(asset, target, rigid=[{"component": 1}], steps=12)

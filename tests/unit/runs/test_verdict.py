@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from meshdeform.assets import build_glb
 from meshdeform.deformation.controls import Nature
@@ -35,10 +34,10 @@ WHOLE = {
 
 def test_what_was_kept_is_measured_on_the_shapes() -> None:
     ball = icosphere(3)
-    verts = ball.verts.clone()
+    verts = ball.verts.copy()
     verts[0] *= -1.5
     result = TriangleMesh(verts, ball.faces)
-    quality = measure(ball.verts, ball.faces, verts.numpy()).to_dict()
+    quality = measure(ball.verts, ball.faces, verts).to_dict()
     assert kept_structure(ball, ball, {**quality, "self_intersections_added": None})["cut_share"] == 0
     structure = kept_structure(ball, result, quality)
     assert structure["cut_share"] == pytest.approx(quality["self_intersections_added"] / len(ball.faces))
@@ -52,7 +51,7 @@ def test_what_was_kept_is_measured_on_the_shapes() -> None:
 
 def test_a_giraffe_that_nothing_was_trained_with_matches_its_prompt_and_no_other() -> None:
     part = draw_shape("other giraffe", seeded(HELD_OUT, "other giraffe", 2000))
-    mesh = TriangleMesh(torch.from_numpy(part.verts), torch.from_numpy(part.faces))
+    mesh = TriangleMesh(part.verts, part.faces)
     same, other = likeness(mesh, "a giraffe"), likeness(mesh, "a tall vase")
     assert same is not None
     assert other is not None
