@@ -130,4 +130,4 @@ def _looked_up(
     paint = colours.paint[places.faces]
     found = colours.colours(paint, values, level.astype(np.float32))
     rgba = np.stack([*srgb_from_linear(np.clip(found[:3], 0, 1)), colours.opacity(paint, found)], 1)
-    return np.rint(rgba * 255).astype(np.uint8)
+    return np.asarray(np.rint(rgba * 255), np.uint8)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.mesh import MeshEdges, edges_of
 from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.visibility import interpolated, nearest_faces
+from meshdeform.rendering.visibility import FacePlanes, interpolated, nearest_faces
 
 AMBIENT = 0.25
 LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
@@ -54,7 +54,7 @@ class ClayRenderer:
         clip = cameras.project(verts)
         found, depth = nearest_faces(clip, self._faces, side, side)
         surface = _Surface.of(verts, self._faces)
-        front = surface.fronts(cameras.eye)
+        front = surface.planes.fronts(cameras.eye)
         outlines = _silhouettes(self._edges, front)
         views = np.zeros((len(clip), side * side), np.float32)
         for b, picture in enumerate(views):
@@ -83,27 +83,19 @@ class ClayRenderer:
 
 @dataclass(frozen=True)
 class _Surface:
-    """Vertices (V, 3), their unit normals (3, V), and of the faces the normals, (3, F), times twice their area."""
+    """Vertices (V, 3), their unit normals (3, V), and the planes of the faces."""
 
     verts: _Singles
     normals: _Singles
-    cross: _Singles
-    offset: _Singles
+    planes: FacePlanes
 
     @classmethod
     def of(cls, verts: _Singles, faces: _Index) -> _Surface:
         """Return the surface with vertices (V, 3) and faces (F, 3)."""
-        a, b, c = ([axis.take(corner) for axis in verts.T] for corner in faces.T)
-        u, v = ([end - begin for begin, end in zip(a, to, strict=True)] for to in (b, c))
-        cross = np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
-        offset = cross[0] * a[0] + cross[1] * a[1] + cross[2] * a[2]
-        sums = np.stack([sum(np.bincount(corner, part, len(verts)) for corner in faces.T) for part in cross])
+        planes = FacePlanes.of(verts, faces)
+        sums = np.stack([sum(np.bincount(corner, part, len(verts)) for corner in faces.T) for part in planes.normals])
         sums /= np.maximum(np.sqrt((sums**2).sum(0)), 1e-12)
-        return cls(verts, sums.astype(np.float32), cross, offset)
-
-    def fronts(self, eyes: _Singles) -> _Flags:
-        """Return whether the front of each face is seen from each eye, (B, F)."""
-        return np.asarray(eyes @ self.cross >= self.offset)
+        return cls(verts, sums.astype(np.float32), planes)
 
     def thin(self, faces: _Index) -> _Flags:
         """Return which of faces (F, 3) have so little area that they count as none."""

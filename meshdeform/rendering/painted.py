@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.visibility import interpolated, nearest_faces
+from meshdeform.rendering.visibility import FacePlanes, interpolated, nearest_faces
 
 _KEY, _FILL = (-0.45, 0.65, 0.60), (0.75, 0.05, 0.65)  # in the camera's frame: x right, y up, z towards the viewer
 _KEY_LIGHT, _FILL_LIGHT = 0.80, 0.16
@@ -68,13 +68,15 @@ class PaintedRenderer:
             shape = (len(cameras.view_proj), self.style.view_size, self.style.view_size, 3)
             backdrops = np.broadcast_to(np.array(self.style.background, np.float32), shape)
         surface = _Surface.of(positions, normals, self._colours)
-        views = zip(cameras.project(surface.places), cameras.view, cameras.eye, backdrops, strict=True)
+        clip, front = cameras.project(surface.places), surface.planes.fronts(cameras.eye)
+        views = zip(clip, front, cameras.view[:, :3, :3], backdrops, strict=True)
         return np.stack([self._render(surface, *each) for each in views])
 
-    def _render(self, surface: _Surface, clip: _Singles, view: _Singles, eye: _Singles, backdrop: _Singles) -> _Singles:
+    def _render(
+        self, surface: _Surface, clip: _Singles, front: NDArray[np.bool_], axes: _Singles, backdrop: _Singles
+    ) -> _Singles:
         size, factor = self.style.view_size, self.style.supersample
         side = size * factor
-        front = eye @ surface.cross >= surface.offset
         drawn = np.flatnonzero(front | self._double_sided[self._colours.paint])
         faces = self._colours.faces if len(drawn) == len(front) else self._colours.faces[drawn]
         squares, through = _Squares(size, factor), np.ones(side * side, np.float32)
@@ -83,7 +85,7 @@ class PaintedRenderer:
             found, depth = nearest_faces(clip[None], faces, side, side, behind)
             pixels = np.flatnonzero(found.ravel() >= 0)
             seen = drawn[found.ravel()[pixels]]
-            colour = self._shaded(surface, clip, pixels, seen, front, view[:3, :3])
+            colour = self._shaded(surface, clip, pixels, seen, front, axes)
             if self._colours.layers == 1:
                 squares.add(pixels, colour[:3], None)
                 break
@@ -125,28 +127,24 @@ class _Surface:
     """One state of the surface.
 
     `places`, (M, 3): of the vertices of the appearance. `values`, (C, M): what is interpolated: `normal_rows` of the
-    normals, and of 1 where the file has one if it lacks some, and then the values of the colours. `cross`, (3, F):
-    normals of the faces, as long as twice their area, and `offset`, (F,), their products with a corner.
+    normals, and of 1 where the file has one if it lacks some, and then the values of the colours.
     """
 
     places: _Singles
     values: _Singles
     normal_rows: int
-    cross: _Singles
-    offset: _Singles
+    planes: FacePlanes
 
     @classmethod
     def of(cls, positions: NDArray[np.floating], normals: NDArray[np.floating], colours: BaseColours) -> _Surface:
         """Return the surface with positions and normals (N, 3)."""
-        places = positions.astype(np.float32).take(colours.rows, 0)
-        given = normals.astype(np.float32).take(colours.rows, 0).T
-        defined = np.isfinite(given).all(0)
-        rows = [given] if defined.all() else [np.where(defined, given, np.float32(0)), defined[None].astype(np.float32)]
-        a, b, c = ([axis.take(corner) for axis in places.T] for corner in colours.faces.T)
-        u, v = ([end - begin for begin, end in zip(a, to, strict=True)] for to in (b, c))
-        cross = np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
-        offset = cross[0] * a[0] + cross[1] * a[1] + cross[2] * a[2]
-        return cls(places, np.concatenate([*rows, colours.values]), sum(map(len, rows)), cross, offset)
+        places: _Singles = positions.astype(np.float32)[colours.rows]
+        given: _Singles = normals.astype(np.float32)[colours.rows].T
+        defined = np.isfinite(given).all(0, keepdims=True)
+        if not defined.all():
+            given = np.concatenate([np.where(defined, given, np.float32(0)), defined])
+        values = np.concatenate([given, colours.values], dtype=np.float32)
+        return cls(places, values, len(given), FacePlanes.of(places, colours.faces))
 
     def unit_normals(self, at: _Singles, face: _Index) -> _Singles:
         """Return unit normals (3, P) at pixels of faces (P,) with interpolated values (C, P)."""
@@ -155,10 +153,10 @@ class _Surface:
         usable = length > 1e-3
         if self.normal_rows == 4:
             usable &= at[3] > 0.999
-        normal = normal / np.where(usable, length, np.float32(1))
+        normal = np.asarray(normal / np.where(usable, length, np.float32(1)), np.float32)
         flat = np.flatnonzero(~usable)
         if len(flat):
-            cross = self.cross.take(face.take(flat), 1)
+            cross = self.planes.normals.take(face.take(flat), 1)
             normal[:, flat] = cross / np.maximum(np.linalg.norm(cross, axis=0), np.float32(1e-20))
         return normal
 

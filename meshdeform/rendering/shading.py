@@ -605,7 +605,9 @@ class Renderer:
             return self._pooled(self._compiled_normals(verts, cameras, scene))
         surface = self._surface(verts, cameras)
         if self._colours is not None and shading in ("textured", "mixed"):
-            return srgb_from_linear(self._pooled(self._textured(surface, self._colours, scene)), torch)
+            light = self._pooled(self._textured(surface, self._colours, scene))
+            encoded: Tensor = srgb_from_linear(light, torch)
+            return encoded
         return self._pooled(self._plain(surface, scene, normals=shading == "normals"))
 
     def _pooled(self, image: Tensor) -> Tensor:

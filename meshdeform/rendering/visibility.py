@@ -261,6 +261,26 @@ def _repeated(counts: _Index, some: slice) -> tuple[_Index, _Index]:
     return item, within
 
 
+@dataclass(frozen=True)
+class FacePlanes:
+    """Planes of faces: normals (3, F), as long as twice the area, and their products with a corner, (F,)."""
+
+    normals: _Singles
+    offsets: _Singles
+
+    @classmethod
+    def of(cls, verts: _Singles, faces: _Index) -> FacePlanes:
+        """Return the planes of faces (F, 3) with vertices (V, 3)."""
+        a, b, c = (verts.T.take(corner, 1) for corner in faces.T)
+        u, v = b - a, c - a
+        normals = np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
+        return cls(normals, normals[0] * a[0] + normals[1] * a[1] + normals[2] * a[2])
+
+    def fronts(self, eyes: _Singles) -> NDArray[np.bool_]:
+        """Return whether the front of each face is seen from each eye (B, 3), (B, F)."""
+        return np.asarray(eyes @ self.normals >= self.offsets)
+
+
 def interpolated(
     clip: NDArray[np.floating], values: _Singles, faces: _Index, pixels: _Index, face: _Index, height: int, width: int
 ) -> _Singles:

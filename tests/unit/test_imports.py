@@ -75,6 +75,15 @@ sys.meta_path.insert(0, Refuse())
 """
 
 
+# Draws an asset and judges a mesh.
+_LOOK = """
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.judge import Judge
+from meshdeform.rendering.studio import comparison_png
+assert comparison_png({"cube": open(sys.argv[1], "rb").read()}).startswith(b"\\x89PNG")
+assert sum(Judge().noun_probabilities(icosphere(2)).values()) > 0.99
+"""
+
 # Starts the API as `python -m service` does, up to the moment at which it would answer, and tells what is loaded.
 _START = """
 import asyncio, json, sys
@@ -116,6 +125,17 @@ def test_nothing_loads_what_it_does_not_need_and_a_new_server_keeps_nothing_of_i
     record = sqlite3.connect(tmp_path / "meshdeform.sqlite")
     assert record.execute("SELECT count(*) FROM alembic_version").fetchone() == (1,)
     record.close()
+
+
+def test_pictures_and_the_judge_need_neither_torch_nor_numba(repository: Path) -> None:
+    program = _REFUSE % ["torch", "numba"] + _LOOK
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(repository / "examples/cube.glb")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_base_install_is_enough_for_the_client(repository: Path) -> None:

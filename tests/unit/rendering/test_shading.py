@@ -351,13 +351,18 @@ def test_hard_edges_are_hard_and_soft_ones_are_soft() -> None:
     assert columns(NORMAL=soft) > 8
 
 
-def test_both_backends_find_the_next_layer() -> None:
+def test_all_backends_find_the_next_layer() -> None:
     from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
+    from meshdeform.rendering.visibility import nearest_faces
 
     corners = torch.from_numpy(np.concatenate([SQUARE, SQUARE * 0.5 + [0, 0, 0.3], SQUARE + [0.2, 0, 0.6]])).float()
     clip = torch.cat([corners, torch.ones(12, 1)], 1)[None]
     faces = torch.from_numpy(np.concatenate([FACES, FACES + 4, FACES + 8]).astype(np.int64))
-    for backend in (rasterize_compiled, rasterize_spans):
+
+    def arrays(clip, faces, height, width, behind):
+        return nearest_faces(clip.numpy(), faces.numpy(), height, width, behind)
+
+    for backend in (rasterize_compiled, rasterize_spans, arrays):
         layers, behind = [], None
         for _ in range(4):
             found, depth = backend(clip, faces, 32, 32, behind)

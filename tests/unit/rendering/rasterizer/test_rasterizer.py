@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -22,11 +23,21 @@ from meshdeform.rendering.rasterizer import (
     rasterize_compiled,
     rasterize_spans,
 )
+from meshdeform.rendering.visibility import interpolated, nearest_faces
 from tests.cases import each_case
 from tests.close import assert_close
 from training.shapes import grid, torus
 
-BACKENDS = [rasterize_compiled, rasterize_spans]
+
+def rasterize_arrays(
+    clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
+    """Rasterise in numpy, as pictures are drawn."""
+    found = nearest_faces(clip.numpy(), faces.numpy(), height, width, None if behind is None else behind.numpy())
+    return torch.from_numpy(found[0]), torch.from_numpy(found[1])
+
+
+BACKENDS = [rasterize_compiled, rasterize_spans, rasterize_arrays]
 
 
 def to_clip(verts: Tensor, azimuth: float = 20.0) -> Tensor:
@@ -99,6 +110,34 @@ def test_the_backends_agree(size: tuple[int, int]) -> None:
         assert_close(depth, other_depth, atol=1e-5, rtol=0)
 
 
+def soup(count: int, seed: int) -> tuple[Tensor, Tensor]:
+    """Triangles of all sizes and directions: on half pixels, off the picture, behind the camera, without area."""
+    random = np.random.default_rng(seed)
+    size = 10.0 ** random.uniform(-3, 0.5, (count, 1, 1))
+    corners = random.uniform(-1.2, 1.2, (count, 1, 3)) + size * random.uniform(-1, 1, (count, 3, 3))
+    corners[::3, :, :2] = np.rint(corners[::3, :, :2] * 64) / 64
+    corners[1::7, 2] = corners[1::7, 1]
+    clip = np.concatenate([corners, random.choice([1.0, 0.7, -0.1], (count, 3, 1), p=[0.5, 0.49, 0.01])], -1)
+    faces = np.arange(3 * count).reshape(-1, 3)
+    return torch.from_numpy(clip.reshape(1, -1, 4)), torch.from_numpy(faces)
+
+
+@each_case(("count", "at_once"), [(30, 1 << 16), (3000, 1 << 16), (3000, 100)])
+def test_numpy_sees_exactly_what_the_compiled_loop_sees(
+    count: int, at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Layer by layer, whatever is drawn at once."""
+    monkeypatch.setattr("meshdeform.rendering.visibility._AT_ONCE", at_once)
+    clip, faces = soup(count, 0)
+    behind = None
+    for _ in range(4):
+        ids, depth = rasterize_compiled(clip, faces, 48, 64, behind)
+        found, found_depth = rasterize_arrays(clip, faces, 48, 64, behind)
+        assert torch.equal(found, ids)
+        assert_close(found_depth, depth, atol=2e-7, rtol=0)
+        behind = depth
+
+
 @each_case("backend", BACKENDS)
 def test_triangles_behind_the_camera_and_empty_meshes_draw_nothing(backend) -> None:
     clip = torch.tensor([[[0.0, 0, 0, -1], [1, 0, 0, 1], [0, 1, 0, 1]]])
@@ -109,8 +148,9 @@ def test_triangles_behind_the_camera_and_empty_meshes_draw_nothing(backend) -> N
 
 
 def test_wrong_shapes_are_refused() -> None:
-    with pytest.raises(ShapeError, match="clip"):
-        rasterize(torch.zeros(3, 4), torch.zeros(1, 3, dtype=torch.int64), 8, 8)
+    for function in (rasterize, rasterize_arrays):
+        with pytest.raises(ShapeError, match="clip"):
+            function(torch.zeros(3, 4), torch.zeros(1, 3, dtype=torch.int64), 8, 8)
 
 
 # Interpolation: linear functions come back, perspective included; gradients checked twice.
@@ -131,6 +171,9 @@ def test_a_function_that_is_linear_in_space_is_exact() -> None:
     """The clip coordinates themselves, interpolated, project back to the pixel: perspective is right."""
     _, clip, faces, pixels, face = scene()
     found = interpolate(clip, clip, faces, pixels, face, SIZE, SIZE)
+    one = (pixels < SIZE * SIZE).numpy()
+    arrays = [each.numpy() for each in (clip[0], clip[0].T, faces, pixels[one], face[one])]
+    np.testing.assert_allclose(interpolated(*arrays, SIZE, SIZE).T, found[one], rtol=1e-5, atol=1e-6)
     within = pixels % (SIZE * SIZE)
     x = (within % SIZE + 0.5) * 2 / SIZE - 1
     y = 1 - (within // SIZE + 0.5) * 2 / SIZE
@@ -175,6 +218,9 @@ def test_a_face_seen_exactly_edge_on_gives_its_mean_and_pushes_nothing() -> None
         c, v = clip.clone().requires_grad_(), values.clone().requires_grad_()
         out = function(c, v, torch.tensor([[0, 1, 2]]), pixels, face, 4, 4)
         assert_close(out, torch.tensor([[3.0]]))
+        corners = np.array([[0, 1, 2]])
+        alone = interpolated(clip[0].numpy(), values[0].numpy().T, corners, pixels.numpy(), face.numpy(), 4, 4)
+        assert alone == pytest.approx(3.0)
         out.sum().backward()
         assert c.grad is not None
         assert v.grad is not None
