@@ -17,9 +17,9 @@ from torch import Tensor
 from meshdeform.deformation.differentiable import solve_linear
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.geometry.mesh import TriangleMesh, face_normals
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.geometry.tensors import faces_of, verts_of
+from meshdeform.geometry.tensors import face_normals, faces_of, verts_of
 from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.rasterizer import projected, rasterize
 from meshdeform.rendering.shading import sample_orthogonal_cameras, sample_scene
@@ -61,7 +61,7 @@ class Published:
         rest = system.rest
         self._faces, edges = faces_of(rest), rest.edges
         self._start, self._stop = torch.from_numpy(edges.edges).T
-        self._degree = torch.from_numpy(np.bincount(edges.edges.ravel(), minlength=len(rest.verts)))[:, None]
+        self._degree = torch.from_numpy(np.bincount(edges.edges.ravel(), minlength=len(rest.verts))).double()[:, None]
         self._scale = 2 / float(np.ptp(rest.verts, axis=0).max())
         self._pairs = torch.from_numpy(edges.faces[edges.counts == 2])
 
