@@ -1,9 +1,8 @@
 """Rasterise: find the nearest triangle at each pixel, and antialias silhouettes differentiably.
 
 There is one backend per kind of device: a compiled loop on the CPU, plain torch elsewhere. Both use the same exact
-integer arithmetic and therefore agree on every pixel except for ties in depth. Pictures that nobody differentiates are
-drawn without torch and numba (`visibility.py`); that sees the same, in two to three times the time, which is a tenth of
-a step with the builtin prior.
+integer arithmetic and therefore agree on every pixel except for ties in depth. What nobody differentiates is drawn
+without torch and numba, by `visibility.py`, which sees the same in three times the time of the compiled loop.
 
 In plain torch, (triangle, row) spans are enumerated and only covered pixels visited. The integer half-planes give the
 exact span of each row, so slivers cost no more than the pixels they cover. A 64-bit key (depth, face) with an atomic
