@@ -94,6 +94,19 @@ class _SparseProduct(torch.autograd.Function):
 
 
 @kernel
+def area_vectors(verts: _Floats, faces: _Index) -> _Floats:
+    """Return `folds.area_vectors` inside of other kernels."""
+    cross = np.empty((len(faces), 3))
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = verts[i, 0], verts[i, 1], verts[i, 2]
+        bx, by, bz = verts[j, 0] - ax, verts[j, 1] - ay, verts[j, 2] - az
+        cx, cy, cz = verts[k, 0] - ax, verts[k, 1] - ay, verts[k, 2] - az
+        cross[f, 0], cross[f, 1], cross[f, 2] = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+    return cross
+
+
+@kernel
 def through_normals(
     verts: _Floats, faces: _Index, normals: _Floats, inverse: _Floats, d_normals: _Floats, gradient: _Floats
 ) -> None:

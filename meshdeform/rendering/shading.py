@@ -55,10 +55,9 @@ from torch.nn import functional
 from meshdeform.errors import ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import edges_of
-from meshdeform.geometry.tensors import through_normals
+from meshdeform.geometry.tensors import area_vectors, through_normals
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import NUM_VIEWS, UNIT_SPHERE, CameraRange, Cameras, orthogonal_cameras

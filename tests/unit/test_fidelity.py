@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.deformation.differentiable import solve_linear
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.geometry.mesh import TriangleMesh, face_normals
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.geometry.tensors import faces_of, verts_of
+from meshdeform.geometry.tensors import face_normals, faces_of, verts_of
 from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.rasterizer import projected, rasterize
 from meshdeform.rendering.shading import sample_orthogonal_cameras, sample_scene
@@ -57,11 +59,11 @@ class Published:
 
     def __init__(self, system: PoissonSystem) -> None:
         rest = system.rest
-        self._faces, edges = rest.faces, rest.edges
-        self._start, self._stop = edges.edges.T
-        self._degree = torch.bincount(edges.edges.ravel(), minlength=len(rest.verts)).double()[:, None]
-        self._scale = 2 / float((rest.verts.amax(0) - rest.verts.amin(0)).max())
-        self._pairs = edges.faces[edges.counts == 2]
+        self._faces, edges = faces_of(rest), rest.edges
+        self._start, self._stop = torch.from_numpy(edges.edges).T
+        self._degree = torch.from_numpy(np.bincount(edges.edges.ravel(), minlength=len(rest.verts))).double()[:, None]
+        self._scale = 2 / float(np.ptp(rest.verts, axis=0).max())
+        self._pairs = torch.from_numpy(edges.faces[edges.counts == 2])
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
         return 0.5 * (jacobians - torch.eye(3, dtype=F64)).square().mean()
@@ -94,10 +96,10 @@ def pulls(mesh: TriangleMesh, smooth: float, rough: float) -> dict[str, float]:
 
     return {
         "jacobian": pull(lambda j: PAPER.jacobian_reg_weight * ours.jacobian(j)) / pull(theirs.jacobian),
-        "laplacian": pull(lambda j: PAPER.laplacian_weight * ours.laplacian(system.solve(j)))
-        / pull(lambda j: theirs.laplacian(system.solve(j))),
-        "normal": pull(lambda j: PAPER.normal_weight * ours.normal(system.solve(j)))
-        / pull(lambda j: theirs.normal(system.solve(j))),
+        "laplacian": pull(lambda j: PAPER.laplacian_weight * ours.laplacian(solve_linear(system, j)))
+        / pull(lambda j: theirs.laplacian(solve_linear(system, j))),
+        "normal": pull(lambda j: PAPER.normal_weight * ours.normal(solve_linear(system, j)))
+        / pull(lambda j: theirs.normal(solve_linear(system, j))),
     }
 
 

@@ -5,14 +5,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
+from meshdeform.geometry import intersections
+from meshdeform.geometry.cuts import cut, touch
+from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from training.shapes import box, cylinder, grid, torus, uv_sphere
+
+
+@pytest.fixture(autouse=True, params=[True, False], ids=["numba", "numpy"])
+def _both_searches(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search for cuts by what large meshes take, and by what small ones do."""
+    monkeypatch.setattr(intersections, "_compiles", lambda _count: request.param)
 
 
 def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
@@ -197,3 +206,22 @@ def test_pairs_that_touch_agree_with_all_pairs() -> None:
             near, far = squared < 0.3**2, squared > 0.45**2  # the samples are up to 0.15 apart
             if near or far:
                 assert ((first, second) in found) == near
+    pairs = np.stack(np.triu_indices(40, 1))
+    touching = touch(corners.reshape(-1, 3).T, faces.T, *pairs, 0.3)
+    assert {tuple(pair) for pair in pairs[:, touching].T.tolist()} == found
+
+
+def test_a_sweep_gives_up_after_so_many_tests_and_finds_the_same_pairs_until_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    generator = np.random.default_rng(7)
+    verts = (generator.normal(size=(300, 1, 3)) + generator.normal(size=(300, 3, 3))).reshape(-1, 3)
+    faces = np.concatenate([np.arange(900).reshape(300, 3), generator.integers(0, 900, (60, 3))])
+    found = cutting_pairs(verts, faces)
+    everything = np.stack(np.triu_indices(len(faces), 1))
+    assert np.array_equal(found, everything[:, cut(verts.T.copy(), faces.T, *everything)].T)
+    assert 1000 < len(found) < everything.shape[1] / 4
+    monkeypatch.setattr(intersections, "_TESTS", 0)
+    monkeypatch.setattr(intersections, "_TESTS_OF_FACE", 1)
+    with pytest.raises(TooManyPairsError):
+        cutting_pairs(verts, faces)

@@ -27,8 +27,8 @@ def ball_with_needles() -> bytes:
     needles = np.column_stack([faces[:40, 0], faces[:40, 1], len(verts) + np.arange(40)])
     return plain_glb(
         type(mesh)(
-            mesh.verts.new_tensor(np.concatenate([verts, tips])),
-            mesh.faces.new_tensor(np.concatenate([faces, needles])),
+            np.concatenate([verts, tips]),
+            np.concatenate([faces, needles]).astype(np.int64),
         )
     )
 

@@ -109,7 +109,7 @@ def test_a_part_carries_what_would_fall_without_it(part: tuple[str, ...], carrie
 def test_a_handle_stays_on_the_pot_at_both_ends() -> None:
     """Half a ring that begins and ends inside a box."""
     ring = torus(0.5, 0.08, 32, 12)
-    verts = ring.verts[:, [0, 2, 1]] + ring.verts.new_tensor([0.9, 1.0, 0.0])
+    verts = ring.verts[:, [0, 2, 1]] + [0.9, 1.0, 0.0]
     pot, handle = _box((-0.9, 0.0, -0.9), (0.9, 2.0, 0.9), 12), TriangleMesh(verts, ring.faces)
     body = body_of(plain_glb(join(pot, handle)))
     own = np.arange(len(body.faces)) >= len(pot.faces)

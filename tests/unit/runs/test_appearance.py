@@ -35,7 +35,7 @@ def asset(*, coloured: bool = True) -> bytes:
 
 
 def drawn(*, coloured: bool = True, **params: object) -> TextDeformRun:
-    target = torch.tensor([1.2, 0.8, 1.0], dtype=torch.float64) * BALL.verts
+    target = [1.2, 0.8, 1.0] * BALL.verts
     prior = FakePrior(type(BALL)(target, BALL.faces), view_size=24)
     run: TextDeformRun = started(asset(coloured=coloured), model="some/model", steps=4, prior=prior, **params)
     return run

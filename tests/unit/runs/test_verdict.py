@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import build_glb
-from meshdeform.deformation.controls import Nature
 from meshdeform.deformation.orientation import Orientation, OrientationSource
+from meshdeform.deformation.structure import Nature
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
@@ -77,7 +77,7 @@ def test_a_prompt_has_it_and_every_report_a_verdict(guidance: str, carrier: str)
     assert 0 <= report["quality"]["kept_share"] <= 1
     if guidance == "sds":
         assert report["likeness"]["noun"] == "mushroom"
-        source = TriangleMesh(ball.verts.float().double(), ball.faces)
+        source = TriangleMesh(ball.verts.astype(np.float32).astype(np.float64), ball.faces)
         assert report["likeness"]["before"] == before(likeness(source, "a mushroom"))
         assert report["verdict"]["value"] == "doubtful"  # one step
 
