@@ -104,7 +104,9 @@ def edges_of(faces: _Index) -> MeshEdges:
     n = int(faces.max()) + 1
     keys = np.minimum(start, stop) * n + np.maximum(start, stop)
     order = np.argsort(keys, kind="stable")
-    key, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    ordered = keys[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))
+    key, counts = ordered[first], np.diff(first, append=len(order))
     second = np.minimum(first + 1, len(order) - 1)
     pair = np.stack([order[first], np.where(counts > 1, order[second], -1)], 1)
     missing, take = pair < 0, np.maximum(pair, 0)
@@ -113,7 +115,7 @@ def edges_of(faces: _Index) -> MeshEdges:
         np.stack([key // n, key % n], 1),
         np.where(missing, -1, owner[take]),
         np.where(missing, -1, opposite[take]),
-        counts.astype(np.int64),
+        counts,
         (counts > 1) & (forward[:, 0] != forward[:, 1]),
     )
 

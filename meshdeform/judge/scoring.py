@@ -62,7 +62,7 @@ def framed(mesh: TriangleMesh) -> _Floats:
     ShapeError
         There are no faces, the surface is a single point, or a position is not finite.
     """
-    used = mesh.verts[mesh.faces.ravel()]
+    used = mesh.verts[np.flatnonzero(np.bincount(mesh.faces.ravel()))]
     if not used.size or not np.isfinite(used).all():
         raise ShapeError("the judge needs a mesh with faces and finite positions")
     centre = (used.min(0) + used.max(0)) / 2

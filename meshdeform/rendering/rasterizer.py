@@ -1,7 +1,8 @@
 """Rasterise: find the nearest triangle at each pixel, and antialias silhouettes differentiably.
 
 There is one backend per kind of device: a compiled loop on the CPU, plain torch elsewhere. Both use the same exact
-integer arithmetic and therefore agree on every pixel except for ties in depth.
+integer arithmetic and therefore agree on every pixel except for ties in depth. What nobody differentiates is drawn
+without torch and numba, by `visibility.py`, which sees the same in three times the time of the compiled loop.
 
 In plain torch, (triangle, row) spans are enumerated and only covered pixels visited. The integer half-planes give the
 exact span of each row, so slivers cost no more than the pixels they cover. A 64-bit key (depth, face) with an atomic
@@ -53,6 +54,7 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.rendering.cameras import Cameras
+from meshdeform.rendering.clay import DEPTH_BIAS
 from meshdeform.rendering.visibility import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
 
@@ -60,7 +62,6 @@ _SUB = 256
 _HALF = 128
 _EMPTY = torch.iinfo(torch.int64).max
 _MAX_ITEMS = 1 << 22  # rows or pixels in memory at a time; does not affect the result
-_DEPTH_BIAS = 1e-4
 
 _FAR = 1048576.0
 """Clamp of pixel coordinates, far off the picture."""
@@ -479,7 +480,7 @@ def _walk(
                 inside, outside = (base + stride, base) if plus else (base, base + stride)
                 z = zi + t * (zj - zi)
                 # The edge must be nearer than the surface beyond it.
-                hidden = not deep[outside] > z + _DEPTH_BIAS
+                hidden = not deep[outside] > z + DEPTH_BIAS
                 # Compiled once without `removed` and once with it: numba removes the branch.
                 if removed is not None:
                     hidden |= not z > (removed.ravel()[inside] + deep[inside]) / 2
@@ -730,7 +731,7 @@ def _visible(
     z_a, z_b = z[crossing.view, edges.verts[crossing.edge, 0]], z[crossing.view, edges.verts[crossing.edge, 1]]
     z_edge = z_a + t * (z_b - z_a)
     # The edge must be nearer than the surface beyond it; of several edges between two pixels, the nearest wins.
-    seen = on_screen & (depth.reshape(-1)[outside] > z_edge + _DEPTH_BIAS)
+    seen = on_screen & (depth.reshape(-1)[outside] > z_edge + DEPTH_BIAS)
     if removed is not None:
         seen &= z_edge > (removed.reshape(-1)[inside] + depth.reshape(-1)[inside]) / 2
     index = seen.nonzero()[:, 0]

@@ -61,6 +61,7 @@ from meshdeform.geometry.tensors import area_vectors, through_normals
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import NUM_VIEWS, UNIT_SPHERE, CameraRange, Cameras, orthogonal_cameras
+from meshdeform.rendering.clay import AMBIENT, LIGHT
 from meshdeform.rendering.rasterizer import (
     Fragments,
     SilhouetteEdges,
@@ -91,8 +92,6 @@ _BLUR = (0.01, 0.06)
 """Standard deviation of the blur, as a share of the view's side."""
 
 Shading = Literal["normals", "lambert", "textured", "mixed"]
-_AMBIENT = 0.25
-_LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
 
 _VARIED_GAIN = 0.5 * 5 / math.pi
 """Albedo times light of the published code."""
@@ -549,7 +548,7 @@ class Renderer:
         self.edges = SilhouetteEdges(*(torch.from_numpy(each).to(device) for each in (edges.edges, edges.opposite)))
         self._dtype = dtype
         self._background = torch.tensor(style.background, dtype=dtype, device=device)
-        self._light = functional.normalize(torch.tensor(_LIGHT, dtype=dtype, device=device), dim=0)
+        self._light = functional.normalize(torch.tensor(LIGHT, dtype=dtype, device=device), dim=0)
         coloured = appearance is not None and style.shading in ("textured", "mixed")
         self._colours = None
         if coloured and appearance is not None:
@@ -679,7 +678,7 @@ class Renderer:
                 stride = None if strides is None else strides.view(-1, 2, 2)[pixels.key]
                 width = colours.edge_widths(paint, at, level[pixels.key], stride)
             alpha = colours.coverage(paint, colour, width)
-            light = _AMBIENT + (1 - _AMBIENT) * self._diffuse(surface, pixels, side, scene)
+            light = AMBIENT + (1 - AMBIENT) * self._diffuse(surface, pixels, side, scene)
             if not layers.add(fragments, pixels.at, (colour[:3] * light).T, alpha[:, None]):
                 break
         image = layers.over(linear_from_srgb(self._backdrop(views, side, scene), torch))
@@ -700,7 +699,7 @@ class Renderer:
 
     def _clay(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:
         diffuse = self._diffuse(surface, pixels, side, scene)
-        brightness = _AMBIENT + (1 - _AMBIENT) * diffuse if scene is None else _VARIED_GAIN * diffuse
+        brightness = AMBIENT + (1 - AMBIENT) * diffuse if scene is None else _VARIED_GAIN * diffuse
         return brightness[:, None].expand(-1, 3)
 
     def _diffuse(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:

@@ -313,11 +313,12 @@ def interpolated(
         total[edge_on] = 3.0
         for area in areas:
             area[edge_on] = 1.0
-    weights = [(area / total).astype(np.float32) for area in areas]
+    weights = [(area / total).astype(np.float32) for area in areas[1:]]
     found = np.empty((len(values), len(pixels)), np.float32)
     for channel, of_channel in zip(values, found, strict=True):
-        parts = [channel.take(corner).take(face) for corner in faces.T]
-        np.multiply(parts[0], weights[0], out=of_channel)
-        for i in (1, 2):
-            of_channel += parts[i] * weights[i]
+        first, *others = (channel.take(corner) for corner in faces.T)
+        of_channel[:] = first.take(face)
+        # What is the same at all corners stays so exactly: a texel's border, for example.
+        for weight, other in zip(weights, others, strict=True):
+            of_channel += weight * (other - first).take(face)
     return found

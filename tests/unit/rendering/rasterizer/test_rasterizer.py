@@ -174,6 +174,9 @@ def test_a_function_that_is_linear_in_space_is_exact() -> None:
     one = (pixels < SIZE * SIZE).numpy()
     arrays = [each.numpy() for each in (clip[0], clip[0].T, faces, pixels[one], face[one])]
     np.testing.assert_allclose(interpolated(*arrays, SIZE, SIZE).T, found[one], rtol=1e-5, atol=1e-6)
+    # Exactly, so that a coordinate between two texels does not flicker.
+    arrays[1] = np.full((1, clip.shape[1]), 0.1, np.float32)
+    assert np.unique(interpolated(*arrays, SIZE, SIZE)).tolist() == [np.float32(0.1)]
     within = pixels % (SIZE * SIZE)
     x = (within % SIZE + 0.5) * 2 / SIZE - 1
     y = 1 - (within // SIZE + 0.5) * 2 / SIZE
