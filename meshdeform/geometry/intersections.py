@@ -22,14 +22,13 @@ Floating-Point Arithmetic, for the error bound; Ericson 2005, Real-Time Collisio
 
 from __future__ import annotations
 
-import sys
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.cuts import BORDER, ERROR, candidates, cut, touch
-from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.kernels import Worth, kernel
 
 _ERROR, _BORDER = ERROR, BORDER  # numba compiles them in
 
@@ -42,9 +41,8 @@ _STRIPS = 32
 _FACES_OF_STRIP = 64
 """Faces for another strip of a sweep in numpy, which compares many boxes at once."""
 
-_SMALL = 20_000
-"""Number of faces up to which a search does without numba unless that is loaded already: as long as it takes to import
-is what numpy takes longer."""
+_compiles = Worth(60_000)
+"""Whether numba searches so many faces."""
 
 _TESTS, _TESTS_OF_FACE = 1_000_000, 50
 """Pairs that a search may test, and more for each face. A scan of an object takes 10 to 20 for each."""
@@ -306,11 +304,6 @@ def _boxes(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
     """Return the least and the greatest coordinates (F, 3) of each face."""
     a, b, c = (verts[faces[:, k]] for k in range(3))
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-
-
-def _compiles(count: int) -> bool:
-    """Return whether numba searches so many faces."""
-    return count > _SMALL or "numba" in sys.modules
 
 
 def _search(verts: _Floats, faces: _Index, reach: _Floats, hit: _Flags, out: _Index) -> tuple[_Index, int]:

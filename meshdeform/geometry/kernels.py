@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import update_wrapper
 from typing import Any, TypeVar
@@ -40,3 +41,18 @@ def kernel(function: _Function) -> _Function:
     lazy: Any = _Kernel(function)
     made: _Function = lazy
     return made
+
+
+class Worth:
+    """Says whether work is worth the time that numba takes to import, where numpy can do it as well.
+
+    `enough`: from how much work on in all, of this process, it is. Once numba is imported, all is.
+    """
+
+    def __init__(self, enough: int) -> None:
+        self._enough, self._done = enough, 0
+
+    def __call__(self, work: int) -> bool:
+        """Return it for the next work."""
+        self._done += work
+        return self._done > self._enough or "numba" in sys.modules
