@@ -117,7 +117,7 @@ def row(verts: list[Floats], faces: list[NDArray[np.int64]]) -> Floats:
     """Draw meshes side by side, from their front and a little from the side and above."""
     drawn = []
     for points, corners in zip(verts, faces, strict=True):
-        renderer = Renderer(corners, len(points), STYLE)
+        renderer = Renderer(torch.from_numpy(corners), len(points), STYLE)
         drawn.append(renderer.render(torch.from_numpy(np.ascontiguousarray(points)), fixed_cameras(30.0, 15.0))[0])
     return np.concatenate([image.numpy() for image in drawn], 1)
 

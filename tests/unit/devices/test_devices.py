@@ -114,7 +114,7 @@ def test_score_distillation_gives_the_same_gradient(device: str) -> None:
         prior = load_prior("builtin", device=where, dtype="float32")
         guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=7.5)
         drawn = image.clone().to(where).requires_grad_()
-        context = StepContext(0, 10, fixed_cameras(0.0, 15.0).to(where), torch.Generator().manual_seed(3))
+        context = StepContext(0, 10, fixed_cameras(0.0, 15.0), torch.Generator().manual_seed(3))
         guidance.loss(drawn, context)[0].backward()
         assert drawn.grad is not None
         return drawn.grad.cpu()
