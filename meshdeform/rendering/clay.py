@@ -23,6 +23,12 @@ LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind th
 DEPTH_BIAS = 1e-4
 """By how much an edge must be nearer than the surface beyond it."""
 
+_CANCELLED = 1e-5
+"""Length of a sum of normals, relative to all their lengths, below which it has no direction."""
+_EDGE_ON = 1e-5
+"""Height of the eye above a face, relative to a length, below which its side is not sure."""
+_ROUNDING = 2e-7
+"""Twice an area below which it may be none."""
 _FAR = 1048576.0
 """Clamp of pixel coordinates, far off the picture."""
 _Floats = NDArray[np.float64]
@@ -54,8 +60,9 @@ class ClayRenderer:
         clip = cameras.project(verts)
         found, depth = nearest_faces(clip, self._faces, side, side)
         surface = _Surface.of(verts, self._faces)
-        front = surface.planes.fronts(cameras.eye)
-        outlines = _silhouettes(self._edges, front)
+        heights = surface.planes.heights(cameras.eye)
+        front = heights >= 0
+        outlines = _silhouettes(self._edges, front, np.abs(heights) <= _EDGE_ON * surface.sizes + _ROUNDING)
         views = np.zeros((len(clip), side * side), np.float32)
         for b, picture in enumerate(views):
             pixels = np.flatnonzero(found[b].ravel() >= 0)
@@ -83,19 +90,27 @@ class ClayRenderer:
 
 @dataclass(frozen=True)
 class _Surface:
-    """Vertices (V, 3), their unit normals (3, V), and the planes of the faces."""
+    """Vertices (V, 3), their unit normals (3, V), the planes of the faces, and about their areas (F,)."""
 
     verts: _Singles
     normals: _Singles
     planes: FacePlanes
+    sizes: _Singles
 
     @classmethod
     def of(cls, verts: _Singles, faces: _Index) -> _Surface:
         """Return the surface with vertices (V, 3) and faces (F, 3)."""
         planes = FacePlanes.of(verts, faces)
-        sums = np.stack([sum(np.bincount(corner, part, len(verts)) for corner in faces.T) for part in planes.normals])
-        sums /= np.maximum(np.sqrt((sums**2).sum(0)), 1e-12)
-        return cls(verts, sums.astype(np.float32), planes)
+        sizes = np.abs(planes.normals).sum(0)
+        normals, most = np.zeros((3, len(verts))), np.zeros(len(verts))
+        for corner in faces.T:
+            most += np.bincount(corner, sizes, len(verts))
+            for total, part in zip(normals, planes.normals, strict=True):
+                total += np.bincount(corner, part, len(verts))
+        length = np.linalg.norm(normals, axis=0)
+        # Where faces and their backs cancel out, what is left is rounding.
+        normals *= np.divide(1, length, out=np.zeros_like(length), where=length > _CANCELLED * most)
+        return cls(verts, normals.astype(np.float32), planes, sizes)
 
     def thin(self, faces: _Index) -> _Flags:
         """Return which of faces (F, 3) have so little area that they count as none."""
@@ -105,12 +120,18 @@ class _Surface:
         return np.asarray(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) <= 2 * COLLAPSED_SHAPE * longest)
 
 
-def _silhouettes(edges: MeshEdges, front: _Flags) -> list[_Index]:
-    """Return the edges between a front and a back in each of B views, and the open ones; `front` is (B, F)."""
+def _silhouettes(edges: MeshEdges, front: _Flags, edge_on: _Flags) -> list[_Index]:
+    """Return the edges between a front and a back in each of B views, of faces seen edge-on, and the open ones.
+
+    `front` and `edge_on` are (B, F). `_crossings` looks more closely.
+    """
     found = []
-    for eight in np.packbits(front, axis=0):
-        differ = eight[edges.faces[:, 0]] ^ eight[edges.faces[:, 1]]
+    for fronts, unsure in zip(np.packbits(front, axis=0), np.packbits(edge_on, axis=0), strict=True):
+        one, two = (fronts.take(each) for each in edges.faces.T)
+        differ = one ^ two
         differ[~edges.consistent] ^= 255
+        if unsure.any():
+            differ |= unsure.take(edges.faces[:, 0]) | unsure.take(edges.faces[:, 1])
         differ[edges.faces[:, 1] < 0] = 255
         found += [np.flatnonzero(differ & (128 >> view)) for view in range(8)]
     return found[: len(front)]
@@ -123,9 +144,9 @@ def _crossings(clip: _Singles, edges: MeshEdges, some: _Index, depth: _Singles) 
     """
     height, width = depth.shape
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y, z, w = clip.T.astype(np.float64)
-        w = np.where(w > 1e-6, w, np.nan)
-        x, y, z = (x / w + 1) * (width * 0.5), (1 - y / w) * (height * 0.5), z / w
+        w = np.where(clip[:, 3] > 1e-6, clip[:, 3], np.float32(np.nan))
+        x, y, z = ((clip[:, axis] / w).astype(np.float64) for axis in range(3))
+        x, y = (x + 1) * (width * 0.5), (1 - y) * (height * 0.5)
         i, j = edges.edges[some].T
         x_i, x_j, y_i, y_j = x.take(i), x.take(j), y.take(i), y.take(j)
         dx, dy = x_j - x_i, y_j - y_i

@@ -276,9 +276,9 @@ class FacePlanes:
         normals = np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
         return cls(normals, normals[0] * a[0] + normals[1] * a[1] + normals[2] * a[2])
 
-    def fronts(self, eyes: _Singles) -> NDArray[np.bool_]:
-        """Return whether the front of each face is seen from each eye (B, 3), (B, F)."""
-        return np.asarray(eyes @ self.normals >= self.offsets)
+    def heights(self, eyes: _Singles) -> _Singles:
+        """Return how far each eye (B, 3) is in front of each face, times twice the area, (B, F); 0 without an area."""
+        return np.asarray(eyes @ self.normals - self.offsets)
 
 
 def interpolated(
