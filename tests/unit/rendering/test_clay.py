@@ -44,9 +44,9 @@ def test_faces_and_their_backs_are_in_shade_whatever_rounding_leaves_of_their_no
     ball = icosphere(3, 0.9)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     both = TriangleMesh(ball.verts @ turn, np.concatenate([ball.faces, ball.faces[:, [1, 0, 2]]]))
-    inside = drawn(ball) >= AMBIENT
-    assert inside.mean() > 0.3
-    np.testing.assert_allclose(drawn(both)[inside], AMBIENT, atol=1e-6)
+    picture = drawn(both)
+    assert picture.max() == pytest.approx(AMBIENT, abs=1e-6)
+    assert (picture > 0.99 * AMBIENT).mean() > 0.3
 
 
 @each_case(
