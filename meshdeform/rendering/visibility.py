@@ -130,16 +130,26 @@ class _Triangles:
     z_y: _Floats
 
 
-def _triangles(corners: _Corners, faces: _Index, start: int, seen: NDArray[np.bool_] | None) -> _Triangles:
-    """Set up those of faces (3, F), the first of which is number `start`, that may cover a pixel's centre."""
-    low, high = (_extreme(least, [cells.take(each) for each in faces]) for least, cells in (
-        (np.minimum, corners.first), (np.maximum, corners.last)))  # fmt: skip
+def _near_centres(corners: _Corners, faces: _Index, seen: NDArray[np.bool_] | None) -> tuple[_Index, _Cells, _Cells]:
+    """Return which of faces (3, F) have a pixel's centre in their boxes, and the first and last (2, K) column and row.
+
+    `seen`: whether each vertex is in front of the camera; None if all are.
+    """
+    low, high = (
+        _extreme(choose, [cells.take(each) for each in faces])
+        for choose, cells in ((np.minimum, corners.first), (np.maximum, corners.last))
+    )
     kept = np.flatnonzero((low.view(np.int16) <= high.view(np.int16)).view(np.uint16) == _BOTH)
     if seen is not None:
         kept = kept[seen[faces[:, kept]].all(0)]
+    first, last = (each.take(kept).view(np.int16).reshape(-1, 2).T for each in (low, high))
+    return kept, first, last
+
+
+def _triangles(corners: _Corners, faces: _Index, start: int, seen: NDArray[np.bool_] | None) -> _Triangles:
+    """Set up those of faces (3, F), the first of which is number `start`, that may cover a pixel's centre."""
+    kept, (left, top), (right, bottom) = _near_centres(corners, faces, seen)
     faces = faces.take(kept, 1)
-    left, top = low.take(kept).view(np.int16).reshape(-1, 2).T
-    right, bottom = high.take(kept).view(np.int16).reshape(-1, 2).T
     x, y, z = (each.take(faces) for each in (corners.x, corners.y, corners.z))
     # Edge q is opposite to corner q. Inside, a column + b row + c is positive, or zero if a tie is won.
     a, b = np.empty_like(x), np.empty_like(x)
