@@ -19,7 +19,7 @@ class _Kernel:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
-        return self.compiled(*arguments)
+        return (self._compiled or self.compiled)(*arguments)
 
     @property
     def compiled(self) -> Callable[..., Any]:

@@ -308,7 +308,8 @@ def missing_torch() -> DependencyError:
     """Return the error of what needs torch where it is not installed."""
     return DependencyError(
         "This job needs torch, which the extra `sds` brings and which is not installed.",
-        advice=f"Install it where jobs run: {install_command(TORCH_EXTRA)}. Fits and changes of parts do without.",
+        advice=f"Install it where jobs run: {install_command(TORCH_EXTRA)}. Guidance `exemplar`, also to targets, and "
+        "changes in plain words do without.",
         extra=TORCH_EXTRA,
     )
 
