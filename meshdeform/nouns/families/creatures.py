@@ -28,7 +28,8 @@ def cat(rng: Rng, traits: Traits) -> Part:
     rump = np.array([0.0, 0.12, -0.1 - hips])
     bend = rump + [0, 0.06, -0.12 - 0.28 * tail]
     parts.append(limb([rump + [0, 0, 0.15], bend, bend + [0, 0.85 * tail, -0.1]], [0.1, 0.095, 0.085], segments=10))
-    return join(parts)
+    eyes = head / 0.32 * traits.draw(rng, "eyes", (0.012, 0.02), (0.045, 0.06), (0.12, 0.15))
+    return join([*parts, *pair(ellipsoid(skull + head * np.array([0.42, 0.18, 0.84]), eyes, rings=8))])
 
 
 def rabbit(rng: Rng, traits: Traits) -> Part:
@@ -97,7 +98,8 @@ def turtle(rng: Rng, traits: Traits) -> Part:
     """Draw a turtle: a domed shell with a rim, four paddles, a head on a stretched neck, a short tail."""
     head = traits.draw(rng, "head", (0.12, 0.14), (0.22, 0.26), (0.4, 0.48))
     neck = traits.draw(rng, "neck", (0.0, 0.04), (0.2, 0.3), (0.75, 0.95))
-    shell, dome = rng.uniform(0.66, 0.76), rng.uniform(0.44, 0.54)
+    shell = traits.draw(rng, "shell", (0.4, 0.46), (0.66, 0.76), (1.0, 1.15))
+    dome = shell / 0.71 * rng.uniform(0.44, 0.54)
     parts = [ellipsoid([0, 0.3, 0], [shell * 0.9, dome, shell])]
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     rim = np.stack([np.cos(angle) * shell * 1.02, np.sin(angle) * shell * 1.12], 1)

@@ -52,9 +52,10 @@ def wolf(rng: Rng, _: Traits) -> Part:
     return join([*parts, limb(path, [0.09, 0.12, 0.14, 0.04])])
 
 
-def van(rng: Rng, _: Traits) -> Part:
+def van(rng: Rng, traits: Traits) -> Part:
     """Draw a van: a tall box over its whole length with a short slanted nose, sunk side windows, two wheels a side."""
-    wide, long, wheel = rng.uniform(0.38, 0.44), rng.uniform(0.85, 1.0), rng.uniform(0.18, 0.21)
+    wide, long = rng.uniform(0.38, 0.44), rng.uniform(0.85, 1.0)
+    wheel = traits.draw(rng, "wheels", (0.1, 0.12), (0.18, 0.21), (0.31, 0.37))
     belt, nose = rng.uniform(0.55, 0.62), rng.uniform(0.1, 0.32)
     top, front, floor = belt + rng.uniform(0.36, 0.5), long + nose, 0.75 * wheel
     cab = rng.uniform(0.1, 0.3) if rng.random() < 0.6 else -long + 0.2  # where the windows end
