@@ -18,7 +18,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,8 +30,9 @@ from meshdeform.judge import Judge
 from meshdeform.nouns.families import FAMILIES
 from meshdeform.plain.body import loose_body
 from meshdeform.requests.document import DeformParams, resolve
-from meshdeform.runs.kept_readings import FolderReadings
+from meshdeform.runs.kept_readings import Unkept, samples_in
 from meshdeform.runs.reading import Source, read_source
+from meshdeform.settings import Settings
 from meshdeform.vocabulary.nouns import NOUN_GROUPS
 from meshdeform.vocabulary.solids import LAYOUTS
 from training.evaluation.report import interval
@@ -61,21 +61,21 @@ def answers(folder: Path, wanted: Sequence[dict[str, str]]) -> Iterator[Answer]:
         if path.suffix.lower() in _SUFFIXES
     }
     params, limits, judged = resolve(DeformParams()), Limits.unlimited(), Judge().nouns
-    with tempfile.TemporaryDirectory() as cache:
-        source = Source("", "", kept=FolderReadings(Path(cache)))
-        for entry in wanted:
-            if (path := files.get(entry["sha256"])) is None:
-                continue
-            three: tuple[str, ...] = ()
-            try:
-                body = loose_body(load_asset(read_with_files(path, limits), path.name, limits))
-                reading = read_source(replace(body, names={}), params, source, fitted=1)  # fits do not decide nouns
-                if reading is not None:
-                    likely = reading.probabilities
-                    three = tuple(sorted(likely, key=lambda noun: -likely[noun])[:3])
-            except MeshdeformError as error:
-                print(f"not read: {entry['path']}: {error.detail}", flush=True)
-            yield Answer(entry["path"], entry["noun"], split_of(entry), three, entry["noun"] in judged)
+    kept = Unkept(samples_in(Settings().cache_folder))
+    for entry in wanted:
+        if (path := files.get(entry["sha256"])) is None:
+            continue
+        three: tuple[str, ...] = ()
+        source = Source("", path.name, kept=kept)
+        try:
+            body = loose_body(load_asset(read_with_files(path, limits), path.name, limits))
+            reading = read_source(replace(body, names={}), params, source, fitted=1)  # fits do not decide nouns
+            if reading is not None:
+                likely = reading.probabilities
+                three = tuple(sorted(likely, key=lambda noun: -likely[noun])[:3])
+        except MeshdeformError as error:
+            print(f"not read: {entry['path']}: {error.detail}", flush=True)
+        yield Answer(entry["path"], entry["noun"], split_of(entry), three, entry["noun"] in judged)
 
 
 def split_of(entry: Mapping[str, str]) -> str:
