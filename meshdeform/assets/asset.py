@@ -68,7 +68,7 @@ class Asset:
     backdrop : Backdrop, optional
         Planes that make everything else small.
     in_metres : bool
-        Whether its file, or the one in a ZIP, is a glTF: one unit is then a metre and +Y is up, which others leave open.
+        Whether its file, or the one in a ZIP, is a glTF: one unit is a metre then and +Y is up; others leave both open.
     """
 
     def __init__(
