@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def described_member(member: LabelledMember) -> Floats:
     return described(samples.places, samples.normals, member.verts.min(0), member.verts.max(0))
 
 
-def reduced(each: Mapping[str, Floats]) -> dict[str, np.ndarray]:
+def reduced(each: Mapping[str, Floats]) -> dict[str, Any]:
     """Return what `Likeness.read` reads, of the descriptions (M, D) of the members of each noun."""
     together, counts = np.concatenate(list(each.values())), np.array([len(own) for own in each.values()])
     mean = together.mean(0)

@@ -105,7 +105,7 @@ def nouns_alike(verts: Floats, faces: Index) -> Mapping[str, float]:
 
 
 def _of_frame(frame: Frame) -> Floats:
-    places, normals = np.split(frame.features, 2, axis=1)
+    places, normals = np.split(frame.features.astype(float), 2, axis=1)
     return described(places, normals, frame.low, frame.high)
 
 
