@@ -28,7 +28,7 @@ from meshdeform.nouns.variants import (
 )
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
-from meshdeform.vocabulary.solids import LAYOUTS, Piece
+from meshdeform.vocabulary.solids import Piece
 
 __all__ = ["FORMS", "GENERAL", "drawn", "is_able", "other_kinds", "own_forms"]
 
@@ -58,15 +58,15 @@ _FORMS: dict[str, tuple[str, ...]] = {
     "van": ("van", "truck"),
 }
 FORMS: dict[str, tuple[str, ...]] = {
-    noun: forms if noun in LAYOUTS else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
+    noun: forms if "plain" in TABLE[noun].traits else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
 }
-"""The families, forms and kinds of the members by which parts are read. Those of nouns of `LAYOUTS` are read without
-their kinds (`other_kinds`): among members of many, a plain dog lost its head and its neck."""
+"""The families, forms and kinds of the members by which parts are read. Those of plain nouns are read without their
+kinds (`other_kinds`): among members of many, a plain dog lost its head and its neck."""
 
 
 def other_kinds(noun: str) -> tuple[str, ...]:
     """Return the kinds by which an asset is known as a noun, while its parts are read without them."""
-    return tuple(KINDS[noun]) if noun in LAYOUTS else ()
+    return tuple(KINDS[noun]) if "plain" in TABLE[noun].traits else ()
 
 
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
