@@ -8,8 +8,8 @@ to; nothing is fetched, and what is missing is counted.
 
 Names are withheld: the judge and the shapes of the nouns decide. There are the shares of assets whose noun is first,
 and among the first three, with 95 % intervals: of each split, the `authors` in two halves by hash, of the nouns that
-the suite had before its words became meshes (the trait `plain`) and of those since, of nouns that the judge knows and of
-others, and of each group of nouns. `seen` is the half on which the reading may be tuned, as it may be on the `packs`.
+the suite had before its words became meshes (the trait `plain`) and of those since, of nouns that the judge knows and
+of others, and of each group of nouns. `seen` is the half on which the reading may be tuned, as it may be on the `packs`.
 Nouns without a family are left out and named.
 """
 
@@ -33,7 +33,7 @@ from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.kept_readings import Unkept, samples_in
 from meshdeform.runs.reading import Source, read_source
 from meshdeform.settings import Settings
-from meshdeform.vocabulary.nouns import NOUN_GROUPS, TABLE
+from meshdeform.vocabulary.nouns import NOUN_GROUPS, nouns_with
 from training.evaluation.report import interval
 
 LISTED = Path(__file__).with_name("members.json")
@@ -86,10 +86,9 @@ def split_of(entry: Mapping[str, str]) -> str:
 def table(found: Sequence[Answer]) -> str:
     """Return the shares of all, of each split and of each group, as a table."""
     rows = defaultdict[str, list[Answer]](list)
-    for each in sorted(
-        found, key=lambda each: (each.split, "plain" not in TABLE[each.noun].traits, _GROUPS[each.noun])
-    ):
-        age = f"{each.split}, {'first nouns' if 'plain' in TABLE[each.noun].traits else 'nouns since'}"
+    plain = nouns_with("plain")
+    for each in sorted(found, key=lambda each: (each.split, each.noun not in plain, _GROUPS[each.noun])):
+        age = f"{each.split}, {'first nouns' if each.noun in plain else 'nouns since'}"
         for row in ("all", each.split, age, "judged" if each.judged else "not judged", _GROUPS[each.noun]):
             rows[row].append(each)
     lines = ["| assets | number | nouns | first | among three |", "|---|---|---|---|---|"]
