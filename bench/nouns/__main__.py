@@ -9,7 +9,7 @@ to; nothing is fetched, and what is missing is counted.
 Names are withheld: the judge and the shapes of the nouns decide. There are the shares of assets whose noun is first,
 and among the first three, with 95 % intervals: of each split, the `authors` in two halves by hash, of the nouns that
 the suite had before its words became meshes (the trait `plain`) and of those since, of nouns that the judge knows and
-of others, and of each group of nouns. `seen` is the half on which the reading may be tuned, as it may be on the `packs`.
+of others, and of each group of nouns. On `seen`, as on the `packs`, the reading may be tuned.
 Nouns without a family are left out and named.
 """
 
