@@ -23,6 +23,12 @@ LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind th
 DEPTH_BIAS = 1e-4
 """By how much an edge must be nearer than the surface beyond it."""
 
+_CANCELLED = 1e-5
+"""Length of a sum of normals, relative to all their lengths, below which it has no direction."""
+_EDGE_ON = 1e-5
+"""Height of the eye above a face, relative to a length, below which its side is not sure."""
+_ROUNDING = 2e-7
+"""Twice an area below which it may be none."""
 _FAR = 1048576.0
 """Clamp of pixel coordinates, far off the picture."""
 _Floats = NDArray[np.float64]
@@ -54,14 +60,15 @@ class ClayRenderer:
         clip = cameras.project(verts)
         found, depth = nearest_faces(clip, self._faces, side, side)
         surface = _Surface.of(verts, self._faces)
-        front = surface.planes.fronts(cameras.eye)
-        outlines = _silhouettes(self._edges, front)
+        heights = surface.planes.heights(cameras.eye)
+        front = heights >= 0
+        outlines = _silhouettes(self._edges, front, np.abs(heights) <= _EDGE_ON * surface.sizes + _ROUNDING)
         views = np.zeros((len(clip), side * side), np.float32)
         for b, picture in enumerate(views):
             pixels = np.flatnonzero(found[b].ravel() >= 0)
             face = found[b].ravel()[pixels]
             picture[pixels] = self._brightness(surface, clip[b], pixels, face, front[b], cameras.view[b, :3, :3])
-            _blend(picture, *_crossings(clip[b], self._edges, outlines[b], depth[b]))
+            _blend(picture, *_shares(_crossings(clip[b], self._edges, outlines[b], side), depth[b]))
         square = (len(clip), self._size, self._factor, self._size, self._factor)
         return np.asarray(views.reshape(square).mean((2, 4)))
 
@@ -83,19 +90,27 @@ class ClayRenderer:
 
 @dataclass(frozen=True)
 class _Surface:
-    """Vertices (V, 3), their unit normals (3, V), and the planes of the faces."""
+    """Vertices (V, 3), their unit normals (3, V), the planes of the faces, and about their areas (F,)."""
 
     verts: _Singles
     normals: _Singles
     planes: FacePlanes
+    sizes: _Singles
 
     @classmethod
     def of(cls, verts: _Singles, faces: _Index) -> _Surface:
         """Return the surface with vertices (V, 3) and faces (F, 3)."""
         planes = FacePlanes.of(verts, faces)
-        sums = np.stack([sum(np.bincount(corner, part, len(verts)) for corner in faces.T) for part in planes.normals])
-        sums /= np.maximum(np.sqrt((sums**2).sum(0)), 1e-12)
-        return cls(verts, sums.astype(np.float32), planes)
+        sizes = np.abs(planes.normals).sum(0)
+        normals, most = np.zeros((3, len(verts))), np.zeros(len(verts))
+        for corner in faces.T:
+            most += np.bincount(corner, sizes, len(verts))
+            for total, part in zip(normals, planes.normals, strict=True):
+                total += np.bincount(corner, part, len(verts))
+        length = np.linalg.norm(normals, axis=0)
+        # Where faces and their backs cancel out, what is left is rounding.
+        normals *= np.divide(1, length, out=np.zeros_like(length), where=length > _CANCELLED * most)
+        return cls(verts, normals.astype(np.float32), planes, sizes)
 
     def thin(self, faces: _Index) -> _Flags:
         """Return which of faces (F, 3) have so little area that they count as none."""
@@ -105,27 +120,44 @@ class _Surface:
         return np.asarray(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) <= 2 * COLLAPSED_SHAPE * longest)
 
 
-def _silhouettes(edges: MeshEdges, front: _Flags) -> list[_Index]:
-    """Return the edges between a front and a back in each of B views, and the open ones; `front` is (B, F)."""
+def _silhouettes(edges: MeshEdges, front: _Flags, edge_on: _Flags) -> list[_Index]:
+    """Return the edges between a front and a back in each of B views, of faces seen edge-on, and the open ones.
+
+    `front` and `edge_on` are (B, F). `_crossings` looks more closely.
+    """
     found = []
-    for eight in np.packbits(front, axis=0):
-        differ = eight[edges.faces[:, 0]] ^ eight[edges.faces[:, 1]]
+    for fronts, unsure in zip(np.packbits(front, axis=0), np.packbits(edge_on, axis=0), strict=True):
+        one, two = (fronts.take(each) for each in edges.faces.T)
+        differ = one ^ two
         differ[~edges.consistent] ^= 255
+        if unsure.any():
+            differ |= unsure.take(edges.faces[:, 0]) | unsure.take(edges.faces[:, 1])
         differ[edges.faces[:, 1] < 0] = 255
         found += [np.flatnonzero(differ & (128 >> view)) for view in range(8)]
     return found[: len(front)]
 
 
-def _crossings(clip: _Singles, edges: MeshEdges, some: _Index, depth: _Singles) -> tuple[_Index, _Index, _Floats]:
-    """Find where edges cross the lines between pixel centres; of several between two pixels the nearest.
+@dataclass(frozen=True)
+class _Crossings:
+    """Places where outlines cross lines of pixel centres: rows if they are steep, otherwise columns.
 
-    Returns the pixels (C,) that take a share of others' colour, these others, and the shares.
+    `line` is the row or column, `place` how far along it, in pixels, and `depth` that of the edge; `plus`: whether the
+    surface is on the side of the greater places.
     """
-    height, width = depth.shape
+
+    by_row: _Flags
+    line: _Index
+    place: _Floats
+    depth: _Floats
+    plus: _Flags
+
+
+def _crossings(clip: _Singles, edges: MeshEdges, some: _Index, side: int) -> _Crossings:
+    """Return the crossings of some edges, if both their faces are on one side of them in the picture."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y, z, w = clip.T.astype(np.float64)
-        w = np.where(w > 1e-6, w, np.nan)
-        x, y, z = (x / w + 1) * (width * 0.5), (1 - y / w) * (height * 0.5), z / w
+        w = np.where(clip[:, 3] > 1e-6, clip[:, 3], np.float32(np.nan))
+        x, y, z = ((clip[:, axis] / w).astype(np.float64) for axis in range(3))
+        x, y = (x + 1) * (side * 0.5), (1 - y) * (side * 0.5)
         i, j = edges.edges[some].T
         x_i, x_j, y_i, y_j = x.take(i), x.take(j), y.take(i), y.take(j)
         dx, dy = x_j - x_i, y_j - y_i
@@ -133,7 +165,7 @@ def _crossings(clip: _Singles, edges: MeshEdges, some: _Index, depth: _Singles) 
         # u runs along the pixel pair, v along the walk.
         u, v = (np.where(by_row, one, other) for one, other in (((x_i, x_j), (y_i, y_j)), ((y_i, y_j), (x_i, x_j))))
         begin = np.nan_to_num(np.clip(np.ceil(np.minimum(*v) - 0.5), 0, _FAR), nan=_FAR)
-        end = np.minimum(np.clip(np.ceil(np.maximum(*v) - 0.5), -1, _FAR), np.where(by_row, height, width))
+        end = np.clip(np.ceil(np.maximum(*v) - 0.5), -1, side)
     crossed = np.flatnonzero(end > begin)
     third, fourth = edges.opposite[some[crossed]].T
     x_i, y_i, dx, dy = x_i[crossed], y_i[crossed], dx[crossed], dy[crossed]
@@ -146,22 +178,28 @@ def _crossings(clip: _Singles, edges: MeshEdges, some: _Index, depth: _Singles) 
     within = np.repeat(np.arange(len(crossed)), counts)
     item = crossed[within]
     line = np.arange(len(item)) - (np.cumsum(counts) - counts - begin)[within]
-    by_row, plus, u, v, z = by_row[item], plus[within], u[:, item], v[:, item], (z[i[item]], z[j[item]])
-    t = (line + 0.5 - v[0]) / (v[1] - v[0])
-    place = u[0] + t * (u[1] - u[0])
-    near = z[0] + t * (z[1] - z[0])
-    left = np.floor(np.clip(place - 0.5, -2, _FAR)).astype(np.int64)
-    on_screen = (left >= 0) & (left + 1 < np.where(by_row, width, height))
-    base = np.where(on_screen, np.where(by_row, line * width + left, left * width + line), 0)
-    stride = np.where(on_screen, np.where(by_row, 1, width), 0)
-    inside, outside = base + stride * plus, base + stride * ~plus
-    shown = np.flatnonzero(on_screen & (depth.ravel()[outside] > near + DEPTH_BIAS))
-    pair = base[shown] * 2 + by_row[shown]
-    order = np.lexsort((near[shown], pair))
-    order = order[np.diff(pair[order], prepend=-1) > 0]
-    shown = shown[order]
-    inside, outside, plus = inside[shown], outside[shown], plus[shown]
-    share = (place[shown] - (left[shown] + plus + 0.5)) * np.where(plus, -1.0, 1.0) - 0.5
+    t = (line + 0.5 - v[0, item]) / (v[1, item] - v[0, item])
+    place, depth = (a + t * (b - a) for a, b in ((u[0, item], u[1, item]), (z[i[item]], z[j[item]])))
+    return _Crossings(by_row[item], line, place, depth, plus[within])
+
+
+def _shares(crossings: _Crossings, depth: _Singles) -> tuple[_Index, _Index, _Floats]:
+    """Return the pixels (C,) that take a share of others' colour at visible crossings, these others, and the shares.
+
+    Of several crossings between two pixels, the nearest counts. `depth` (S, S) is that of the surface.
+    """
+    c, side = crossings, len(depth)
+    left = np.floor(np.clip(c.place - 0.5, -2, _FAR)).astype(np.int64)
+    on_screen = (left >= 0) & (left + 1 < side)
+    base = np.where(on_screen, np.where(c.by_row, c.line * side + left, left * side + c.line), 0)
+    stride = np.where(on_screen, np.where(c.by_row, 1, side), 0)
+    inside, outside = base + stride * c.plus, base + stride * ~c.plus
+    shown = np.flatnonzero(on_screen & (depth.ravel()[outside] > c.depth + DEPTH_BIAS))
+    pair = base[shown] * 2 + c.by_row[shown]
+    order = np.lexsort((c.depth[shown], pair))
+    shown = shown[order[np.diff(pair[order], prepend=-1) > 0]]
+    inside, outside, plus = inside[shown], outside[shown], c.plus[shown]
+    share = (c.place[shown] - (left[shown] + plus + 0.5)) * np.where(plus, -1.0, 1.0) - 0.5
     spills = share > 0
     return np.where(spills, outside, inside), np.where(spills, inside, outside), np.abs(share)
 

@@ -68,7 +68,7 @@ class PaintedRenderer:
             shape = (len(cameras.view_proj), self.style.view_size, self.style.view_size, 3)
             backdrops = np.broadcast_to(np.array(self.style.background, np.float32), shape)
         surface = _Surface.of(positions, normals, self._colours)
-        clip, front = cameras.project(surface.places), surface.planes.fronts(cameras.eye)
+        clip, front = cameras.project(surface.places), surface.planes.heights(cameras.eye) >= 0
         views = zip(clip, front, cameras.view[:, :3, :3], backdrops, strict=True)
         return np.stack([self._render(surface, *each) for each in views])
 

@@ -130,16 +130,26 @@ class _Triangles:
     z_y: _Floats
 
 
-def _triangles(corners: _Corners, faces: _Index, start: int, seen: NDArray[np.bool_] | None) -> _Triangles:
-    """Set up those of faces (3, F), the first of which is number `start`, that may cover a pixel's centre."""
-    low, high = (_extreme(least, [cells.take(each) for each in faces]) for least, cells in (
-        (np.minimum, corners.first), (np.maximum, corners.last)))  # fmt: skip
+def _near_centres(corners: _Corners, faces: _Index, seen: NDArray[np.bool_] | None) -> tuple[_Index, _Cells, _Cells]:
+    """Return which of faces (3, F) have a pixel's centre in their boxes, and the first and last (2, K) column and row.
+
+    `seen`: whether each vertex is in front of the camera; None if all are.
+    """
+    low, high = (
+        _extreme(choose, [cells.take(each) for each in faces])
+        for choose, cells in ((np.minimum, corners.first), (np.maximum, corners.last))
+    )
     kept = np.flatnonzero((low.view(np.int16) <= high.view(np.int16)).view(np.uint16) == _BOTH)
     if seen is not None:
         kept = kept[seen[faces[:, kept]].all(0)]
+    first, last = (each.take(kept).view(np.int16).reshape(-1, 2).T for each in (low, high))
+    return kept, first, last
+
+
+def _triangles(corners: _Corners, faces: _Index, start: int, seen: NDArray[np.bool_] | None) -> _Triangles:
+    """Set up those of faces (3, F), the first of which is number `start`, that may cover a pixel's centre."""
+    kept, (left, top), (right, bottom) = _near_centres(corners, faces, seen)
     faces = faces.take(kept, 1)
-    left, top = low.take(kept).view(np.int16).reshape(-1, 2).T
-    right, bottom = high.take(kept).view(np.int16).reshape(-1, 2).T
     x, y, z = (each.take(faces) for each in (corners.x, corners.y, corners.z))
     # Edge q is opposite to corner q. Inside, a column + b row + c is positive, or zero if a tie is won.
     a, b = np.empty_like(x), np.empty_like(x)
@@ -276,9 +286,9 @@ class FacePlanes:
         normals = np.stack([u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)])
         return cls(normals, normals[0] * a[0] + normals[1] * a[1] + normals[2] * a[2])
 
-    def fronts(self, eyes: _Singles) -> NDArray[np.bool_]:
-        """Return whether the front of each face is seen from each eye (B, 3), (B, F)."""
-        return np.asarray(eyes @ self.normals >= self.offsets)
+    def heights(self, eyes: _Singles) -> _Singles:
+        """Return how far each eye (B, 3) is in front of each face, times twice the area, (B, F); 0 without an area."""
+        return np.asarray(eyes @ self.normals - self.offsets)
 
 
 def interpolated(
