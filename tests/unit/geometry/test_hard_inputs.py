@@ -65,9 +65,8 @@ def test_every_input_keeps_what_it_must(name: str) -> None:
 HARDEST = ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled"]
 
 
-@pytest.mark.timeout(900)
-@each_case("name", [*INPUTS.keys() - {"large"}])
-def test_the_dirichlet_energy_takes_every_input(name: str) -> None:
+@each_case("name", HARDEST)
+def test_the_dirichlet_energy_takes_the_hardest_inputs(name: str) -> None:
     assert outcome(INPUTS[name](SIZE), FakePrior(), 3, learning_rate=0.05, dirichlet_weight=1.0).broken == []
 
 
