@@ -29,7 +29,7 @@ _TILE, _LINE, _COLUMNS = 108, 16, 12
 def moulded(nouns: Sequence[str], level: int) -> list[Image.Image]:
     """Fit a sphere of 20 * 4^level faces to each noun, print what it cost, and return pictures from two sides."""
     ball = icosphere(level)
-    verts, faces = ball.verts.numpy(), ball.faces.numpy()
+    verts, faces = ball.verts, ball.faces
     pictures: list[Image.Image] = []
     for noun in nouns:
         start = time.process_time()

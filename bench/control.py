@@ -34,11 +34,11 @@ def strength(source: Asset, result: Asset) -> None:
     assert judge is not None
     print("| strength | distance from rest (rms) | rank of 12 | noun |\n|---|---|---|---|")
     path = AssetPath(source, result.surface.positions)
-    rest, faces = source.surface.positions, torch.from_numpy(source.surface.triangles.astype(np.int64))
+    rest, faces = source.surface.positions, source.surface.triangles.astype(np.int64)
     for share in STRENGTHS:
         positions: Floats = path.at(share).positions
         moved = (positions - rest) / np.linalg.norm(np.ptp(rest, axis=0))
-        found = judgement(judge, TriangleMesh(torch.from_numpy(positions), faces), SUITES["small"].prompts, PROMPT)
+        found = judgement(judge, TriangleMesh(positions, faces), SUITES["small"].prompts, PROMPT)
         rms = np.sqrt((moved**2).sum(1).mean())
         noun = f"{found['noun_rank']}, {found['noun_probability']:.0%}"
         print(f"| {share:g} | {rms:.3f} | {found['rank']} | {noun} |")
@@ -55,8 +55,8 @@ def alike(source: Asset, result: Asset) -> None:
         level = RestMesh.of(simplified(before, count))
         cells = []
         for mesh, whole in ((level, before), (RestMesh(edit.move(level), level.faces), after)):
-            points = mesh.verts[mesh.faces].mean(1).numpy()
-            apart = NearestPlaces(whole, points, mesh.normals.numpy()).distances(points) / diagonal
+            points = mesh.verts[mesh.faces].mean(1)
+            apart = NearestPlaces(whole, points, mesh.normals).distances(points) / diagonal
             cells += [f"{apart.mean():.2%}", f"{np.percentile(apart, 99):.2%}"]
         print(f"| {len(level.faces):,} of {len(before.faces):,} triangles | {' | '.join(cells)} |")
 
@@ -64,7 +64,7 @@ def alike(source: Asset, result: Asset) -> None:
 if __name__ == "__main__":
     torch.set_num_threads(1)
     mesh = source_mesh("quadruped")
-    data = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    data = build_glb(mesh.verts, mesh.faces)
     made = deformed(data, "quadruped.glb", PROMPT, preset="preview")
     both = load_asset(data), load_asset(made["result.glb"])
     strength(*both)

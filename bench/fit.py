@@ -54,7 +54,7 @@ def load(path: Path) -> TriangleMesh:
 def scanned(mesh: TriangleMesh) -> TriangleMesh:
     """Return a mesh as a scanner might see it: turned, noisy, with holes and floaters."""
     random = np.random.default_rng(0)
-    verts, faces = mesh.verts.numpy().copy(), mesh.faces.numpy()
+    verts, faces = mesh.verts.copy(), mesh.faces
     size = np.linalg.norm(np.ptp(verts, axis=0))
     middles = verts[faces].mean(1)
     holes = middles[random.choice(len(faces), 6)]
@@ -62,11 +62,11 @@ def scanned(mesh: TriangleMesh) -> TriangleMesh:
     verts += random.normal(0, 0.002 * size, verts.shape)
     speck = icosphere(0)
     for place in random.uniform(verts.min(0) - 0.2 * size, verts.max(0) + 0.2 * size, (12, 3)):
-        faces = np.concatenate([faces, speck.faces.numpy() + len(verts)])
-        verts = np.concatenate([verts, 0.01 * size * speck.verts.numpy() + place])
+        faces = np.concatenate([faces, speck.faces + len(verts)])
+        verts = np.concatenate([verts, 0.01 * size * speck.verts + place])
     turn = np.radians(140)
     about_y = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    return TriangleMesh(torch.from_numpy(12.0 * verts @ about_y.T), torch.from_numpy(faces))
+    return TriangleMesh(12.0 * verts @ about_y.T, faces)
 
 
 def pairs(assets: Path) -> dict[str, tuple[TriangleMesh, TriangleMesh]]:
@@ -94,10 +94,10 @@ def ours(rest: TriangleMesh, target: TriangleMesh, preset: str = "balanced") -> 
 
 def by_exemplar(rest: TriangleMesh, target: TriangleMesh) -> Floats:
     """Return what `exemplar` guidance makes of a mesh with a target."""
-    faces = target.faces.numpy()
-    frame = frame_of(rest.verts.numpy(), rest.faces.numpy(), None)
-    goal = Shape("", frame.enter(target.verts.numpy()), faces, np.full(len(faces), NO_PART))
-    run = ExemplarFit(rest.verts.numpy(), rest.faces.numpy(), None, Wish(targets=(goal,)))
+    faces = target.faces
+    frame = frame_of(rest.verts, rest.faces, None)
+    goal = Shape("", frame.enter(target.verts), faces, np.full(len(faces), NO_PART))
+    run = ExemplarFit(rest.verts, rest.faces, None, Wish(targets=(goal,)))
     for _ in run:
         pass
     return run.frame.leave(run.result.verts)
@@ -105,19 +105,19 @@ def by_exemplar(rest: TriangleMesh, target: TriangleMesh) -> Floats:
 
 def peer(method: Callable[..., Floats]) -> Callable[[TriangleMesh, TriangleMesh], Floats]:
     def run(rest: TriangleMesh, target: TriangleMesh) -> Floats:
-        source = trimesh.Trimesh(rest.verts.numpy(), rest.faces.numpy(), process=False)
-        goal = trimesh.Trimesh(target.verts.numpy(), target.faces.numpy(), process=False)
+        source = trimesh.Trimesh(rest.verts, rest.faces, process=False)
+        goal = trimesh.Trimesh(target.verts, target.faces, process=False)
         goal = goal.subdivide_to_size(0.01 * goal.scale, max_iter=20)
         return np.asarray(method(source, goal, use_faces=False))
 
     return run
 
 
-def row(verts: list[Floats], faces: list[torch.Tensor]) -> Floats:
+def row(verts: list[Floats], faces: list[NDArray[np.int64]]) -> Floats:
     """Draw meshes side by side, from their front and a little from the side and above."""
     drawn = []
     for points, corners in zip(verts, faces, strict=True):
-        renderer = Renderer(corners, len(points), STYLE)
+        renderer = Renderer(torch.from_numpy(corners), len(points), STYLE)
         drawn.append(renderer.render(torch.from_numpy(np.ascontiguousarray(points)), fixed_cameras(30.0, 15.0))[0])
     return np.concatenate([image.numpy() for image in drawn], 1)
 
@@ -140,7 +140,7 @@ def main() -> None:
             continue
         rest = Frame.around(source.verts).place(source)
         target = aligned(goal, rest).place_mesh(goal)
-        shapes, first = [target.verts.numpy()], 0.0
+        shapes, first = [target.verts], 0.0
         for method, fit in methods.items():
             began = time.process_time()
             try:
@@ -150,8 +150,8 @@ def main() -> None:
                 continue
             spent = time.process_time() - began
             first = first or spent
-            fitted = measure_fit(TriangleMesh(torch.from_numpy(verts), rest.faces), target)
-            quality = measure(rest.verts.numpy(), rest.faces.numpy(), verts)
+            fitted = measure_fit(TriangleMesh(verts, rest.faces), target)
+            quality = measure(rest.verts, rest.faces, verts)
             cells = (
                 f"{fitted.within:.1%}",
                 f"{100 * fitted.to_target:.2f}",

@@ -90,7 +90,7 @@ def same_result(device: str, count: int) -> None:
         for _ in deformation:
             pass
         shapes[where] = deformation.verts()
-    rest = icosphere(4, 0.6).verts
+    rest = torch.from_numpy(icosphere(4, 0.6).verts)
     apart = (shapes[device] - shapes["cpu"]).norm(dim=1)
     moved = (shapes["cpu"] - rest).norm(dim=1)
     print(

@@ -28,7 +28,7 @@ COAT, PATCH, MUZZLE, HOOF = (0.80, 0.52, 0.22), (0.30, 0.10, 0.03), (0.86, 0.66,
 def painted_animal(cells: int = 22) -> bytes:
     """Return the GLB of a quadruped with patches, hooves and a muzzle, of 20 * cells^2 triangles."""
     mesh = quadruped(cells)
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     normals = trimesh.Trimesh(verts, faces, process=False).vertex_normals
     return build_glb(verts, faces, normals=normals, colors=_colors(verts))
 

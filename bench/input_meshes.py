@@ -7,10 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh, safe_normalize
 from meshdeform.geometry.shapes import icosphere, join
 from training.evaluation.relaxed import geodesic_sphere
 from training.shapes import box, cylinder, grid, lathe, torus, uv_sphere
@@ -38,11 +37,11 @@ class Input:
 
 
 def _of(special: str, mesh: TriangleMesh, *, meets: bool = False) -> Input:
-    return Input(special, mesh.verts.numpy(), mesh.faces.numpy(), meets=meets)
+    return Input(special, mesh.verts, mesh.faces, meets=meets)
 
 
 def _moved(mesh: TriangleMesh, x: float = 0.0, y: float = 0.0, z: float = 0.0, scale: float = 1.0) -> TriangleMesh:
-    return TriangleMesh(mesh.verts * scale + torch.tensor([x, y, z], dtype=torch.float64), mesh.faces)
+    return TriangleMesh(mesh.verts * scale + np.array([x, y, z], np.float64), mesh.faces)
 
 
 def _sphere(size: float) -> TriangleMesh:
@@ -60,9 +59,7 @@ def _book(size: float) -> Input:
     for k in range(3):
         turn = 2 * math.pi * k / 3
         x = page.verts[:, 0] + 0.5
-        pages.append(
-            TriangleMesh(torch.stack([x * math.cos(turn), page.verts[:, 1], x * math.sin(turn)], 1), page.faces)
-        )
+        pages.append(TriangleMesh(np.stack([x * math.cos(turn), page.verts[:, 1], x * math.sin(turn)], 1), page.faces))
     return _of("three sheets that share a line: edges of three faces", join(*pages))
 
 
@@ -86,50 +83,53 @@ def _holed(size: float) -> Input:
 
 def _unreferenced(size: float) -> Input:
     ball = _sphere(size)
-    strays = 50 * torch.randn(500, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    order = torch.randperm(500 + len(ball.verts), generator=torch.Generator().manual_seed(1))
-    verts = torch.empty(len(order), 3, dtype=torch.float64)
-    verts[order] = torch.cat([ball.verts, strays])
+    strays = 50 * np.random.default_rng(0).normal(size=(500, 3))
+    order = np.random.default_rng(1).permutation(500 + len(ball.verts))
+    verts = np.empty((len(order), 3))
+    verts[order] = np.concatenate([ball.verts, strays])
     return _of("500 vertices that no face uses, far away", TriangleMesh(verts, order[ball.faces]))
 
 
 def _charts(size: float) -> Input:
     ball = _sphere(size)
     middle = ball.verts[ball.faces].mean(1)
-    axis = middle.abs().argmax(1)
-    chart = 2 * axis + (middle.gather(1, axis[:, None])[:, 0] > 0)
+    axis = np.abs(middle).argmax(1)
+    chart = 2 * axis + (np.take_along_axis(middle, axis[:, None], 1)[:, 0] > 0)
     corners = ball.faces * 6 + chart[:, None]
-    kept, faces = torch.unique(corners, return_inverse=True)
+    kept, inverse = np.unique(corners, return_inverse=True)
+    faces = inverse.reshape(-1, 3)
     return _of("vertices doubled at the seams of six UV charts", TriangleMesh(ball.verts[kept // 6], faces))
 
 
 def _soup(size: float) -> Input:
     ball = _sphere(size)
-    faces = torch.arange(3 * len(ball.faces)).view(-1, 3)
+    faces = np.arange(3 * len(ball.faces)).reshape(-1, 3)
     return _of("three separate vertices for every face", TriangleMesh(ball.verts[ball.faces].reshape(-1, 3), faces))
 
 
 def _repeated(size: float) -> Input:
     ball = _sphere(size)
-    return _of("every fifth face twice", TriangleMesh(ball.verts, torch.cat([ball.faces, ball.faces[::5]])))
+    return _of("every fifth face twice", TriangleMesh(ball.verts, np.concatenate([ball.faces, ball.faces[::5]])))
 
 
 def _double_sided(size: float) -> Input:
     ball = _sphere(0.7 * size)
-    return _of("every face and its back", TriangleMesh(ball.verts, torch.cat([ball.faces, ball.faces.flip(1)])))
+    return _of("every face and its back", TriangleMesh(ball.verts, np.concatenate([ball.faces, ball.faces[:, ::-1]])))
 
 
 def _zero_area(size: float) -> Input:
     """Return a sphere with collinear faces, which fill gaps at split edges, and faces of one or two vertices."""
     ball = _sphere(size)
-    verts, faces = ball.verts.float().double(), ball.faces
-    a, b, c = faces[::6].unbind(1)
-    middle = len(verts) + torch.arange(len(a))
-    split = [torch.stack([a, middle, c], 1), torch.stack([middle, b, c], 1), torch.stack([a, b, middle], 1)]
-    kept = torch.ones(len(faces), dtype=torch.bool)
+    verts, faces = ball.verts.astype(np.float32).astype(np.float64), ball.faces
+    a, b, c = faces[::6].T
+    middle = len(verts) + np.arange(len(a))
+    split = [np.stack([a, middle, c], 1), np.stack([middle, b, c], 1), np.stack([a, b, middle], 1)]
+    kept = np.ones(len(faces), bool)
     kept[::6] = False
-    points = torch.stack([a[:20], a[:20], b[:20]], 1), torch.stack([c[:20]] * 3, 1)
-    mesh = TriangleMesh(torch.cat([verts, (verts[a] + verts[b]) / 2]), torch.cat([faces[kept], *split, *points]))
+    points = np.stack([a[:20], a[:20], b[:20]], 1), np.stack([c[:20]] * 3, 1)
+    mesh = TriangleMesh(
+        np.concatenate([verts, (verts[a] + verts[b]) / 2]), np.concatenate([faces[kept], *split, *points])
+    )
     return _of("every sixth face next to a collinear face; faces of one and two vertices", mesh)
 
 
@@ -147,33 +147,33 @@ def _needles(size: float) -> Input:
 
 def _winding(size: float) -> Input:
     ball = _sphere(size)
-    turned = torch.rand(len(ball.faces), 1, generator=torch.Generator().manual_seed(0)) < 0.3
-    faces = torch.where(turned, ball.faces.flip(1), ball.faces)
+    turned = np.random.default_rng(0).random((len(ball.faces), 1)) < 0.3
+    faces = np.where(turned, ball.faces[:, ::-1], ball.faces)
     return _of("three in ten faces wound inside out", TriangleMesh(ball.verts, faces))
 
 
 def _pinched(size: float) -> Input:
     ball = _sphere(size)
-    verts = ball.verts.clone()
+    verts = ball.verts.copy()
     verts[verts[:, 1].argmax()] = verts[verts[:, 1].argmin()]
     return _of("a spike whose tip is at the position of another vertex", TriangleMesh(verts, ball.faces))
 
 
 def _moebius(size: float, across: int, special: str) -> Input:
     n = _count(size, 96)
-    around, wide = torch.meshgrid(torch.arange(n), torch.arange(across + 1), indexing="ij")
-    turn = around.double() / n * 2 * math.pi
-    out = (wide.double() / across - 0.5) * 0.6
-    radius = 1 + out * (turn / 2).cos()
-    verts = torch.stack([radius * turn.sin(), out * (turn / 2).sin(), radius * turn.cos()], -1).reshape(-1, 3)
-    i, j = torch.meshgrid(torch.arange(n), torch.arange(across), indexing="ij")
+    around, wide = np.meshgrid(np.arange(n), np.arange(across + 1), indexing="ij")
+    turn = around / n * 2 * math.pi
+    out = (wide / across - 0.5) * 0.6
+    radius = 1 + out * np.cos(turn / 2)
+    verts = np.stack([radius * np.sin(turn), out * np.sin(turn / 2), radius * np.cos(turn)], -1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(n), np.arange(across), indexing="ij")
     i, j = i.reshape(-1), j.reshape(-1)
     # The last column joins the first one upside down.
     last = i == n - 1
     a, b = i * (across + 1) + j, i * (across + 1) + j + 1
-    c = torch.where(last, across - j - 1, (i + 1) * (across + 1) + j + 1)
-    d = torch.where(last, across - j, (i + 1) * (across + 1) + j)
-    return _of(special, TriangleMesh(verts, torch.cat([torch.stack([a, b, c], 1), torch.stack([a, c, d], 1)])))
+    c = np.where(last, across - j - 1, (i + 1) * (across + 1) + j + 1)
+    d = np.where(last, across - j, (i + 1) * (across + 1) + j)
+    return _of(special, TriangleMesh(verts, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])))
 
 
 def _genus_two(size: float) -> Input:
@@ -227,11 +227,11 @@ def _cubes(size: float) -> Input:
 
 
 def _confetti(size: float) -> Input:
-    generator = torch.Generator().manual_seed(0)
+    random = np.random.default_rng(0)
     count = _count(size, 400)
-    centres = torch.nn.functional.normalize(torch.randn(count, 1, 3, dtype=torch.float64, generator=generator), dim=2)
-    corners = (centres + 0.05 * torch.randn(count, 3, 3, dtype=torch.float64, generator=generator)).reshape(-1, 3)
-    mesh = TriangleMesh(corners, torch.arange(3 * count).view(-1, 3))
+    centres = safe_normalize(random.normal(size=(count, 1, 3)))
+    corners = (centres + 0.05 * random.normal(size=(count, 3, 3))).reshape(-1, 3)
+    mesh = TriangleMesh(corners, np.arange(3 * count).reshape(-1, 3))
     return _of("400 single triangles, some through others", mesh)
 
 
@@ -246,7 +246,7 @@ def _far(size: float) -> Input:
 
 def _far_node(size: float) -> Input:
     ball = _sphere(size)
-    return Input("radius 1 on a node at (1e6, 1e6, 1e6)", ball.verts.numpy(), ball.faces.numpy(), (1e6, 1e6, 1e6))
+    return Input("radius 1 on a node at (1e6, 1e6, 1e6)", ball.verts, ball.faces, (1e6, 1e6, 1e6))
 
 
 def _coarse(size: float) -> Input:
@@ -265,7 +265,7 @@ def _large(size: float) -> Input:
 def _packed(file: str, special: str) -> Callable[[float], Input]:
     def made(size: float) -> Input:
         ball = _sphere(size)
-        return Input(special, ball.verts.numpy(), ball.faces.numpy(), file=file)
+        return Input(special, ball.verts, ball.faces, file=file)
 
     return made
 

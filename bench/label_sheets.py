@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
@@ -23,7 +22,7 @@ from meshdeform.nouns.labels import LabelledMember, labelled_member
 from meshdeform.nouns.poses import POSES, posed
 from meshdeform.reading.banks import candidate_member
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import rasterize
+from meshdeform.rendering.visibility import nearest_faces
 from meshdeform.vocabulary.solids import PART_NAMES
 
 SIDE = 190
@@ -51,18 +50,17 @@ def picture(
     verts: NDArray[np.float64], faces: NDArray[np.int64], labels: Sequence[str], title: str = "", room: float = 0.93
 ) -> Image.Image:
     """Draw a mesh from two sides; `labels` (F,) are names of parts; `room`: share of its radius shown."""
-    centred = torch.tensor(verts - (verts.min(0) + verts.max(0)) / 2)
-    cameras = fixed_cameras(AZIMUTHS, 18.0, fitting_radius=room * float(centred.norm(dim=1).max()))
-    matrices = cameras.view_proj.double()
-    clip = centred @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
-    ids = rasterize(clip.float(), torch.tensor(faces), 2 * SIDE, 2 * SIDE).face_ids.numpy()
+    centred = verts - (verts.min(0) + verts.max(0)) / 2
+    radius = float(np.linalg.norm(centred, axis=1).max())
+    cameras = fixed_cameras(AZIMUTHS, 18.0, fitting_radius=room * radius)
+    ids, _ = nearest_faces(cameras.project(centred.astype(np.float32)), faces, 2 * SIDE, 2 * SIDE)
     a, b, c = verts[faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     names, of_face = np.unique(np.asarray(labels), return_inverse=True)
     paint = np.array([colour(str(name)) for name in names], float)[of_face]
     image = Image.new("RGB", (2 * SIDE, SIDE), "white")
-    for view, back in enumerate(cameras.view.double().numpy()[:, :3, :3]):
+    for view, back in enumerate(cameras.view[:, :3, :3]):
         light = 0.55 + 0.45 * np.abs(normals @ (back.T @ np.array([0.25, 0.5, 0.83])))
         shown = np.where(ids[view][..., None] >= 0, (paint * light[:, None])[ids[view]], 255.0)
         half = Image.fromarray(shown.clip(0, 255).astype(np.uint8)).resize((SIDE, SIDE), Image.Resampling.BOX)

@@ -32,11 +32,13 @@ from trimesh.registration import nricp_amberg, nricp_sumner
 from bench.fit import load, ours, peer
 from bench.growth_chart import Series, draw, exponent
 from bench.incomplete_cholesky import IncompleteCholesky
+from meshdeform.deformation.differentiable import identity_jacobians, solve_linear
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.poisson import PoissonSystem, factorise, identity_jacobians
+from meshdeform.deformation.poisson import PoissonSystem, factorise
 from meshdeform.geometry.mesh import TriangleMesh, cotangent_laplacian
 from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
@@ -86,10 +88,10 @@ def solves(levels: Sequence[int], repeats: int) -> None:
         laplacian = cotangent_laplacian(mesh)
         free = np.arange(1, len(mesh.verts))
         system = laplacian[free][:, free].tocsc()
-        right = laplacian @ mesh.verts.numpy()
+        right = laplacian @ mesh.verts
         # What a step asks for: the sides of the step before, a little changed.
         change = 1e-3 * np.random.default_rng(0).standard_normal(right.shape)
-        start = mesh.verts.numpy()[1:] - mesh.verts.numpy()[0]
+        start = mesh.verts[1:] - mesh.verts[0]
         block = np.asfortranarray((right + laplacian @ change)[1:])
         lu = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
         factoring: dict[str, Callable[[], object]] = {
@@ -117,10 +119,10 @@ def solves(levels: Sequence[int], repeats: int) -> None:
 
 def renderer_action(mesh: TriangleMesh, style: RenderStyle) -> Callable[[], None]:
     cameras = fixed_cameras(20.0, 15.0)
-    renderer = Renderer(mesh.faces, len(mesh.verts), style)
+    renderer = Renderer(faces_of(mesh), len(mesh.verts), style)
 
     def both() -> None:
-        leaf = mesh.verts.clone().requires_grad_()
+        leaf = verts_of(mesh).clone().requires_grad_()
         renderer.render(leaf, cameras).square().sum().backward()
 
     return both
@@ -195,7 +197,7 @@ def fits() -> None:
         verts = method()
         taken = time.process_time() - begun
         first = first or taken
-        found = measure_fit(TriangleMesh(torch.from_numpy(verts), rest.faces), target)
+        found = measure_fit(TriangleMesh(verts, rest.faces), target)
         distances = f"{100 * found.to_target:.2f}, {100 * found.from_target:.2f}"
         print(f"| {name} | {taken / first:.2f} | {found.within:.0%} | {distances} |", flush=True)
 
@@ -203,9 +205,9 @@ def fits() -> None:
 def spheres(count: int, level: int) -> TriangleMesh:
     """Return a row of spheres that do not touch: one component each."""
     each = icosphere(level, 0.9 * RADIUS / count)
-    places = torch.linspace(-RADIUS, RADIUS, 2 * count + 1, dtype=torch.float64)[1::2]
-    verts = torch.cat([each.verts + torch.tensor([float(x), 0.0, 0.0], dtype=torch.float64) for x in places])
-    faces = torch.cat([each.faces + len(each.verts) * i for i in range(count)])
+    places = np.linspace(-RADIUS, RADIUS, 2 * count + 1)[1::2]
+    verts = np.concatenate([each.verts + [x, 0.0, 0.0] for x in places])
+    faces = np.concatenate([each.faces + len(each.verts) * i for i in range(count)])
     return TriangleMesh(verts, faces)
 
 
@@ -221,7 +223,7 @@ def growth(guidance: ScoreDistillation, repeats: int) -> list[Series]:
     def solve(faces: float) -> Callable[[], object]:
         mesh = sphere_of(faces)
         system, jacobians = PoissonSystem(mesh), identity_jacobians(len(mesh.faces)).requires_grad_()
-        return lambda: system.solve(jacobians).backward(mesh.verts)
+        return lambda: solve_linear(system, jacobians).backward(verts_of(mesh))
 
     def sphere_of(faces: float) -> TriangleMesh:
         return icosphere(round(np.log(faces / 20) / np.log(4)), RADIUS)

@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
@@ -154,9 +153,9 @@ def measured(source: bytes, result: bytes, report: dict[str, Any]) -> dict[str, 
     """Return the figures of an asset."""
     before, after = (load_asset(data, "a.glb", Limits.unlimited()) for data in (source, result))
     welded = welded_surface(before)
-    rows, faces = welded.first_rows(), welded.mesh.faces.numpy()
+    rows, faces = welded.first_rows(), welded.mesh.faces
     edges = RestMesh.of(welded.mesh).edges
-    neighbours = edges.faces[(edges.faces >= 0).all(1) & edges.consistent].numpy()
+    neighbours = edges.faces[(edges.faces >= 0).all(1) & edges.consistent]
     folds = []
     for at_source, at_result in zip(moments(before), moments(after), strict=True):
         shapes = (at_source.surface.positions[rows], at_result.surface.positions[rows])
@@ -186,7 +185,7 @@ def joint_distance(before: Asset, after: Asset) -> float:
     """Return how far a joint is, at most, from where the vertices that follow it take it, over the diagonal."""
     rows, owners, shares = before.joint_shares()
     welded, positions, moved = welded_surface(before), before.surface.positions, after.surface.positions
-    jacobians = vertex_jacobians(welded, torch.from_numpy(moved[welded.first_rows()]))
+    jacobians = vertex_jacobians(welded, moved[welded.first_rows()])
     worlds = [np.stack(world_matrices(asset._document.root["nodes"]))[:, :3, 3] for asset in (before, after)]
     worst = 0.0
     for joint in np.unique(owners):

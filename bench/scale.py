@@ -30,7 +30,7 @@ from bench.jobs import prior, start
 from meshdeform.assets import build_glb
 from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.limits import Limits
-from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.mesh import TriangleMesh, safe_normalize
 from meshdeform.geometry.shapes import join
 from training.shapes import box
 
@@ -38,19 +38,19 @@ from training.shapes import box
 def bumpy_sphere(faces: int) -> TriangleMesh:
     """Return a sphere with large and small bumps, of at least so many faces."""
     cube = box(math.ceil(math.sqrt(faces / 12)))
-    round_ = torch.nn.functional.normalize(torch.tan(cube.verts * math.pi / 2), dim=1)
-    x, y, z = round_.unbind(1)
-    radius = 1 + 0.03 * (20 * x).sin() * (20 * y).sin() * (20 * z).cos() + 0.005 * (150 * x).sin() * (150 * y).sin()
+    round_ = safe_normalize(np.tan(cube.verts * math.pi / 2))
+    x, y, z = round_.T
+    radius = 1 + 0.03 * np.sin(20 * x) * np.sin(20 * y) * np.cos(20 * z) + 0.005 * np.sin(150 * x) * np.sin(150 * y)
     return TriangleMesh(round_ * radius[:, None], cube.faces)
 
 
 def write(path: Path, faces: int, components: int) -> None:
     parts = [bumpy_sphere(faces // components) for _ in range(components)]
-    shift = torch.tensor([2.5, 0.0, 0.0], dtype=torch.float64)
+    shift = np.array([2.5, 0.0, 0.0])
     mesh = join(*(TriangleMesh(part.verts + k * shift, part.faces) for k, part in enumerate(parts)))
-    verts = mesh.verts.numpy()
+    verts = mesh.verts
     normals = verts - np.round(verts[:, :1] / 2.5) * shift.numpy()
-    path.write_bytes(build_glb(verts, mesh.faces.numpy(), normals=normals / np.linalg.norm(normals, axis=1)[:, None]))
+    path.write_bytes(build_glb(verts, mesh.faces, normals=normals / np.linalg.norm(normals, axis=1)[:, None]))
 
 
 def measure(path: Path, steps: int) -> dict[str, float]:

@@ -96,7 +96,7 @@ class Clock:
 
 def measure(prior: StableDiffusionPrior, repeats: int) -> dict[str, tuple[float, float]]:
     """Return the counted operations and the seconds of each part of a step, and of the whole."""
-    size, cameras = prior.image_size, fixed_cameras(20.0, 15.0).to(prior.device)
+    size, cameras = prior.image_size, fixed_cameras(20.0, 15.0)
     embedding = prior.encode_texts("a mushroom", "")
     noisy = torch.randn(1, 4, size // 8, size // 8, generator=torch.Generator().manual_seed(0)).to(prior.device)
     picture = torch.rand(1, 3, size, size, generator=torch.Generator().manual_seed(1)).to(prior.device)

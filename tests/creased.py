@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-import torch
+import numpy as np
 
 from meshdeform.geometry.mesh import TriangleMesh
 
 __all__ = ["creased"]
 
-_FACES = torch.tensor([[0, 2, 1], [0, 3, 2], [0, 4, 5], [0, 5, 3]])
+_FACES = np.array([[0, 2, 1], [0, 3, 2], [0, 4, 5], [0, 5, 3]])
 
 
 def creased(degrees: float) -> TriangleMesh:
@@ -18,4 +18,4 @@ def creased(degrees: float) -> TriangleMesh:
     angle, wide = math.radians(degrees), 0.05
     rise = [-wide * math.cos(angle), wide * math.sin(angle)]
     square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 0.0, 1.0]]
-    return TriangleMesh(torch.tensor([*square, [*rise, 0.0], [*rise, 1.0]], dtype=torch.float64), _FACES)
+    return TriangleMesh(np.array([*square, [*rise, 0.0], [*rise, 1.0]]), _FACES)

@@ -21,6 +21,7 @@ from torch import Tensor
 from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
 if TYPE_CHECKING:
@@ -57,14 +58,13 @@ class FakePrior:
     def __init__(self, optimum: TriangleMesh | Tensor | None = None, *, view_size: int = 24) -> None:
         if optimum is None:
             sphere = icosphere(3)
-            width = torch.tensor([0.5, 1.0, 0.5], dtype=torch.float64)
-            optimum = TriangleMesh(sphere.verts * width, sphere.faces)
+            optimum = TriangleMesh(sphere.verts * [0.5, 1.0, 0.5], sphere.faces)
         self._optimum = optimum
         if isinstance(optimum, Tensor):
             view_size = optimum.shape[-1] // 2
             content = optimum.numpy().tobytes()
         else:
-            content = optimum.verts.numpy().tobytes() + optimum.faces.numpy().tobytes()
+            content = optimum.verts.tobytes() + optimum.faces.tobytes()
         self.style = RenderStyle(view_size=view_size, supersample=1, shading="normals")
         self.alphas_cumprod = torch.linspace(0.999, 0.001, self.num_timesteps)
         self.identity = {"id": "fake", "revision": "", "sha256": hashlib.sha256(content).hexdigest()}
@@ -75,18 +75,18 @@ class FakePrior:
         """Return the optimum as the cameras see it, (1, 3, S, S) float32 in [0, 1]."""
         if isinstance(self._optimum, Tensor):
             return self._optimum
-        renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], self.style)
+        renderer = Renderer(faces_of(self._optimum), len(self._optimum.verts), self.style)
         with torch.no_grad():
-            return combine_views(renderer.render(self._optimum.verts, cameras))
+            return combine_views(renderer.render(verts_of(self._optimum), cameras))
 
     def singles(self, cameras: Cameras) -> Tensor:
         """Return the optimum as seen by each camera, at the size of the 2x2 grid, (B, 3, S, S) float32."""
         if isinstance(self._optimum, Tensor):
             return self._optimum.expand(len(cameras.azimuths_deg), -1, -1, -1)
         style = replace(self.style, view_size=2 * self.style.view_size)
-        renderer = Renderer(self._optimum.faces, self._optimum.verts.shape[0], style)
+        renderer = Renderer(faces_of(self._optimum), len(self._optimum.verts), style)
         with torch.no_grad():
-            return renderer.render(self._optimum.verts, cameras).permute(0, 3, 1, 2)
+            return renderer.render(verts_of(self._optimum), cameras).permute(0, 3, 1, 2)
 
     def encode_texts(self, prompt: str, *others: str) -> Tensor:
         """Record the call and return one dummy row (1,) per text."""

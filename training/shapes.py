@@ -6,37 +6,34 @@ import itertools
 import math
 from collections.abc import Sequence
 
-import torch
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 
 
-def _closed_grid(n: int, m: int, wrap_n: bool, wrap_m: bool) -> Tensor:
+def _closed_grid(n: int, m: int, wrap_n: bool, wrap_m: bool) -> NDArray[np.int64]:
     """Return the triangles of an n x m grid of vertices, closed or open in each direction."""
-    i, j = torch.meshgrid(torch.arange(n if wrap_n else n - 1), torch.arange(m if wrap_m else m - 1), indexing="ij")
+    i, j = np.meshgrid(np.arange(n if wrap_n else n - 1), np.arange(m if wrap_m else m - 1), indexing="ij")
     k, q = (i + 1) % n, (j + 1) % m
     a, b, c, d = (i * m + j), (k * m + j), (k * m + q), (i * m + q)
-    return torch.stack([torch.stack([a, b, c], -1), torch.stack([a, c, d], -1)], 2).reshape(-1, 3)
+    return np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], 2).reshape(-1, 3)
 
 
 def grid(n: int = 10, size: float = 1.0) -> TriangleMesh:
     """Return an open square of 2 n^2 triangles in the plane z = 0, facing +Z."""
-    x = torch.linspace(-size / 2, size / 2, n + 1, dtype=torch.float64)
-    u, v = torch.meshgrid(x, x, indexing="ij")
-    return TriangleMesh(
-        torch.stack([u, v, torch.zeros_like(u)], -1).reshape(-1, 3), _closed_grid(n + 1, n + 1, False, False)
-    )
+    x = np.linspace(-size / 2, size / 2, n + 1)
+    u, v = np.meshgrid(x, x, indexing="ij")
+    return TriangleMesh(np.stack([u, v, 0 * u], -1).reshape(-1, 3), _closed_grid(n + 1, n + 1, False, False))
 
 
 def torus(major: float = 0.7, minor: float = 0.25, n: int = 48, m: int = 24) -> TriangleMesh:
     """Return a torus around the Y axis with 2 n m triangles."""
-    u = torch.arange(n, dtype=torch.float64) / n * 2 * math.pi
-    v = torch.arange(m, dtype=torch.float64) / m * 2 * math.pi
-    uu, vv = torch.meshgrid(u, v, indexing="ij")
-    ring = major + minor * vv.cos()
-    verts = torch.stack([ring * uu.sin(), minor * vv.sin(), ring * uu.cos()], -1).reshape(-1, 3)
+    u, v = (np.arange(count) / count * 2 * math.pi for count in (n, m))
+    uu, vv = np.meshgrid(u, v, indexing="ij")
+    ring = major + minor * np.cos(vv)
+    verts = np.stack([ring * np.sin(uu), minor * np.sin(vv), ring * np.cos(uu)], -1).reshape(-1, 3)
     return TriangleMesh(verts, _closed_grid(n, m, True, True))
 
 
@@ -60,23 +57,23 @@ def lathe(profile: Sequence[tuple[float, float]], n: int = 32) -> TriangleMesh:
         raise ShapeError("a lathe needs two or more (radius, height) points and three or more corners per turn")
     if any(r < 0 for r, _ in profile) or any(r == 0 for r, _ in profile[1:-1]):
         raise ShapeError("radii must be positive; only the first and the last may be 0")
-    turn = torch.arange(n, dtype=torch.float64) / n * 2 * math.pi
-    verts: list[Tensor] = []
-    rings: list[Tensor] = []
+    turn = np.arange(n) / n * 2 * math.pi
+    verts: list[NDArray[np.float64]] = []
+    rings: list[NDArray[np.int64]] = []
     count = 0
     for radius, height in profile:
         around = turn if radius else turn[:1]
-        verts.append(torch.stack([radius * around.sin(), torch.full_like(around, height), radius * around.cos()], 1))
+        verts.append(np.stack([radius * np.sin(around), np.full_like(around, height), radius * np.cos(around)], 1))
         # A pole is one vertex in place of a whole ring.
-        rings.append(count + (torch.arange(n) if radius else torch.zeros(n, dtype=torch.int64)))
+        rings.append(count + (np.arange(n) if radius else np.zeros(n, np.int64)))
         count += len(around)
     parts = []
     for low, high in itertools.pairwise(rings):
-        low_next, high_next = low.roll(-1), high.roll(-1)
-        parts.append(torch.stack([low, low_next, high_next], 1))
-        parts.append(torch.stack([low, high_next, high], 1))
-    a, b, c = (faces := torch.cat(parts)).unbind(1)
-    return TriangleMesh(torch.cat(verts), faces[(a != b) & (b != c) & (c != a)])
+        low_next, high_next = np.roll(low, -1), np.roll(high, -1)
+        parts.append(np.stack([low, low_next, high_next], 1))
+        parts.append(np.stack([low, high_next, high], 1))
+    a, b, c = (faces := np.concatenate(parts)).T
+    return TriangleMesh(np.concatenate(verts), faces[(a != b) & (b != c) & (c != a)])
 
 
 def uv_sphere(rings: int = 16, n: int = 32, radius: float = 1.0) -> TriangleMesh:
@@ -100,11 +97,12 @@ def box(n: int = 1, size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Trian
     turns = []
     for axis in range(3):
         for sign in (1.0, -1.0):
-            basis = torch.zeros(3, 3, dtype=torch.float64)
+            basis = np.zeros((3, 3))
             basis[(axis + 1) % 3, 0], basis[(axis + 2) % 3, 1], basis[axis, 2] = sign, 1.0, sign
             turns.append(side.verts @ basis.T + 0.5 * basis[:, 2])
-    points = torch.cat(turns)
-    faces = torch.cat([side.faces + k * side.verts.shape[0] for k in range(6)])
-    _, inverse = torch.unique((points * 4 * n).round().long(), dim=0, return_inverse=True)
-    verts = torch.zeros(int(inverse.max()) + 1, 3, dtype=torch.float64).index_copy(0, inverse, points)
-    return TriangleMesh(verts * torch.tensor(size, dtype=torch.float64), inverse[faces])
+    points = np.concatenate(turns)
+    faces = np.concatenate([side.faces + k * len(side.verts) for k in range(6)])
+    _, inverse = np.unique(np.rint(points * 4 * n).astype(np.int64), axis=0, return_inverse=True)
+    verts = np.empty((int(inverse.max()) + 1, 3))
+    verts[inverse] = points
+    return TriangleMesh(verts * size, inverse[faces])

@@ -7,13 +7,13 @@ import sys
 from meshdeform.errors import MeshdeformError
 from meshdeform.settings import Settings
 from meshdeform.support.telemetry import configure_logging
-from meshdeform.support.threads import limit_spinning
+from meshdeform.support.threads import limit_waiting
 from worker.supervisor import PROCESS_MODULE, Supervisor
 
 
 def main(process_module: str = PROCESS_MODULE) -> None:
     """Run until SIGINT or SIGTERM."""
-    limit_spinning()  # inherited by the worker process, which imports torch
+    limit_waiting()  # inherited by the worker process, which imports torch
     settings = Settings()
     configure_logging(settings)
     try:

@@ -1,4 +1,4 @@
-"""The worker process: ``python -m worker.process``, started by the supervisor. It loads torch and the prior.
+"""The worker process: ``python -m worker.process``, started by the supervisor. It loads torch with its first optimiser.
 
 RQ's worker loop is used as a notification: a message announces that some job is queued, and the record decides which. A
 message is deleted as soon as it is read, before the job starts, so that RQ has nothing to time, retry or clean up, and
@@ -40,8 +40,8 @@ from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.queue import MESSAGE, REDIS_AWAY, JobQueue, job_of
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.choices import is_weights_file
-from meshdeform.requests.document import BUILTIN_MODEL
-from meshdeform.runs import kinds, start_run
+from meshdeform.requests.document import JobKind
+from meshdeform.runs import kind_of, start_run
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
@@ -66,7 +66,7 @@ class Engine:
 
 
 def torch_engine(settings: Settings) -> Engine:
-    """Load torch, the kinds of job and what the first job would wait for, and return the engine.
+    """Load what the first fit or change would wait for, and return the engine; torch is left to the first optimiser.
 
     `DependencyError`: the device named in the settings does not exist.
     """
@@ -85,12 +85,11 @@ def _loaded(settings: Settings) -> Engine:
         revision = settings.model_revision if model == settings.model else ""
         return priors.get(model, device=device, revision=revision, dtype=settings.dtype)
 
-    for kind in kinds():
-        kind.load()  # now, so that the first job does not wait for it
+    kind_of(JobKind.TEXT_DEFORM).load()  # now, so that the first job does not wait for it
     from meshdeform.runs.rehearsal import rehearse
 
     try:
-        rehearse(load_prior(BUILTIN_MODEL) if settings.model == BUILTIN_MODEL else None, device)
+        rehearse()
     except Exception:
         _log.exception("a small job failed; the next one may fail, too")
     return Engine(start_run, load_prior, device)

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import rasterize
+from meshdeform.rendering.visibility import nearest_faces
 
 SIDE = 250
 _AZIMUTHS = (35.0, 35.0, 215.0)
@@ -55,15 +54,13 @@ def shaded(
     verts: NDArray[np.float64], faces: NDArray[np.int64], colours: NDArray[np.float64], azimuth: float, side: int
 ) -> Image.Image:
     """Draw a mesh from one side, `side` pixels square, twice as fine at first; `colours` (F, 3): 0 to 255."""
-    centred = torch.tensor(verts - (verts.min(0) + verts.max(0)) / 2)
-    cameras = fixed_cameras((azimuth,), 18.0, fitting_radius=float(centred.norm(dim=1).max()))
-    matrix = cameras.view_proj[0].double()
-    clip = centred @ matrix[:, :3].mT + matrix[:, 3]
-    ids = rasterize(clip[None].float(), torch.tensor(faces), 2 * side, 2 * side).face_ids[0].numpy()
+    centred = verts - (verts.min(0) + verts.max(0)) / 2
+    cameras = fixed_cameras((azimuth,), 18.0, fitting_radius=float(np.linalg.norm(centred, axis=1).max()))
+    ids = nearest_faces(cameras.project(centred.astype(np.float32)), faces, 2 * side, 2 * side)[0][0]
     a, b, c = verts[faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    back = cameras.view[0].double().numpy()[:3, :3]
+    back = cameras.view[0, :3, :3]
     light = 0.5 + 0.5 * np.abs(normals @ (back.T @ np.array([0.25, 0.5, 0.83])))
     shown = np.where(ids[..., None] >= 0, (colours * light[:, None])[ids], 255.0)
     return Image.fromarray(shown.clip(0, 255).astype(np.uint8)).resize((side, side), Image.Resampling.BOX)

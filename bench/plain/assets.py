@@ -162,8 +162,8 @@ def _apart(asset: Asset, flags: _Flags) -> list[_Flags]:
 def _block(low: Sequence[float], high: Sequence[float], n: int = 4) -> TriangleMesh:
     """Return a box between two corners, of n x n squares a side."""
     mesh = box(n, (high[0] - low[0], high[1] - low[1], high[2] - low[2]))
-    middle = (mesh.verts.amin(0) + mesh.verts.amax(0)) / 2
-    return TriangleMesh(mesh.verts - middle + mesh.verts.new_tensor([*low, *high]).reshape(2, 3).mean(0), mesh.faces)
+    middle = (mesh.verts.min(0) + mesh.verts.max(0)) / 2
+    return TriangleMesh(mesh.verts - middle + np.array([low, high]).mean(0), mesh.faces)
 
 
 def _bottle() -> tuple[bytes, str]:
@@ -174,7 +174,7 @@ def _bottle() -> tuple[bytes, str]:
     glass = lathe(outline, 48)
     cork = lathe([(0.0, 0.86), (0.06, 0.86), (0.06, 0.93), (0.06, 1.0), (0.0, 1.0)], 24)
     made = [("Glass", glass), ("Cork", cork)]
-    return build_glb([Primitive(mesh.verts.numpy(), mesh.faces.numpy(), name=name) for name, mesh in made]), "a.glb"
+    return build_glb([Primitive(mesh.verts, mesh.faces, name=name) for name, mesh in made]), "a.glb"
 
 
 def _chair() -> tuple[bytes, str]:

@@ -30,7 +30,7 @@ from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.cli.sketch import sketch
 from meshdeform.cli.words import words
-from meshdeform.support.threads import limit_spinning, quick_end
+from meshdeform.support.threads import limit_waiting, quick_end
 
 # From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception
@@ -130,6 +130,6 @@ app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 
 def main() -> None:
     """Run the command that the arguments name, and exit."""
-    limit_spinning()  # before a command imports torch
+    limit_waiting()  # before a command imports torch
     with quick_end():
         app()

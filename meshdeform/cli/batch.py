@@ -74,7 +74,7 @@ def batch(
     from meshdeform.cli.batches.session import Session, write_target_sets
 
     if as_morph_targets:
-        require("torch", "deform")
+        require("scipy", "deform")
     entries = _entries(source, prompt or [], prompts_file)
     defaults = merge_params(ctx, settings)
     first = int(defaults.get("seed", 0))
@@ -132,7 +132,7 @@ def _checker() -> Any:
 
     It returns the request with its kind of guidance; a service decides that itself.
     """
-    require("torch", "deform")
+    require("scipy", "deform")
     from meshdeform.cli.local import check_locally
     from meshdeform.requests.default_kind import with_kind
 

@@ -48,7 +48,8 @@ _STORE_ADVICE = (
 )
 # Modules that show that an extra is installed, and its purpose.
 _EXTRAS = {
-    "deform": (("torch", "numba", "trimesh", "fast_simplification"), "to deform on this machine"),
+    "deform": (("numba", "scipy", "trimesh", "fast_simplification"), "to deform on this machine"),
+    "sds": (("torch",), "for the paper's method, targets by an optimiser, fields and families"),
     "worker": (("torch", "rq", "sqlalchemy", "obstore"), "to run a worker"),
     "service": (("fastapi", "rq", "sqlalchemy", "obstore"), "to run the API"),
     "sd": (("diffusers",), "for Stable Diffusion models"),

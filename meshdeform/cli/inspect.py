@@ -52,7 +52,7 @@ def inspect(
 
     meshdeform inspect truck.glb --parts-glb truck-parts.glb
     """
-    require("torch", "deform")
+    require("scipy", "deform")
     check_parts_glb(parts_glb, asset, force=force)
     from meshdeform.runs.control import inspect_parts
     from meshdeform.words import WordFolder, in_use

@@ -217,7 +217,7 @@ def run_kind(
         if place.url:
             run_on_service(request, sent, place, output, printed, idempotency_key=idempotency_key)
             return
-        require("torch", "deform")
+        require("scipy", "deform")
         paths, whole_folder = _outputs(kind, output, getattr(request.params, "level", 0))
         run = run_here(request, sent, paths, here, quiet=printed.quiet, whole_folder=whole_folder)
     print_result(kind, run, paths, printed)

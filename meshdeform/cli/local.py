@@ -117,21 +117,21 @@ class LocalJob:
         limits = Limits.from_settings(self.settings)
         with collection_paused(keep=True):
             kind_of(self.request.kind).load()
-            from meshdeform.runs.devices import resolve_device, use_threads
+            from meshdeform.runs.devices import check_name, resolve_device, use_threads
 
         files = {part: InputFile(read_with_files(path, limits), path.name) for part, path in self.files.items()}
         if self._words is not None:
             files[WORDS_PART] = InputFile(self._words, "words.word")
         use_threads(self.settings.threads)
-        device = resolve_device(self.settings.device)
+        check_name(self.settings.device)
         job_input = RunInput(
             request=self.request,
             files=files,
             checkpoint=self.resume.read_bytes() if self.resume else None,
-            load_prior=lambda model: self._prior(model, device),
+            load_prior=lambda model: self._prior(model, resolve_device(self.settings.device)),
             default_model=self.settings.model,
             limits=limits,
-            device=device,
+            device=self.settings.device,
             readings=FolderReadings(self.settings.cache_folder),
         )
         with collection_paused():  # compiled kernels are loaded, and a library for them
@@ -223,7 +223,7 @@ def read_asset(path: Path, limits: Limits) -> Asset:
 def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:
     """Refuse a request that could not run on this machine, where any model may be named; without torch."""
     from meshdeform.requests.parameters import WORDS_PART
-    from meshdeform.runs import check_request
+    from meshdeform.runs import check_request, kind_of
     from meshdeform.runs.word_pins import about_own
     from meshdeform.words import WordFolder, in_use, read_words
 
@@ -234,7 +234,8 @@ def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str])
     sent = [] if words is None else [WORDS_PART]
     try:
         with in_use([] if words is None else read_words(words)):
-            check_request(request, settings, files=[*parts, *sent])
+            params = check_request(request, settings, files=[*parts, *sent])
+            kind_of(request.kind).check_extra(request, params)
     except VocabularyError as error:
         raise about_own(error, request, WordFolder(settings.words_folder).words()) from None
 

@@ -79,7 +79,7 @@ def apply(
 
     meshdeform apply lod1.glb lod2.glb collision.glb --map knight.glb -o edited
     """
-    require("torch", "deform")
+    require("scipy", "deform")
     output_options = written(ctx, "output")
     morph = morph or bool(output_options)
     if edit is not None:
@@ -222,7 +222,7 @@ def animate(
 
     meshdeform animate mushroom.glb -o turn.gif
     """
-    require("torch", "deform")
+    require("scipy", "deform")
     check_animation(output, "--output")
     check_free([output], [source, result], force=force)
     write_all({output: drawn_animation(source, result, output.suffix, load_settings())}, what=output)

@@ -115,7 +115,7 @@ def run(
         folder = output or Path(f"{asset.stem}-deformed")
         run_on_service(request, files, place, folder, printed, idempotency_key=idempotency_key)
         return
-    require("torch", "deform")
+    require("scipy", "deform")
     output = output or Path(f"{asset.stem}-deformed.glb")
     check_glb(output)
     paths = {

@@ -44,7 +44,7 @@ def sketch(
 
     meshdeform sketch chair.png -o chair.glb --set legs=column
     """
-    require("torch", "deform")
+    require("scipy", "deform")
     from meshdeform.kinds.sketch.families import FAMILIES
     from meshdeform.kinds.sketch.looking import is_unsure
 
@@ -126,7 +126,7 @@ def _guesses(drawing: Path | None, family: str, changes: dict[str, str]) -> list
 def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> None:
     """Write the meshes and the picture of them, all or none."""
     from meshdeform.assets import Limits, load_asset
-    from meshdeform.runs.family_results import assets_png
+    from meshdeform.runs.family_pictures import assets_png
 
     files = {path: each.glb() for each, path in zip(guesses, paths, strict=True)}
     assets = [load_asset(data, "shape.glb", Limits.unlimited()) for data in files.values()]

@@ -60,7 +60,7 @@ class FolderWords:
 
     def picture(self, noun: str) -> bytes:
         """Return a PNG of a word's meshes."""
-        require("torch", "deform")
+        require("scipy", "deform")
         from meshdeform.runs.word_picture import word_png
 
         return word_png(self._store.word(noun))

@@ -237,7 +237,7 @@ def _of_family(paths: Sequence[Path]) -> dict[str, bytes]:
             "a family comes alone, or before the folder or ZIP that it was fitted to", param_hint="FILE|FOLDER"
         )
     files = family_files(paths[0], paths[1] if len(paths) > 1 else None)
-    require("torch", "deform")
+    require("torch", "sds")
     from meshdeform.runs.word_family import family_meshes
 
     with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:

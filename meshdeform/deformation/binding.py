@@ -22,10 +22,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import sparse
-from torch import Tensor
 
 from meshdeform.deformation.poisson import jacobians_from_verts
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_cross, face_normals
@@ -44,7 +42,7 @@ class Binding:
     """
 
     def __init__(self, simple: RestMesh, whole: RestMesh, *, closely: bool = False) -> None:
-        self._simple, self._points = simple, whole.verts.numpy()
+        self._simple, self._points = simple, whole.verts
         self._places = NearestPlaces(simple, self._points, corner_normals(whole))
         self._average = _average_around(whole)
         ratio = whole.faces.shape[0] / simple.faces.shape[0]
@@ -52,32 +50,32 @@ class Binding:
         if closely:
             self._rounds = min(int(ratio / _FACES_PER_ROUND), _ROUNDS[1])
 
-    def move(self, verts: Tensor) -> _Floats:
+    def move(self, verts: _Floats) -> _Floats:
         """Return the vertices of the whole mesh for deformed vertices (V, 3) float64 of the simple one."""
         linear = self._corner_maps(verts)
-        rest = self._simple.verts.numpy()
-        constant = verts.numpy() - rest - np.einsum("vij,vj->vi", linear, rest)
+        rest = self._simple.verts
+        constant = verts - rest - np.einsum("vij,vj->vi", linear, rest)
         maps = self._places.blend(np.concatenate([linear.reshape(-1, 9), constant], 1))
         for _ in range(self._rounds):
             maps = self._average @ maps
         turned = np.einsum("pij,pj->pi", maps[:, :9].reshape(-1, 3, 3), self._points)
         return np.asarray(self._points + (turned + maps[:, 9:]))
 
-    def _corner_maps(self, verts: Tensor) -> _Floats:
+    def _corner_maps(self, verts: _Floats) -> _Floats:
         """Return A_i - I (V, 3, 3): the mean over the faces around each corner, exactly zero where none moves."""
         rest = self._simple
-        areas = torch.from_numpy(rest.areas)
-        divisor = torch.where(areas > 0, areas, 1.0)
-        stretch, unit = ((face_areas(v, rest.faces) / divisor).sqrt()[:, None] for v in (verts, rest.verts))
+        areas = rest.areas
+        divisor = np.where(areas > 0, areas, 1.0)
+        stretch, unit = (np.sqrt(face_areas(v, rest.faces) / divisor)[:, None] for v in (verts, rest.verts))
         along = stretch * face_normals(verts, rest.faces) - unit * rest.normals
         change = jacobians_from_verts(rest.gradient, verts - rest.verts) + along[:, :, None] * rest.normals[:, None]
-        total = rest.incidence.T @ (change * areas[:, None, None]).reshape(-1, 9).numpy()
+        total = rest.incidence.T @ (change * areas[:, None, None]).reshape(-1, 9)
         return np.asarray(total / np.maximum(3 * rest.vertex_areas, 1e-300)[:, None]).reshape(-1, 3, 3)
 
 
 def corner_normals(mesh: TriangleMesh) -> _Floats:
     """Return the area-weighted unit normals (V, 3) of the vertices; zero where they cancel."""
-    cross, corners = face_cross(mesh.verts, mesh.faces).numpy(), mesh.faces.numpy()
+    cross, corners = face_cross(mesh.verts, mesh.faces), mesh.faces
     count = mesh.verts.shape[0]
     total = np.zeros((count, 3))
     for axis in range(3):
@@ -89,7 +87,7 @@ def corner_normals(mesh: TriangleMesh) -> _Floats:
 
 def _average_around(mesh: RestMesh) -> sparse.csr_matrix:
     """Return the matrix (V, V) that averages values with those of the vertices around."""
-    corners, count = mesh.faces.numpy().astype(np.int32), mesh.verts.shape[0]
+    corners, count = mesh.faces.astype(np.int32), mesh.verts.shape[0]
     tails, heads = corners.ravel(), corners[:, [1, 2, 0]].ravel()
     rows, columns = np.concatenate([tails, heads]), np.concatenate([heads, tails])
     around = sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)) + sparse.identity(count)

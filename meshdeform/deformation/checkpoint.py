@@ -11,9 +11,10 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-import safetensors.torch
+import numpy as np
+import safetensors.numpy
+from numpy.typing import NDArray
 from safetensors import SafetensorError
-from torch import Tensor
 
 from meshdeform.errors import CheckpointError
 
@@ -25,7 +26,7 @@ class Checkpoint:
     """A state from which an optimisation can continue."""
 
     step: int  # number of completed steps
-    tensors: dict[str, Tensor]  # jacobians, Adam's moments and the random generator's state
+    tensors: dict[str, NDArray[Any]]  # jacobians, Adam's moments and the random generator's state
     precision: str = ""
     """Precision of the diffusion prior up to this step; several, in order, such as `bfloat16, float32`, if the run
     was resumed in another one. Empty if there was no prior."""
@@ -42,7 +43,7 @@ def dump_checkpoint(checkpoint: Checkpoint, run: str, asset: str = "") -> bytes:
     metadata = {"format": _FORMAT, "step": str(checkpoint.step), "run": run, "asset": asset}
     if checkpoint.precision:
         metadata["precision"] = checkpoint.precision
-    return safetensors.torch.save({k: v.contiguous() for k, v in checkpoint.tensors.items()}, metadata)
+    return safetensors.numpy.save({k: np.asarray(v, order="C") for k, v in checkpoint.tensors.items()}, metadata)
 
 
 def load_checkpoint(data: bytes, run: str) -> Checkpoint:
@@ -59,7 +60,7 @@ def load_checkpoint(data: bytes, run: str) -> Checkpoint:
     return checkpoint
 
 
-def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
+def load_shape(data: bytes, asset: str) -> dict[str, NDArray[Any]]:
     """Load the tensors of a checkpoint of any run that deformed the mesh with this id: the SHA-256 of its asset.
 
     Raises CheckpointError: the bytes are incomplete or damaged, or belong to another asset.
@@ -76,7 +77,7 @@ def load_shape(data: bytes, asset: str) -> dict[str, Tensor]:
 def _read(data: bytes) -> tuple[Checkpoint, dict[str, str]]:
     try:
         metadata = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"]
-        tensors = safetensors.torch.load(data)
+        tensors = safetensors.numpy.load(data)
         step = int(metadata["step"])
     except (SafetensorError, ValueError, KeyError, TypeError, UnicodeDecodeError) as error:
         raise CheckpointError("The checkpoint is damaged, or the file is not a checkpoint.") from error

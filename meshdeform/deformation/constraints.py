@@ -8,7 +8,7 @@ The vertices p that the variables give are placed in this order, with d = p - re
     d <- T d                  with T-junctions: vertices on edges follow them (`junctions.py`)
     v  = rest + d
 
-All of it is differentiable, and exact: a kept vertex has the bits of the rest shape. Mirrored partners move by mirrored
+All of it is linear, and exact: a kept vertex has the bits of the rest shape. Mirrored partners move by mirrored
 amounts and a vertex on the plane stays on it, so that the mesh stays as symmetric as at rest, to the last bit of the
 displacements.
 
@@ -16,37 +16,26 @@ The distances are lengths along the surface: Dijkstra's algorithm on the edges a
 edge from corner to corner of its two triangles, unfolded into a plane. On an even sphere these paths are at most 5 %
 too long.
 
-Handles act before, within the solve, on the control points u that the Jacobians give. With C the rows that take the
-points of the handles from u, through the lattice, what is kept and the mirror, and G = S M S the response of a thin
-plate, S that of the Poisson system::
+Handles act before, within the solve (`handles.py`).
 
-    u <- u + G C^T (C G C^T + D)^-1 (goal - C u)
-
-This is the smoothest correction that reaches the goals: C u = goal for D = 0. It reuses the factored matrix, is linear
-in u, and so has an exact gradient. A soft handle of weight w has the entry (C G C^T)_hh (1 - w) / w in the diagonal
-matrix D: if it is the only one, it goes the share w of its way.
-
-Sources: Dijkstra 1959, A note on two problems in connexion with graphs; Botsch and Kobbelt 2004, An Intuitive Framework
-for Real-Time Freeform Modeling (thin plates with handles).
+Source: Dijkstra 1959, A note on two problems in connexion with graphs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
-from torch import Tensor
 
 from meshdeform.deformation.binding import corner_normals
-from meshdeform.errors import ParameterError
-from meshdeform.geometry.mesh import RestMesh, sparse_product
+from meshdeform.deformation.settings import Rigidity
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import NearestPlaces
 
 _JOIN_EDGES = 2.0
@@ -54,6 +43,14 @@ _JOIN_EDGES = 2.0
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Body:
+    """Vertices (n,) int64 of a mesh that keep their shape together."""
+
+    verts: NDArray[np.int64]
+    mode: Rigidity = Rigidity.RIGID
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ class Constraints:
         """Return the constraints of a simplified mesh; handles need the whole mesh."""
         freedom, mirror = self.freedom, self.mirror
         if freedom is not None:
-            places = NearestPlaces(whole, simple.verts.numpy(), corner_normals(simple))
+            places = NearestPlaces(whole, simple.verts, corner_normals(simple))
             freedom = places.blend(freedom[:, None])[:, 0]
         if mirror is not None:
             along = whole.verts[:, mirror.axis]
@@ -134,25 +131,33 @@ class Placement:
     def __init__(self, mesh: RestMesh, constraints: Constraints) -> None:
         self._rest, self._mirror = mesh.verts, constraints.mirror
         free = constraints.freedom
-        self._share = None if free is None else torch.from_numpy(free**2 * (3 - 2 * free))[:, None]
+        self._share = None if free is None else (free**2 * (3 - 2 * free))[:, None]
         junctions = mesh.junctions if free is None else mesh.junctions.without(free == 0)
         self._follow = junctions.follow if len(junctions) else None
 
-    def place(self, points: Tensor) -> Tensor:
-        """Return where vertices (V, 3) float64 may be that the variables would move to `points`; differentiable."""
+    def place(self, points: _Floats) -> _Floats:
+        """Return where vertices (V, 3) float64 may be that would move to `points`."""
         moved = points - self._rest
         if self._share is not None:
             moved = self._share * moved
         if self._mirror is not None:
             moved = self._mirror.average(moved)
         if self._follow is not None:
-            moved = sparse_product(self._follow, moved)
-        return self._rest + moved
+            moved = self._follow @ moved
+        return np.asarray(self._rest + moved)
+
+    def place_transposed(self, gradient: _Floats) -> _Floats:
+        """Return the gradient (V, 3) of the points for that of where they are placed."""
+        if self._follow is not None:
+            gradient = self._follow.T @ gradient
+        if self._mirror is not None:
+            gradient = self._mirror.average_transposed(gradient)
+        return gradient if self._share is None else self._share * gradient
 
     def matrix(self, axis: int) -> sparse.csr_matrix:
         """Return the matrix (V, V) that acts on one coordinate of the displacements."""
         count = len(self._rest)
-        share = np.ones(count) if self._share is None else self._share.numpy()[:, 0]
+        share = np.ones(count) if self._share is None else self._share[:, 0]
         matrix = sparse.diags(share).tocsr()
         if self._mirror is not None:
             matrix = (self._mirror.matrix(axis) @ matrix).tocsr()
@@ -177,7 +182,7 @@ class Partners:
 
 def find_partners(mesh: RestMesh, axis: int) -> Partners:
     """Match every vertex with its mirror image across the plane through the middle of the bounding box."""
-    points = mesh.verts.numpy()
+    points = mesh.verts
     low, high = points.min(0), points.max(0)
     mirrored = points.copy()
     mirrored[:, axis] = low[axis] + high[axis] - points[:, axis]
@@ -205,7 +210,7 @@ class Mirror:
     @classmethod
     def of_surface(cls, mesh: RestMesh, axis: int, plane: float) -> Mirror:
         """Return the mirror of a mesh whose surface alone is symmetric, at `plane` along the axis."""
-        points, normals = mesh.verts.numpy().copy(), corner_normals(mesh)
+        points, normals = mesh.verts.copy(), corner_normals(mesh)
         points[:, axis] = 2 * plane - points[:, axis]
         normals[:, axis] *= -1
         places = NearestPlaces(mesh, points, normals)
@@ -214,93 +219,25 @@ class Mirror:
         values, columns = places.weights.ravel(), places.corners.ravel()
         return cls(axis, sparse.csr_matrix((values, columns, rows), shape=(count, count)))
 
-    def average(self, moved: Tensor) -> Tensor:
+    def average(self, moved: _Floats) -> _Floats:
         """Return displacements (V, 3) averaged with those of the mirror images."""
-        signs = torch.ones(3, dtype=torch.float64)
+        return np.asarray(0.5 * (moved + self._signs * (self.across @ moved)))
+
+    def average_transposed(self, gradient: _Floats) -> _Floats:
+        """Return the gradient (V, 3) of displacements for that of their averages."""
+        half = 0.5 * gradient
+        return np.asarray(half + self.across.T @ (self._signs * half))
+
+    @property
+    def _signs(self) -> _Floats:
+        signs = np.ones(3)
         signs[self.axis] = -1.0
-        return 0.5 * (moved + signs * sparse_product(self.across, moved))
+        return signs
 
     def matrix(self, axis: int) -> sparse.csr_matrix:
         """Return the matrix (V, V) with which `average` acts on one coordinate."""
         sign = -1.0 if axis == self.axis else 1.0
         return (0.5 * (sparse.identity(self.across.shape[0]) + sign * self.across)).tocsr()
-
-
-_UNMOVED = 1e-12
-_ON_PLACE = 1e-6
-_SINGULAR = 1e-9
-
-
-class Handles:
-    """The handles of one mesh and its variables.
-
-    Parameters
-    ----------
-    placement : Placement, optional
-        Places the vertices after the solve.
-    carrier : sparse (V, N), optional
-        Weights with which the vertices follow the control points; None if they are the same.
-    smooth : callable
-        G: returns displacements (N, 3) for forces (N, 3).
-
-    Raises
-    ------
-    ParameterError
-        A handle cannot reach its place, because the point is kept or on the mirror plane, or two handles hold one
-        point.
-    """
-
-    def __init__(
-        self,
-        handles: Sequence[Handle],
-        mesh: RestMesh,
-        placement: Placement | None,
-        carrier: sparse.csr_matrix | None,
-        smooth: Callable[[_Floats], _Floats],
-    ) -> None:
-        rows = handle_rows(handles, len(mesh.verts))
-        rest = mesh.verts.numpy()
-        goals = np.stack([handle.goal for handle in handles])
-        weights = np.array([handle.weight for handle in handles])
-        placed = [rows if placement is None else (rows @ placement.matrix(axis)).tocsr() for axis in range(3)]
-        offset = np.stack([(rows @ rest - placed[axis] @ rest)[:, axis] for axis in range(3)], 1)
-        self._rows = [part if carrier is None else (part @ carrier).tocsr() for part in placed]
-        self._goals = torch.from_numpy(goals - offset)
-        forces = np.stack([part.toarray() for part in self._rows], 2)  # (H, N, 3)
-        moved = np.stack([smooth(np.ascontiguousarray(force)) for force in forces])
-        missing = goals - rows @ rest
-        size = float(np.linalg.norm(np.ptp(rest, axis=0)))
-        responses = [self._response(axis, moved[:, :, axis], weights, missing[:, axis], size) for axis in range(3)]
-        self._responses = torch.from_numpy(np.stack(responses, 2))
-
-    def _response(self, axis: int, moved: _Floats, weights: _Floats, missing: _Floats, size: float) -> _Floats:
-        """Return the displacements (N, H) along one axis that move the handles by one unit each."""
-        gram = np.asarray(self._rows[axis] @ moved.T)
-        own = np.diag(gram).copy()
-        stuck = own <= _UNMOVED * max(float(own.max()), 1e-300)
-        for number in np.flatnonzero(stuck & (np.abs(missing) > _ON_PLACE * size)):
-            raise _refusal(
-                int(number),
-                f"handle {number} cannot move along {'xyz'[axis]}: its point is kept, or on the mirror plane.",
-                "Move the handle, or keep less.",
-            )
-        free = ~stuck
-        gram, own, weights = gram[free][:, free], own[free], weights[free]
-        scaled = gram / np.sqrt(own[:, None] * own)
-        if len(own) and np.linalg.eigvalsh(scaled).min() < _SINGULAR:
-            close = np.abs(np.triu(scaled, 1))
-            first, second = np.flatnonzero(free)[list(np.unravel_index(int(close.argmax()), close.shape))]
-            detail = f"handles {first} and {second} hold one point, or its mirror image."
-            raise _refusal(int(second), detail, "Leave one of them out.")
-        gram[np.diag_indices_from(gram)] += own * (1 - weights) / weights
-        out = np.zeros((moved.shape[1], len(moved)))
-        out[:, free] = np.linalg.solve(gram, moved[free]).T
-        return out
-
-    def pull(self, control: Tensor) -> Tensor:
-        """Return control points (N, 3) float64 that take the handles to their places; differentiable."""
-        reached = torch.cat([sparse_product(self._rows[k], control[:, k : k + 1]) for k in range(3)], 1)
-        return control + (self._responses * (self._goals - reached)).sum(1)
 
 
 def handle_rows(handles: Sequence[Handle], count: int) -> sparse.csr_matrix:
@@ -309,11 +246,6 @@ def handle_rows(handles: Sequence[Handle], count: int) -> sparse.csr_matrix:
     columns = np.concatenate([np.array(handle.corners, np.int64) for handle in handles])
     values = np.concatenate([np.array(handle.shares) for handle in handles])
     return sparse.csr_matrix((values, (owner, columns)), shape=(len(handles), count))
-
-
-def _refusal(number: int, detail: str, advice: str) -> ParameterError:
-    place: list[str | int] = ["params", "control", "handles", number]
-    return ParameterError.at(place, f"params.control.handles: {detail}", advice, message=detail)
 
 
 def surface_distances(mesh: RestMesh, sources: NDArray[np.bool_], *, limit: float = np.inf) -> _Floats:
@@ -337,11 +269,11 @@ def surface_distances(mesh: RestMesh, sources: NDArray[np.bool_], *, limit: floa
 
 def _connections(mesh: RestMesh) -> tuple[_Index, _Floats]:
     """Return pairs of vertices (K, 2), each once, and their distances in the plane of their triangles."""
-    points, edges = mesh.verts.numpy(), mesh.edges
-    ends = edges.edges.numpy()
+    points, edges = mesh.verts, mesh.edges
+    ends = edges.edges
     along = points[ends[:, 1]] - points[ends[:, 0]]
-    shared = ((edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])).numpy()
-    across, lengths = _unfolded(points, ends[shared], edges.opposite.numpy()[shared])
+    shared = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
+    across, lengths = _unfolded(points, ends[shared], edges.opposite[shared])
     pairs = np.sort(np.concatenate([ends, across]), axis=1)
     distances = np.concatenate([np.linalg.norm(along, axis=1), lengths])
     # A pair may be connected over several edges; its shortest connection counts.

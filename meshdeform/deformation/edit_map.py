@@ -14,11 +14,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
-from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
 from meshdeform.errors import ParameterError
@@ -52,7 +50,7 @@ class EditMap:
     """The deformation of a surface, for other surfaces."""
 
     rest: RestMesh  # in world space
-    moved: Tensor  # (V, 3) float64: displacements of its vertices
+    moved: _Floats  # (V, 3) float64: displacements of its vertices
     joints: Mapping[str, _Floats] | None = field(default=None, compare=False)
     """mapping of str to (7,) float64: by the name of each joint its place, its displacement, and the growth of the
     volume around it; None if the rig stayed as it was."""
@@ -61,7 +59,7 @@ class EditMap:
     diagonal."""
 
     @classmethod
-    def between(cls, before: RestMesh, after: Tensor, joints: Mapping[str, _Floats] | None = None) -> EditMap:
+    def between(cls, before: RestMesh, after: _Floats, joints: Mapping[str, _Floats] | None = None) -> EditMap:
         """Return the map of a surface's deformation to vertices (V, 3) float64: the smallest that is exact enough."""
         whole = cls(before, after - before.verts, joints)
         for count in _COUNTS:
@@ -71,13 +69,13 @@ class EditMap:
             if not len(simple.faces) or len(simple.faces) == len(before.faces):
                 break
             edit = cls(simple, whole._carry(simple) - simple.verts, joints)
-            apart = (edit._carry(before) - after).norm(dim=1).numpy()
+            apart = np.linalg.norm(edit._carry(before) - after, axis=1)
             error = float(np.percentile(apart, 99)) / _diagonal(before)
             if error <= _ERROR:
                 return cls(simple, edit.moved, joints, error)
         return whole
 
-    def move(self, mesh: TriangleMesh, outside: Outside = Outside.REFUSE) -> Tensor:
+    def move(self, mesh: TriangleMesh, outside: Outside = Outside.REFUSE) -> _Floats:
         """Return the vertices (N, 3) float64 of another mesh, moved.
 
         Raises
@@ -88,9 +86,9 @@ class EditMap:
         rest = RestMesh.of(mesh)
         margin = _MARGIN * _diagonal(self.rest)
         low, high = self.rest.box[0] - margin, self.rest.box[1] + margin
-        points, used = rest.verts.numpy(), np.unique(rest.faces.numpy())
+        points, used = rest.verts, np.unique(rest.faces)
         beyond: NDArray[np.bool_] = np.any((points < low) | (points > high), axis=1)
-        pieces = rest.components.numpy()
+        pieces = rest.components
         if beyond[used].all():
             raise ParameterError(
                 f"The file lies {_between(*rest.box)}, all outside of what the map deforms: {_between(low, high)}.",
@@ -103,23 +101,23 @@ class EditMap:
                 f"{len(reaching)} of {count} pieces reach out of what the map deforms: {_between(low, high)}.",
                 advice="Have such pieces carried along in their shape: --outside rigid, or ?outside=rigid.",
             )
-        moved = self._carry(rest).numpy()
+        moved = self._carry(rest)
         for piece in reaching:
             rows = np.flatnonzero(pieces == piece)
             moved[rows] = self._carried_rigidly(points[rows])
-        return torch.from_numpy(rest.junctions.closed(points, moved))
+        return rest.junctions.closed(points, moved)
 
-    def _carry(self, mesh: RestMesh) -> Tensor:
-        return torch.from_numpy(Binding(self.rest, mesh, closely=True).move(self.rest.verts + self.moved))
+    def _carry(self, mesh: RestMesh) -> _Floats:
+        return Binding(self.rest, mesh, closely=True).move(self.rest.verts + self.moved)
 
     def _carried_rigidly(self, points: _Floats) -> _Floats:
         """Return points that move as the mesh does nearest to them, without a change of their distances."""
         places = NearestPlaces(self.rest, points, np.zeros_like(points))
         nearest = int(places.distances(points).argmin())
-        around = self.rest.verts.numpy() - places.blend(self.rest.verts.numpy())[nearest]
+        around = self.rest.verts - places.blend(self.rest.verts)[nearest]
         near = np.argsort((around**2).sum(1))[: max(12, len(around) // 50)]
-        before = self.rest.verts.numpy()[near]
-        motion = closest_motion(before, before + self.moved.numpy()[near])
+        before = self.rest.verts[near]
+        motion = closest_motion(before, before + self.moved[near])
         return np.asarray(points @ motion.rotation.T + motion.shift)
 
     def same_joint(self, name: str, place: _Floats) -> _Floats | None:
@@ -133,9 +131,9 @@ class EditMap:
         """Return the map as a safetensors file."""
         joints = self.joints
         tensors = {
-            "rest": self.rest.verts.numpy().astype(np.float32),
-            "moved": self.moved.numpy().astype(np.float32),
-            "faces": self.rest.faces.numpy().astype(np.uint16 if len(self.rest.verts) < 2**16 else np.uint32),
+            "rest": self.rest.verts.astype(np.float32),
+            "moved": self.moved.astype(np.float32),
+            "faces": self.rest.faces.astype(np.uint16 if len(self.rest.verts) < 2**16 else np.uint32),
         }
         if joints is not None:
             tensors["joints"] = np.array(list(joints.values()), np.float32).reshape(-1, 7)
@@ -183,9 +181,9 @@ class EditMap:
             raise ValueError("joints")
         if not all(np.isfinite(values).all() for values in (rest, moved, np.zeros(0) if rows is None else rows)):
             raise ValueError("not finite")
-        mesh = RestMesh(torch.from_numpy(rest.astype(np.float64)), torch.from_numpy(faces.astype(np.int64)))
+        mesh = RestMesh(rest.astype(np.float64), faces.astype(np.int64))
         joints = None if rows is None else dict(zip(names, rows, strict=True))
-        return cls(mesh, torch.from_numpy(moved.astype(np.float64)), joints, error)
+        return cls(mesh, moved.astype(np.float64), joints, error)
 
 
 def _diagonal(mesh: RestMesh) -> float:

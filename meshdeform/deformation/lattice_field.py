@@ -52,16 +52,20 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, Handles
-from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
-from meshdeform.deformation.poisson import factorise, solve_linear
+from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
+from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
+from meshdeform.deformation.differentiable import placed_by
+from meshdeform.deformation.handles import Handles
+from meshdeform.deformation.poisson import factorise
 from meshdeform.deformation.regularizers import STRAINED, penalty
-from meshdeform.deformation.rigid_bodies import Body, RigidBodies
+from meshdeform.deformation.rigid_bodies import RigidBodies
+from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.variables import ControlledMap, Elements
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh, sparse_product
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import LargeFaces, count_samples, nearest_larger_faces, sample_blocks
+from meshdeform.geometry.tensors import sparse_product, verts_of
 
 CELLS = 24
 """Cells along the longest side of the asset's bounding box."""
@@ -119,7 +123,7 @@ class Lattice:
     def _of_resolution(cls, mesh: RestMesh, resolution: int, planes: Sequence[int]) -> Lattice:
         from scipy import ndimage  # a part of scipy that meshes of one component do not need
 
-        verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+        verts, faces = mesh.verts, mesh.faces
         used = verts[np.unique(faces)]
         low, high = used.min(0), used.max(0)
         spacing = float((high - low).max()) / resolution
@@ -191,7 +195,7 @@ class Lattice:
 
 def _affordable(mesh: RestMesh, resolution: int) -> int:
     """Return a resolution with at most `MAX_SAMPLES` samples, if there is one."""
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     size = float(np.ptp(verts[np.unique(faces)], axis=0).max())
     while resolution > _LEAST_CELLS and count_samples(verts, faces, size / resolution / 2) > MAX_SAMPLES:
         resolution -= 1
@@ -233,11 +237,8 @@ class LatticeSystem:
         self._weights = np.zeros_like(weights) if held else weights
         self._rest_mean = self._weights @ self._rest
 
-    def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
-        """Return the nodes (N, 3) float64 that best fit Jacobians (C, 3, 3) float64; differentiable once in them."""
-        return solve_linear(self, jacobians, known)
-
-    def _forward(self, jacobians: _Floats) -> _Floats:
+    def solve(self, jacobians: _Floats) -> _Floats:
+        """Return the nodes (N, 3) float64 that best fit Jacobians (C, 3, 3) float64."""
         field = np.ascontiguousarray(jacobians.transpose(0, 2, 1)).reshape(-1, 3)
         right = self._divergence @ field
         nodes: _Floats = self._factor.solve(right if self._pull is None else right - self._pull)
@@ -247,7 +248,8 @@ class LatticeSystem:
         nodes[self._pinned] = self._rest[self._pinned]
         return nodes
 
-    def _backward(self, gradient: _Floats) -> _Floats:
+    def solve_transposed(self, gradient: _Floats) -> _Floats:
+        """Return the gradient (C, 3, 3) of the Jacobians for a gradient (N, 3) of the nodes."""
         field = self._divergence_t @ self._factor.solve(self._balanced(gradient))
         return np.ascontiguousarray(field.reshape(-1, 3, 3).transpose(0, 2, 1))
 
@@ -335,7 +337,7 @@ class LatticeField(ControlledMap):
         self._bodies = RigidBodies(rest, bodies) if bodies else None
         enclosed = rest if whole is None or whole is mesh else _joined(rest, whole)
         self.lattice = lattice = Lattice.around(enclosed, planes=planes)
-        self._embedding = lattice.embedding(rest.verts.numpy()) + pull_of_large_faces(lattice, rest)
+        self._embedding = lattice.embedding(rest.verts) + pull_of_large_faces(lattice, rest)
         areas = rest.vertex_areas
         shares = areas / areas.sum() if areas.sum() > 0 else np.full(len(areas), 1 / len(areas))
         weights = _balanced(lattice, self._embedding.T @ shares, planes)
@@ -345,7 +347,7 @@ class LatticeField(ControlledMap):
         requested = constraints.handles
         handles = Handles(requested, rest, self._placement, self._embedding, system.smooth) if requested else None
         count = len(lattice.cells)
-        rigid = None if self._bodies is None else self._bodies.members[rest.faces.numpy()].any(1)
+        rigid = None if self._bodies is None else np.asarray(self._bodies.members[rest.faces].any(1))
         self.elements = Elements(lattice.cell_nodes, np.zeros(count, np.int64), self._cells_around, rigid)
         self.resolution = lattice.spacing
         controls: Controls = OwnJacobians("cell_jacobians", count)
@@ -357,7 +359,7 @@ class LatticeField(ControlledMap):
     def _cells_around(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return flags (C,) of the cells of these faces (F,) and of their neighbours, on which folds depend as well."""
         flags = flags | (self.rest.edge_adjacency @ flags.astype(np.float64) > 0)
-        return self.lattice.cells_of_faces(self.rest.verts.numpy(), self.rest.faces.numpy()[flags])
+        return self.lattice.cells_of_faces(self.rest.verts, self.rest.faces[flags])
 
     def _pinned(self, constraints: Constraints) -> NDArray[np.bool_] | None:
         """Return flags (N,) of the nodes that kept vertices follow; None if nothing is kept."""
@@ -378,19 +380,20 @@ class LatticeField(ControlledMap):
         """Return the vertices that follow the nodes, placed where the constraints allow."""
         points = sparse_product(self._embedding, control)
         if self._placement is not None:
-            points = self._placement.place(points)
+            points = placed_by(self._placement, points)
         if self._bodies is None:
             return points
         points = self._bodies.place(points)
         if self._follow is None:
             return points
         # What lies on an edge of a body follows it, once the body is in shape.
-        return self.rest.verts + sparse_product(self._follow, points - self.rest.verts)
+        rest = verts_of(self.rest)
+        return rest + sparse_product(self._follow, points - rest)
 
     def moved(self, whole: RestMesh) -> Tensor:
         """Return the vertices (V, 3) float64 of another mesh inside of the lattice, moved with its current nodes."""
         with torch.no_grad():
-            nodes, points = self.solve().numpy(), whole.verts.numpy()
+            nodes, points = self.solve().numpy(), whole.verts
         # In chunks, since each point has 27 weights.
         chunks = [self.lattice.embedding(points[at : at + _CHUNK]) @ nodes for at in range(0, len(points), _CHUNK)]
         return torch.from_numpy(np.concatenate(chunks) + pull_of_large_faces(self.lattice, whole) @ nodes)
@@ -478,8 +481,8 @@ def _balanced(lattice: Lattice, weights: _Floats, planes: Sequence[int]) -> _Flo
 
 def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
     """Return the surface of both meshes."""
-    faces = torch.cat([mesh.faces, other.faces + mesh.verts.shape[0]])
-    return RestMesh(torch.cat([mesh.verts, other.verts]), faces)
+    faces = np.concatenate([mesh.faces, other.faces + len(mesh.verts)])
+    return RestMesh(np.concatenate([mesh.verts, other.verts]), faces)
 
 
 _MOST_FOLLOWED = 64
@@ -491,14 +494,14 @@ _CONTACT, _FULLY = 0.1, 0.5
 
 def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
     """Return the corrections (V, N) of the weights with which the vertices of a mesh follow the nodes of a lattice."""
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     nothing = sparse.csr_matrix((len(verts), len(lattice.keys)))
     corners = verts[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
     large = np.flatnonzero(longest > lattice.spacing)
     own = np.zeros(len(verts))
     np.maximum.at(own, faces.ravel(), np.repeat(mesh.areas, 3))
-    component = mesh.components.numpy()
+    component = mesh.components
     large_faces = LargeFaces(corners[large], mesh.areas[large], component[faces[large, 0]])
     reaches = (_CONTACT * lattice.spacing, lattice.spacing)
     nearest, shares, distances = nearest_larger_faces(verts, own, component, large_faces, *reaches)

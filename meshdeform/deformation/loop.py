@@ -30,20 +30,20 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint
-from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
-from meshdeform.deformation.controls import UNKNOWN, Nature, Structure, structure_of
+from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.deformation.regularizers import Pulls, Regularizers
-from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Safeguard, Settings
 from meshdeform.deformation.stand_in import StandIn, chosen_carrier
+from meshdeform.deformation.structure import UNKNOWN, Nature, Structure, structure_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Adam, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.tensors import arrays_of, faces_of, tensors_of
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.shading import OrthogonalGrid, Renderer, Shading
@@ -77,7 +77,7 @@ class Deformation:
         Device for rendering and guidance. The Jacobians and the solve stay on the CPU in float64.
     checkpoint : Checkpoint, optional
         A state of the same mesh and parameters from which to continue.
-    initial : mapping of name to Tensor, optional
+    initial : mapping of name to array, optional
         The tensors of a checkpoint of the same mesh, possibly made with other parameters. The run starts from its
         shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh. With
         `params.guidance.orientation` = `auto`, the turn is that of the checkpoint.
@@ -117,7 +117,7 @@ class Deformation:
         *,
         device: str = "cpu",
         checkpoint: Checkpoint | None = None,
-        initial: Mapping[str, Tensor] | None = None,
+        initial: Mapping[str, NDArray[Any]] | None = None,
         bodies: Sequence[Body] = (),
         appearance: Appearance | None = None,
         constraints: Constraints = UNCONSTRAINED,
@@ -140,14 +140,15 @@ class Deformation:
         bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
         self._views = OrthogonalGrid(bounds, guidance.style)
         self._framing = Framing(params.framing, params.framing_max)
-        self._rest_extent = float(shown.verts.abs().max())
+        self._rest_extent = float(np.abs(shown.verts).max())
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
-        self._renderer = Renderer(shown.faces, shown.verts.shape[0], self._views.style, device, appearance=worn)
+        self._renderer = Renderer(faces_of(shown), len(shown.verts), self._views.style, device, appearance=worn)
         # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all, and
         # a loss for a region reaches its elements alone.
         few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS and not shares
         stored = initial if checkpoint is None else checkpoint.tensors
+        begun = None if initial is None else tensors_of(initial)
         self.orientation = (
             self._orient(initial, front) if checkpoint is None else _stored_orientation(checkpoint.tensors)
         )
@@ -157,7 +158,7 @@ class Deformation:
         elif few and params.keep_structure:
             several = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies)) is Carrier.LATTICE
             self.structure = structure_of(shown, nature, self.orientation.turn_deg, several=several)
-        self._variables = self._stand_in.carry(params.carrier, initial, bodies, self.structure)
+        self._variables = self._stand_in.carry(params.carrier, begun, bodies, self.structure)
         rest = self._variables.rest
         self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
         self._regularizers = Regularizers(rest)
@@ -169,8 +170,8 @@ class Deformation:
             self._guard = SurfaceGuard(params.safeguard, rest, self._variables)
         self.pulls = Pulls()
         self._consistent = True
-        if initial is not None:
-            copy_into(self._variables, initial)
+        if begun is not None:
+            copy_into(self._variables, begun)
         if self._guard is not None and (initial is not None or constraints.changes_start):
             self._guard.begin()
         if checkpoint is not None:
@@ -199,12 +200,12 @@ class Deformation:
     @property
     def optimized_faces(self) -> int:
         """Number of faces of the mesh, or of its stand-in if it has one."""
-        return self._stand_in.mesh.faces.shape[0]
+        return len(self._stand_in.mesh.faces)
 
     @property
     def simplified(self) -> bool:
         """Whether a stand-in is drawn in place of the mesh."""
-        return self.optimized_faces != self.mesh.faces.shape[0]
+        return self.optimized_faces != len(self.mesh.faces)
 
     @property
     def shading(self) -> Shading:
@@ -264,14 +265,15 @@ class Deformation:
             **moments,
             **guarded,
             **guiding,
-            **({} if self.structure is None else {_STRUCTURE: self.structure.to_tensor()}),
-            _ORIENTATION: self.orientation.to_tensor(),
             _PULLS: self.pulls.sums,
             "generator": self._generator.get_state(),
         }
-        return Checkpoint(self.step, {k: v.detach().clone() for k, v in state.items()})
+        told: dict[str, NDArray[Any]] = {_ORIENTATION: self.orientation.to_array()}
+        if self.structure is not None:
+            told[_STRUCTURE] = self.structure.to_array()
+        return Checkpoint(self.step, {**arrays_of(state), **told})
 
-    def _orient(self, initial: Mapping[str, Tensor] | None, front: Orientation) -> Orientation:
+    def _orient(self, initial: Mapping[str, NDArray[Any]] | None, front: Orientation) -> Orientation:
         mode = self.params.orientation
         if not isinstance(mode, OrientationMode):
             return Orientation(mode, OrientationSource.GIVEN)
@@ -302,7 +304,7 @@ class Deformation:
         control = self._variables.solve()
         verts = self._variables.verts(control)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
-        cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg).to(self._device)
+        cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
         shading = self._renderer.sample_shading(self._generator)
         image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene, shading))
@@ -370,7 +372,7 @@ class Deformation:
         CheckpointError
             The checkpoint belongs to another mesh.
         """
-        state = checkpoint.tensors
+        state = tensors_of(checkpoint.tensors)
         copy_into(self._variables, state)
         for name, parameter in self._variables.tensors.items():
             self._optimizer.state[parameter] = {
@@ -382,41 +384,42 @@ class Deformation:
             self._guard.restore(state)
         if self._shape is not None:
             self._shape.restore(state)
-        self.orientation = _stored_orientation(state)
+        self.orientation = _stored_orientation(checkpoint.tensors)
         self.pulls.sums = state[_PULLS].clone()
         self._generator.set_state(state["generator"])
         self._consistent = True
         self.step = checkpoint.step
 
 
-def _stored_orientation(state: Mapping[str, Tensor]) -> Orientation:
+def _stored_orientation(state: Mapping[str, NDArray[Any]]) -> Orientation:
     """Return the orientation in a checkpoint's tensors."""
-    return Orientation.from_tensor(state[_ORIENTATION])
+    return Orientation.from_array(state[_ORIENTATION])
 
 
-def _stored_structure(state: Mapping[str, Tensor]) -> Structure | None:
+def _stored_structure(state: Mapping[str, NDArray[Any]]) -> Structure | None:
     """Return the structure stored in a checkpoint; None if every element has its own Jacobian."""
     stored = state.get(_STRUCTURE)
-    return None if stored is None else Structure.from_tensor(stored)
+    return None if stored is None else Structure.from_array(stored)
 
 
 def stored_shape(
     mesh: TriangleMesh,
-    state: Mapping[str, Tensor],
+    state: Mapping[str, NDArray[Any]],
     carrier: Carrier,
     *,
     bodies: Sequence[Body] = (),
     constraints: Constraints = UNCONSTRAINED,
-) -> Tensor:
+) -> NDArray[np.float64]:
     """Return the vertices (V, 3) float64 of the shape in a checkpoint's tensors, in the frame of the mesh at rest.
 
     The arguments are those of a `Deformation` that would go on from it. Raises CheckpointError: it is of another mesh.
     """
     stand_in = StandIn(mesh, simplify=not bodies and not constraints.handles, constraints=constraints)
-    variables = stand_in.carry(carrier, state, bodies, _stored_structure(state))
-    copy_into(variables, state)
+    tensors = tensors_of(state)
+    variables = stand_in.carry(carrier, tensors, bodies, _stored_structure(state))
+    copy_into(variables, tensors)
     with torch.no_grad():
-        return stand_in.follow(variables)
+        return stand_in.follow(variables).numpy()
 
 
 _Floats = NDArray[np.float64]
@@ -457,5 +460,5 @@ def _nearest_faces(mesh: RestMesh, variables: Variables) -> NDArray[np.int64] | 
     shown = variables.rest
     if shown.faces.shape == mesh.faces.shape:
         return None
-    middles = shown.verts[shown.faces].mean(1).numpy()
-    return NearestPlaces(mesh, middles, shown.normals.numpy()).faces
+    middles = shown.verts[shown.faces].mean(1)
+    return NearestPlaces(mesh, middles, shown.normals).faces

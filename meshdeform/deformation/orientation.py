@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-import torch
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
 
 
 class OrientationSource(StrEnum):
@@ -46,13 +46,13 @@ class Orientation:
     """`found`: as the asset was read; `undecided`: likewise, but another side may be the front. `unrecognised`: nobody
     knows what the source may be. `unconditioned`: the model does not see the azimuth."""
 
-    def to_tensor(self) -> Tensor:
+    def to_array(self) -> NDArray[np.float64]:
         """Return the members as float64, for checkpoints."""
-        return torch.tensor([self.turn_deg, list(OrientationSource).index(self.source)], dtype=torch.float64)
+        return np.array([self.turn_deg, list(OrientationSource).index(self.source)], np.float64)
 
     @classmethod
-    def from_tensor(cls, values: Tensor) -> Orientation:
-        """Return the orientation that `to_tensor` stored; older checkpoints hold more, which says nothing here."""
+    def from_array(cls, values: NDArray[np.float64]) -> Orientation:
+        """Return the orientation that `to_array` stored; older checkpoints hold more, which says nothing here."""
         turn, number, *_ = values.tolist()
         return cls(turn, list(OrientationSource)[int(number)])
 

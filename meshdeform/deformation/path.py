@@ -34,14 +34,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.sparse.linalg import splu
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
-from torch import Tensor
 
 from meshdeform.deformation.poisson import PoissonSystem, completed_jacobians, jacobians_from_verts
 from meshdeform.errors import ShapeError
@@ -77,42 +75,42 @@ class ShapePath:
         The system cannot be factored.
     """
 
-    def __init__(self, mesh: TriangleMesh, result: Tensor) -> None:
+    def __init__(self, mesh: TriangleMesh, result: _Floats) -> None:
         if result.shape != mesh.verts.shape:
-            raise ShapeError(f"expected verts {tuple(mesh.verts.shape)}, got {tuple(result.shape)}")
+            raise ShapeError(f"expected verts {mesh.verts.shape}, got {result.shape}")
         self._poisson = PoissonSystem(mesh)
         self._rest = rest = self._poisson.rest
-        self._result = result.detach().double().clone()
+        self._result = result.astype(np.float64)
         self._bridges = Bridges.of(rest)
         self._placement = Placement(self._bridges, int(rest.joined.max()) + 1)
-        self._used = np.bincount(rest.faces.numpy().ravel(), minlength=len(rest.verts)) > 0
+        self._used = np.bincount(rest.faces.ravel(), minlength=len(rest.verts)) > 0
         self._labels = rest.joined
         jacobians = _jacobians(rest, self._result)
         self._vectors = rotation_vectors(jacobians, rest.solid, self._pairs())
         self._stretch = rotation_matrices(self._vectors).transpose(0, 2, 1) @ jacobians
         sides = self._bridges.faces
         self._turns = self._vectors[sides].mean(1) if len(sides) else np.empty((0, 3))
-        ends = [self._bridges.lines(verts.numpy()) for verts in (rest.verts, self._result)]
+        ends = [self._bridges.lines(verts) for verts in (rest.verts, self._result)]
         self._lines = ends[0], _turned(-self._turns, ends[1])
         self._stillness = self._weights()
-        self._missing = self._result.numpy() - self._solved(1.0)
+        self._missing = self._result - self._solved(1.0)
 
-    def at(self, share: float) -> Tensor:
+    def at(self, share: float) -> _Floats:
         """Return the vertices (V, 3) float64 at a share of the way: 0 is at rest, 1 the result, more exaggerates."""
         if share == 0:
-            return self._rest.verts.clone()
+            return self._rest.verts.copy()
         if share == 1:
-            return self._result.clone()
-        return torch.from_numpy(self._solved(share) + share * self._missing)
+            return self._result.copy()
+        return np.asarray(self._solved(share) + share * self._missing)
 
     def _solved(self, share: float) -> _Floats:
         jacobians = rotation_matrices(share * self._vectors) @ _stretched(self._stretch, share)
-        verts = self._poisson.solve(torch.from_numpy(jacobians)).numpy()
+        verts = self._poisson.solve(jacobians)
         begin, end = self._lines
         goal = _turned(share * self._turns, (1 - share) * begin + share * end)
         verts = verts + self._placement.translations(goal - self._bridges.lines(verts))[self._labels]
         groups = self._placement.groups[self._labels]
-        straight = (1 - share) * self._rest.verts.numpy() + share * self._result.numpy()
+        straight = (1 - share) * self._rest.verts + share * self._result
         placed: _Floats = verts + _means(self._stillness, straight - verts, groups)[groups]
         return placed
 
@@ -120,7 +118,7 @@ class ShapePath:
         """Return the pairs of faces that should agree: neighbours, and those that a bridge joins."""
         rest = self._rest
         neighbours = rest.edge_adjacency
-        used = np.unique(rest.components.numpy()[rest.faces.numpy()[:, 0]])
+        used = np.unique(rest.components[rest.faces[:, 0]])
         if sparse.csgraph.connected_components(neighbours, directed=False)[0] > len(used):
             neighbours = _around_vertices(rest)
         joined = _BETWEEN_COMPONENTS * self._bridges.pairs(len(rest.faces))
@@ -128,8 +126,8 @@ class ShapePath:
 
     def _weights(self) -> _Floats:
         """Return the weights (V,) of vertices, larger for those that the two ends have in the same place."""
-        rest = self._rest.verts.numpy()
-        moved = np.linalg.norm(self._result.numpy() - rest, axis=1)
+        rest = self._rest.verts
+        moved = np.linalg.norm(self._result - rest, axis=1)
         still = _STILL * float(np.linalg.norm(np.ptp(rest, axis=0)))
         areas = self._rest.vertex_areas
         areas = np.where(areas > 0, areas, 1e-9 * max(float(areas.max()), np.finfo(float).tiny))
@@ -140,7 +138,7 @@ class ShapePath:
 def _around_vertices(rest: RestMesh) -> sparse.csr_matrix:
     """Return the pairs of faces that share a vertex; around one of very many faces, each with the next one only."""
     incidence = rest.incidence
-    crowded = np.bincount(rest.faces.numpy().ravel(), minlength=incidence.shape[1]) > _MOST_AROUND
+    crowded = np.bincount(rest.faces.ravel(), minlength=incidence.shape[1]) > _MOST_AROUND
     few = incidence[:, np.flatnonzero(~crowded)]
     vertex, face = incidence[:, np.flatnonzero(crowded)].T.nonzero()
     chained = vertex[1:] == vertex[:-1]
@@ -148,11 +146,11 @@ def _around_vertices(rest: RestMesh) -> sparse.csr_matrix:
     return (few @ few.T + chain + chain.T > 0).astype(np.float64)
 
 
-def _jacobians(rest: RestMesh, result: Tensor) -> _Floats:
+def _jacobians(rest: RestMesh, result: _Floats) -> _Floats:
     """Return the Jacobians of the faces; those of collapsed faces map only their longest edges."""
-    solid = torch.from_numpy(rest.solid)[:, None, None]
+    solid = rest.solid[:, None, None]
     completed = completed_jacobians(rest, result)
-    return torch.where(solid, completed, jacobians_from_verts(rest.gradient, result)).numpy()
+    return np.where(solid, completed, jacobians_from_verts(rest.gradient, result))
 
 
 def _stretched(stretch: _Floats, share: float) -> _Floats:
@@ -287,8 +285,8 @@ class Bridges:
     @classmethod
     def of(cls, rest: RestMesh) -> Bridges:
         """Return the bridges of a mesh: none if it is connected. The same mesh always has the same ones."""
-        faces, verts = rest.faces.numpy(), rest.verts.numpy()
-        of_face = rest.components.numpy()[faces[:, 0]]
+        faces, verts = rest.faces, rest.verts
+        of_face = rest.components[faces[:, 0]]
         if (of_face == of_face[0]).all():
             return cls._between(
                 rest, np.empty((0, 2), np.int64), np.empty(0, np.int64), sparse.csr_matrix((0, len(verts)))
@@ -306,9 +304,9 @@ class Bridges:
 
     @classmethod
     def _between(cls, rest: RestMesh, pairs: _Index, face: _Index, points: sparse.csr_matrix) -> Bridges:
-        of_face = rest.joined[rest.faces.numpy()[:, 0]]
+        of_face = rest.joined[rest.faces[:, 0]]
         begins, ends = points[pairs[:, 0]], points[pairs[:, 1]]
-        verts = rest.verts.numpy()
+        verts = rest.verts
         length = np.linalg.norm((ends - begins) @ verts, axis=1)
         soft = _SOFTENING * float(np.linalg.norm(np.ptp(verts, axis=0)))
         owners = face[pairs]

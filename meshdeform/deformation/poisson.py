@@ -1,11 +1,11 @@
-"""Solve the Poisson equation for vertices with given per-face Jacobians, differentiably.
+"""Solve the Poisson equation for vertices with given per-face Jacobians.
 
     min_v  sum_f |f| ||grad_f(v) - J_f||^2     <=>     L v = G^T M J,   L = G^T M G
 
 The matrix is factored once per mesh. The kernel of L consists of the functions that are constant on each connected
 component, so one vertex per component is grounded for the factorisation; the component is then moved to its centre of
-mass at rest. The matrix is symmetric, so the backward pass reuses the same factor. Sources: Xu et al. 2024,
-FusionDeformer, eq. 6; Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
+mass at rest. The matrix is symmetric, so a backward pass (`differentiable.py`) reuses the same factor. Sources: Xu et
+al. 2024, FusionDeformer, eq. 6; Aigerman et al. 2022, Neural Jacobian Fields, eq. 4.
 
 Pinned vertices are eliminated: their rows leave the matrix, and their positions at rest go to the right-hand side. What
 remains is positive definite on a component with a pinned vertex, so none is grounded there, and the component is not
@@ -50,16 +50,13 @@ from typing import Protocol
 
 import numpy as np
 import qdldl
-import torch
 from numpy.typing import NDArray
 from scipy import sparse
-from torch import Tensor
-from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals, sparse_product
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -171,36 +168,11 @@ def _solve(
 class LinearSystem(Protocol):
     """A linear map from Jacobians to positions, and its transpose."""
 
-    def _forward(self, jacobians: _Floats) -> _Floats:
+    def solve(self, jacobians: _Floats) -> _Floats:
         """Return the positions (N, 3) for Jacobians (E, 3, 3)."""
 
-    def _backward(self, gradient: _Floats) -> _Floats:
+    def solve_transposed(self, gradient: _Floats) -> _Floats:
         """Return the gradient (E, 3, 3) for a gradient (N, 3) on the positions."""
-
-
-def solve_linear(system: LinearSystem, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
-    """Return the system's positions (N, 3) float64, differentiable once in the Jacobians.
-
-    `jacobians` is (E, 3, 3) float64. `known`, (N, 3) float64: the positions, if they have already been computed; then
-    only the gradient is computed.
-    """
-    result: Tensor = _Solve.apply(system, jacobians, known)  # type: ignore[no-untyped-call]
-    return result
-
-
-class _Solve(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: FunctionCtx, system: LinearSystem, jacobians: Tensor, known: Tensor | None) -> Tensor:
-        ctx.system = system  # type: ignore[attr-defined]
-        if known is not None:
-            return known.clone()
-        return torch.from_numpy(system._forward(jacobians.detach().numpy()))
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor, None]:
-        system: LinearSystem = ctx.system  # type: ignore[attr-defined]
-        return None, torch.from_numpy(system._backward(gradient.numpy())), None
 
 
 class PoissonSystem:
@@ -231,7 +203,7 @@ class PoissonSystem:
         self._pinned = np.zeros(len(rest.verts), bool) if pinned is None else pinned
         junctions = rest.junctions.without(self._pinned)
         self._follow = junctions.follow if len(junctions) else None
-        self._labels = junctions.joined(rest.components.numpy()) if len(junctions) else rest.components.numpy()
+        self._labels = junctions.joined(rest.components) if len(junctions) else rest.components
         self._count = int(self._labels.max(initial=-1)) + 1
         held = np.bincount(self._labels[self._pinned], minlength=self._count) > 0
         free = ~self._pinned
@@ -239,7 +211,7 @@ class PoissonSystem:
         free = _ungrounded(self._labels, free, held)
         self.rest, self._factor, matrix, self._divergence = _prepare(rest, np.flatnonzero(free), self._follow)
         self._divergence_t = self._divergence.T.tocsr()
-        self._verts = rest.verts.numpy()
+        self._verts = rest.verts
         self._pull = matrix[:, self._pinned] @ self._verts[self._pinned] if held.any() else None
         if self._follow is not None:
             apart = self._verts - self._follow @ self._verts
@@ -250,21 +222,19 @@ class PoissonSystem:
         share = np.where(self._sums(areas)[self._labels] > 0, areas, 1.0)
         share = np.where(held[self._labels], 0.0, share / self._sums(share)[self._labels])
         self._shares = share[:, None]
-        self._rest_centres = self._sums(self._shares * rest.verts.numpy())
+        self._rest_centres = self._sums(self._shares * rest.verts)
 
-    def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
+    def solve(self, jacobians: _Floats) -> _Floats:
         """Solve for the vertices whose gradients best fit the Jacobians; every component keeps its centre of mass.
 
         Parameters
         ----------
         jacobians : (F, 3, 3) float64
             ``edge_new = J @ edge_old``.
-        known : (V, 3) float64, optional
-            The solution, if it has already been computed for these Jacobians; then only the gradient is computed.
 
         Returns
         -------
-        (V, 3) float64, object units. Differentiable once in `jacobians`. The same input gives the same bits.
+        (V, 3) float64, object units. The same input gives the same bits.
 
         Raises
         ------
@@ -273,14 +243,9 @@ class PoissonSystem:
         NumericalError
             The solution is not finite.
         """
-        if jacobians.shape != (self.rest.faces.shape[0], 3, 3) or jacobians.dtype != torch.float64:
-            raise ShapeError(
-                f"expected jacobians ({self.rest.faces.shape[0]}, 3, 3) float64, "
-                f"got {tuple(jacobians.shape)} {jacobians.dtype}"
-            )
-        return solve_linear(self, jacobians, known)
-
-    def _forward(self, jacobians: _Floats) -> _Floats:
+        count = len(self.rest.faces)
+        if jacobians.shape != (count, 3, 3) or jacobians.dtype != np.float64:
+            raise ShapeError(f"expected jacobians ({count}, 3, 3) float64, got {jacobians.shape} {jacobians.dtype}")
         matrix, right = self._divergence, np.zeros((len(self._labels), 3))
         _diverge(matrix.indptr, matrix.indices, matrix.data, np.ascontiguousarray(jacobians), right)
         verts = self._solved(right if self._pull is None else right - self._pull)
@@ -292,7 +257,8 @@ class PoissonSystem:
         verts[self._pinned] = self._verts[self._pinned]
         return verts
 
-    def _backward(self, gradient: _Floats) -> _Floats:
+    def solve_transposed(self, gradient: _Floats) -> _Floats:
+        """Return the gradient (F, 3, 3) of the Jacobians for a gradient (V, 3) of the vertices."""
         matrix, field = self._divergence_t, np.zeros((len(self.rest.faces), 3, 3))
         solved = self._solved(self._balanced(gradient))
         _diverge_back(matrix.indptr, matrix.indices, matrix.data, solved, field)
@@ -387,7 +353,7 @@ def _prepare(
 
 def _springs(mesh: TriangleMesh, thin: NDArray[np.int64]) -> tuple[sparse.csr_matrix, sparse.csr_matrix, _Floats]:
     """Return the springs of the collapsed faces: differences (S, V), mapped edges (S, 3F) and weights (S,)."""
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     tail, head = faces[thin].ravel(), faces[thin][:, [1, 2, 0]].ravel()
     edges = verts[head] - verts[tail]
     lengths = np.linalg.norm(edges, axis=1).reshape(-1, 3)
@@ -404,12 +370,7 @@ def _springs(mesh: TriangleMesh, thin: NDArray[np.int64]) -> tuple[sparse.csr_ma
     return differences, stretch, weights
 
 
-def identity_jacobians(n_faces: int) -> Tensor:
-    """Return the identity Jacobian of each face, (F, 3, 3) float64."""
-    return torch.eye(3, dtype=torch.float64).repeat(n_faces, 1, 1)
-
-
-def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) -> Tensor:
+def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: _Floats) -> _Floats:
     """Compute the per-face Jacobians of the piecewise-linear map rest -> verts.
 
     Parameters
@@ -417,7 +378,7 @@ def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) ->
     gradient_operator : sparse (3F, V) float64
         Gradient of the *rest* mesh, 1 / object unit.
     verts : (V, 3) float64
-        Deformed positions, object units. May require gradients.
+        Deformed positions, object units.
 
     Returns
     -------
@@ -431,11 +392,11 @@ def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: Tensor) ->
         `verts` does not have one row for each column of the operator.
     """
     if verts.shape != (gradient_operator.shape[1], 3):
-        raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {tuple(verts.shape)}")
-    return sparse_product(gradient_operator, verts).view(-1, 3, 3).mT.contiguous()
+        raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {verts.shape}")
+    return np.ascontiguousarray((gradient_operator @ verts).reshape(-1, 3, 3).transpose(0, 2, 1))
 
 
-def completed_jacobians(mesh: TriangleMesh, verts: Tensor) -> Tensor:
+def completed_jacobians(mesh: TriangleMesh, verts: _Floats) -> _Floats:
     """Compute Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
 
     ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
@@ -445,9 +406,8 @@ def completed_jacobians(mesh: TriangleMesh, verts: Tensor) -> Tensor:
     """
     rest = RestMesh.of(mesh)
     tangential = jacobians_from_verts(rest.gradient, verts)
-    area_old = torch.from_numpy(rest.areas)
-    solid = area_old > 0
-    stretch = (face_areas(verts, rest.faces) / torch.where(solid, area_old, 1.0)).sqrt()
+    solid = rest.areas > 0
+    stretch = np.sqrt(face_areas(verts, rest.faces) / np.where(solid, rest.areas, 1.0))
     n_old, n_new = rest.normals, face_normals(verts, rest.faces)
     normal_part = (stretch[:, None] * n_new)[:, :, None] * n_old[:, None, :]
-    return torch.where(solid[:, None, None], tangential + normal_part, torch.eye(3, dtype=torch.float64))
+    return np.where(solid[:, None, None], tangential + normal_part, np.eye(3))

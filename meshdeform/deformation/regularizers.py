@@ -53,7 +53,8 @@ from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh, through_normals
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.tensors import through_normals, verts_of
 
 _CREASE = 1 - math.cos(math.radians(15))
 """y_0: on the reference mesh, an angle of more than 15 degrees between neighbours counts as a crease."""
@@ -306,28 +307,28 @@ class Regularizers:
         root = sparse.diags(np.where(used, 1 / np.sqrt(np.maximum(mass, floor)), 0.0))
         self._half_operator = (root @ rest.laplacian).tocsr()
         self._transposed = self._half_operator.T.tocsr()
-        self._init_edges(rest, torch.from_numpy(rest.areas), total)
-        solid = rest.faces[torch.from_numpy(np.flatnonzero(rest.solid))]
-        inverse = torch.linalg.inv(_in_plane(rest.verts[solid])).contiguous().numpy()
-        self._solid = (solid.numpy(), inverse, self._face_weights[rest.solid])
+        self._init_edges(rest, rest.areas, total)
+        solid = rest.faces[rest.solid]
+        inverse = torch.linalg.inv(_in_plane(verts_of(rest)[solid])).contiguous().numpy()
+        self._solid = (solid, inverse, self._face_weights[rest.solid])
 
-    def _init_edges(self, mesh: RestMesh, areas: Tensor, total: float) -> None:
+    def _init_edges(self, mesh: RestMesh, areas: NDArray[np.float64], total: float) -> None:
         edges = mesh.edges
         # Two faces are neighbours only where exactly two meet and they are not duplicates of each other.
         kept = (edges.counts == 2) & (edges.opposite[:, 0] != edges.opposite[:, 1])
-        kept[kept.clone()] = (areas[edges.faces[kept]] > 0).all(1)
+        kept[kept.copy()] = (areas[edges.faces[kept]] > 0).all(1)
         pairs, ends = edges.faces[kept], edges.edges[kept]
         # Neighbours of inconsistent winding have opposite normals where the surface is flat.
-        sign = torch.where(edges.consistent[kept], 1.0, -1.0).double()
-        around = [tensor.contiguous().numpy() for tensor in (self._faces, pairs, ends, sign)]
-        rest_bend = bends(mesh.verts.numpy(), *around)
+        sign = np.where(edges.consistent[kept], 1.0, -1.0)
+        around = [np.ascontiguousarray(each) for each in (self._faces, pairs, ends, sign)]
+        rest_bend = bends(mesh.verts, *around)
         centroids = mesh.verts[mesh.faces].mean(1)
-        squared = (centroids[pairs[:, 0]] - centroids[pairs[:, 1]]).square().sum(1)
-        squared = squared.clamp_min(_DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
+        squared = ((centroids[pairs[:, 0]] - centroids[pairs[:, 1]]) ** 2).sum(1)
+        squared = np.maximum(squared, _DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
         # Centroids of equilateral neighbours of area a are 2/3 of a height apart: d^2 = 4 a / (3 sqrt 3).
         reference_sq = 4 / (3 * math.sqrt(3)) * total / REFERENCE_FACES
-        self._edge_scale = scale = (reference_sq / squared).numpy()
-        weights = (areas[pairs].sum(1) / 3 / total).numpy()
+        self._edge_scale = scale = reference_sq / squared
+        weights = areas[pairs].sum(1) / 3 / total
         rest_energy = crease_energy(np.ascontiguousarray(rest_bend[:, 0]), scale)
         corners, neighbours, shared, sign_of_edge = around
         rest_sine = np.ascontiguousarray(rest_bend[:, 1])
@@ -342,7 +343,7 @@ class Regularizers:
         return penalty(self._bending, verts)
 
     def _bending(self, verts: _Floats, gradient: _Floats | None) -> float:
-        bent = self._half_operator @ (verts - self._rest.numpy())
+        bent = self._half_operator @ (verts - self._rest)
         if gradient is not None:
             gradient += self._transposed @ (bent / (2 * math.pi))
         return float((bent * bent).sum() / (4 * math.pi))

@@ -17,7 +17,6 @@ Estimation of Transformation Parameters Between Two Point Patterns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -26,19 +25,13 @@ from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
+from meshdeform.deformation.constraints import Body
 from meshdeform.deformation.settings import Rigidity
-from meshdeform.geometry.mesh import RestMesh, sparse_product
+from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.tensors import sparse_product
 
 _STEADINESS = 1e-6
 _LEAST_STIFFNESS = 1e-12
-
-
-@dataclass(frozen=True)
-class Body:
-    """Vertices (n,) int64 of a mesh that keep their shape together."""
-
-    verts: NDArray[np.int64]
-    mode: Rigidity = Rigidity.RIGID
 
 
 class RigidBodies:
@@ -54,7 +47,7 @@ class RigidBodies:
             raise ValueError("two bodies share a vertex")
         owner = np.repeat(np.arange(count), [len(body.verts) for body in bodies])
         weights = np.concatenate([_shares(rest.vertex_areas[body.verts]) for body in bodies])
-        points = rest.verts.numpy()
+        points = rest.verts
         self._means = sparse.csr_matrix((weights, (owner, members)), shape=(count, total))
         self._owners = sparse.csr_matrix((np.ones(len(members)), (members, owner)), shape=(total, count))
         arms = np.zeros_like(points)

@@ -21,11 +21,11 @@ import torch
 from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
-from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
-from meshdeform.deformation.controls import Structure
+from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
+from meshdeform.deformation.differentiable import placed_by
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.deformation.settings import Carrier
+from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.surface_colours import baked_appearance
 from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError
@@ -39,7 +39,7 @@ def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> 
     """Return the carrier that `auto` stands for: several connected components or rigid bodies need the lattice."""
     if carrier is not Carrier.AUTO:
         return carrier
-    several = len(np.unique(mesh.components.numpy()[mesh.faces.numpy()[:, 0]])) > 1
+    several = len(np.unique(mesh.components[mesh.faces[:, 0]])) > 1
     return Carrier.LATTICE if several or rigid else Carrier.SURFACE
 
 
@@ -148,12 +148,12 @@ class StandIn:
             if isinstance(variables, LatticeField):
                 return self._placed(variables.moved(self._whole), self._constraints)
             edge = float(np.sqrt(2 * self.mesh.areas.sum() / len(self.mesh.faces)))
-            moved = torch.from_numpy(self._binding.move(placed(variables)))
+            moved = torch.from_numpy(self._binding.move(placed(variables).numpy()))
             return self._placed(moved, self._constraints.of_followers(edge))
 
     def _placed(self, verts: Tensor, constraints: Constraints) -> Tensor:
         placement = constraints.placement(self._whole)
-        return verts if placement is None else placement.place(verts)
+        return verts if placement is None else placed_by(placement, verts)
 
     @cached_property
     def _binding(self) -> Binding:
@@ -179,7 +179,7 @@ def _represents(simple: RestMesh, whole: RestMesh) -> bool:
     if float(simple.areas.sum()) <= _LEAST_AREA * float(whole.areas.sum()):
         return False
     chosen = np.linspace(0, whole.faces.shape[0] - 1, _PROBES).astype(int)
-    probes = whole.verts[whole.faces[chosen]].mean(1).numpy()
-    distances = NearestPlaces(simple, probes, whole.normals[chosen].numpy()).distances(probes)
-    diagonal = float(np.linalg.norm(np.ptp(whole.verts.numpy(), axis=0)))
+    probes = whole.verts[whole.faces[chosen]].mean(1)
+    distances = NearestPlaces(simple, probes, whole.normals[chosen]).distances(probes)
+    diagonal = float(np.linalg.norm(np.ptp(whole.verts, axis=0)))
     return bool((distances > _NEAR * diagonal).mean() <= _LOST)

@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
@@ -61,13 +60,13 @@ def baked_appearance(
     have two by two at least. `curved`: returns the points (P, 3) of faces (P,) at shares (P, 2) of the way from their
     first corner to the other two, where the stand-in stands for something that is not flat.
     """
-    corners = simple.verts.numpy()[simple.faces.numpy()]
+    corners = simple.verts[simple.faces]
     sides = _tile_sides(corners, detail, most)
     face, column, row = _texels(sides)
     along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
     a, b, c = corners[face].transpose(1, 0, 2)
     points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a) if curved is None else curved(face, along)
-    colours = _looked_up(appearance, whole, points, simple.normals.numpy()[face], simple.areas[face], sides[face])
+    colours = _looked_up(appearance, whole, points, simple.normals[face], simple.areas[face], sides[face])
     starts, width, height = _packed(sides)
     pixels = np.zeros((height, width, 4), np.uint8)
     pixels[starts[face, 1] + row, starts[face, 0] + column] = colours
@@ -78,7 +77,7 @@ def baked_appearance(
     mode = "BLEND" if "BLEND" in modes else "MASK" if "MASK" in modes else "OPAQUE"
     texture = Texture(pixels, ("clamp", "clamp"), reduced=False)
     return Appearance(
-        simple.faces.numpy().reshape(-1),
+        simple.faces.reshape(-1),
         np.arange(count).reshape(-1, 3),
         ((places.reshape(-1, 2) + 0.5) / [width, height]).astype(np.float32),
         np.ones((count, 4), np.float32),
@@ -125,14 +124,10 @@ def _looked_up(
 ) -> NDArray[np.uint8]:
     """Return sRGB and opacity (P, 4) of the places on the whole mesh that are nearest to points."""
     places, colours = NearestPlaces(whole, points, normals), BaseColours(appearance)
-    face, weights = torch.from_numpy(places.faces), torch.from_numpy(places.weights).float()
-    values = (colours.values[colours.faces[face]] * weights[:, :, None]).sum(1)
-    density = colours.texel_areas().numpy()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
+    values = (colours.values[:, colours.faces[places.faces]] * places.weights.astype(np.float32)).sum(-1)
+    density = colours.texel_areas()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
     level = 0.5 * np.log2(np.maximum(density * 2 * areas / (sides - 1) ** 2, 1e-12))
-    paint = colours.paint[face]
-    values_found = colours.colours(paint, values, torch.from_numpy(level).float())
-    rgba = torch.cat(
-        [srgb_from_linear(values_found[:, :3].clamp(0, 1)), colours.opacity(paint, values_found)[:, None]], 1
-    )
-    pixels: NDArray[np.uint8] = (rgba * 255).round().to(torch.uint8).numpy()
-    return pixels
+    paint = colours.paint[places.faces]
+    found = colours.colours(paint, values, level.astype(np.float32))
+    rgba = np.stack([*srgb_from_linear(np.clip(found[:3], 0, 1)), colours.opacity(paint, found)], 1)
+    return np.asarray(np.rint(rgba * 255), np.uint8)

@@ -262,18 +262,18 @@ class SurfaceGuard:
 
     def __init__(self, kind: Safeguard, mesh: TriangleMesh, variables: Variables) -> None:
         self._kind, self._variables, self._surface = kind, variables, RestMesh.of(mesh)
-        self._faces = self._surface.faces.numpy()
+        self._faces = self._surface.faces
         self.crowded = False
         count = len(self._faces)
         self._repair = StepRepair(variables)
         self._copy = self._repair.copy
         self._solid = np.flatnonzero(self._surface.solid)
-        self._neighbours = FaceNeighbours(self._faces[self._solid], self._surface.verts.numpy())
-        self._component = self._surface.components.numpy()[self._faces[:, 0]]
+        self._neighbours = FaceNeighbours(self._faces[self._solid], self._surface.verts)
+        self._component = self._surface.components[self._faces[:, 0]]
         self._folded = np.zeros(count, bool)
         self._loose = np.zeros(count, bool)
         self._meeting: _Index = np.empty(0, np.int64)
-        self._allow_faults(self._surface.verts.numpy())
+        self._allow_faults(self._surface.verts)
         self._meeting = np.union1d(self._meeting, self._near_bodies())
         self._intact = self._copy()
 
@@ -341,10 +341,10 @@ class SurfaceGuard:
         if rigid is None or not self._searches:
             return np.empty(0, np.int64)
         reach = self._variables.resolution / 2
-        if count_samples(self._surface.verts.numpy(), self._faces, reach / 2) > _SAMPLES:
+        if count_samples(self._surface.verts, self._faces, reach / 2) > _SAMPLES:
             self.crowded = True
             return np.empty(0, np.int64)
-        points, face = samples_of(self._surface.verts.numpy(), self._faces, reach / 2)
+        points, face = samples_of(self._surface.verts, self._faces, reach / 2)
         # One point per component and voxel is enough, and a dense scan has many.
         voxel = np.column_stack([np.floor(points / (reach / 4)), self._component[face], rigid[face]]).astype(np.int64)
         kept = np.unique(voxel, axis=0, return_index=True)[1]

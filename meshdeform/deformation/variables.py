@@ -30,10 +30,13 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from torch import Tensor
 
-from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, Handles
-from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians, Structure
-from meshdeform.deformation.poisson import PoissonSystem, jacobians_from_verts
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
+from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
+from meshdeform.deformation.differentiable import jacobians_of, placed_by, solve_linear
+from meshdeform.deformation.handles import Handles
+from meshdeform.deformation.poisson import LinearSystem, PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
+from meshdeform.deformation.structure import Structure
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
@@ -62,7 +65,7 @@ class Elements:
     @classmethod
     def faces_of(cls, rest: RestMesh) -> Elements:
         """Return the faces of a mesh as elements."""
-        return cls(rest.faces.numpy(), rest.joined[rest.faces.numpy()[:, 0]])
+        return cls(rest.faces, rest.joined[rest.faces[:, 0]])
 
     @cached_property
     def _incidence(self) -> sparse.csr_matrix:
@@ -136,17 +139,10 @@ class Variables(Protocol):
         """Set the variables to give these control points, up to a translation of all, as exactly as they can."""
 
 
-class _System(Protocol):
-    """A linear system whose solution best fits Jacobians."""
-
-    def solve(self, jacobians: Tensor, known: Tensor | None = None) -> Tensor:
-        """Solve, or attach the derivative to a known solution."""
-
-
 class ControlledMap:
     """Jacobians from controls, and the control points that best fit them; what is common to faces and cells."""
 
-    def __init__(self, system: _System, controls: Controls, handles: Handles | None) -> None:
+    def __init__(self, system: LinearSystem, controls: Controls, handles: Handles | None) -> None:
         self._system, self._controls, self._handles = system, controls, handles
         self.tensors, self.local = controls.tensors, controls.local
         self._solved: tuple[Tensor, Tensor] | None = None
@@ -167,7 +163,7 @@ class ControlledMap:
         """
         jacobians = self.jacobians()
         known = self._solved[1] if self._solved is not None and torch.equal(self._solved[0], jacobians) else None
-        solution = self._system.solve(jacobians, known)
+        solution = solve_linear(self._system, jacobians, known)
         if known is None:
             self._solved = (jacobians.detach().clone(), solution.detach().clone())
         return solution if self._handles is None else self._handles.pull(solution)
@@ -207,13 +203,14 @@ class JacobianField(ControlledMap):
         handles = Handles(requested, rest, self._placement, None, poisson.smooth) if requested else None
         super().__init__(poisson, _controls_of_faces(rest, structure), handles)
         self._regularizers = Regularizers(rest)
-        self._along_normal = rest.normals[:, :, None] * rest.normals[:, None, :]
+        normals = torch.from_numpy(rest.normals)
+        self._along_normal = normals[:, :, None] * normals[:, None, :]
         self.elements = Elements.faces_of(rest)
         self.resolution = 0.0
 
     def verts(self, control: Tensor) -> Tensor:
         """Return the argument, placed where the constraints allow: the control points are the vertices."""
-        return control if self._placement is None else self._placement.place(control)
+        return control if self._placement is None else placed_by(self._placement, control)
 
     def jacobian_penalty(self) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2."""
@@ -227,15 +224,15 @@ class JacobianField(ControlledMap):
         """Set the Jacobians to those of the map from rest; their normal part, which it does not determine, stays."""
         with torch.no_grad():
             jacobians = self.jacobians()
-            of_map = jacobians_from_verts(self.rest.gradient, control)
+            of_map = jacobians_of(self.rest.gradient, control)
             self._controls.correct(of_map + (jacobians - of_map) @ self._along_normal - jacobians)
 
 
 def _controls_of_faces(rest: RestMesh, structure: Structure | None) -> Controls:
     if structure is None:
         return OwnJacobians("jacobians", len(rest.faces))
-    centres = rest.verts[rest.faces].mean(1).numpy()
-    return Hierarchy("face", centres, rest.normals.numpy(), rest.box, structure)
+    centres = rest.verts[rest.faces].mean(1)
+    return Hierarchy("face", centres, rest.normals, rest.box, structure)
 
 
 def placed(variables: Variables) -> Tensor:

@@ -49,14 +49,14 @@ class Component:
 
 def components_of(mesh: RestMesh) -> list[Component]:
     """Return the components that have faces, by number."""
-    faces, label = mesh.faces.numpy(), mesh.components.numpy()
+    faces, label = mesh.faces, mesh.components
     of_face = label[faces[:, 0]]
     order = np.argsort(of_face, kind="stable")
     numbers, starts = np.unique(of_face[order], return_index=True)
     components = []
     for number, own in zip(numbers.tolist(), np.split(faces[order], starts[1:]), strict=True):
         used, local = np.unique(own, return_inverse=True)
-        components.append(Component(number, mesh.verts.numpy()[used], local.reshape(-1, 3)))
+        components.append(Component(number, mesh.verts[used], local.reshape(-1, 3)))
     return components
 
 

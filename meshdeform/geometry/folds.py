@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import face_cross
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
@@ -19,7 +19,6 @@ _ROUNDING = 1e-15
 """Of the largest coordinate: what entering and leaving another frame may change."""
 
 
-@kernel
 def area_vectors(verts: _Floats, faces: _Faces) -> _Floats:
     """Return the cross products (F, 3) float64 of two edges of each face: normals as long as twice the area.
 
@@ -28,14 +27,7 @@ def area_vectors(verts: _Floats, faces: _Faces) -> _Floats:
     verts : (V, 3) floating
     faces : (F, 3) int64
     """
-    cross = np.empty((len(faces), 3))
-    for f in range(len(faces)):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, az = verts[i, 0], verts[i, 1], verts[i, 2]
-        bx, by, bz = verts[j, 0] - ax, verts[j, 1] - ay, verts[j, 2] - az
-        cx, cy, cz = verts[k, 0] - ax, verts[k, 1] - ay, verts[k, 2] - az
-        cross[f, 0], cross[f, 1], cross[f, 2] = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-    return cross
+    return np.asarray(face_cross(verts, faces), np.float64)
 
 
 def longest_squared(verts: _Floats, faces: _Faces) -> _Floats:
@@ -89,7 +81,7 @@ class FaceNeighbours:
 
     def folded(self, verts: _Floats) -> NDArray[np.bool_]:
         """Find the folded faces (F,)."""
-        cross = area_vectors(np.ascontiguousarray(verts), self._faces)
+        cross = area_vectors(verts, self._faces)
         against = ((self._signs @ cross) * cross).sum(1) < 0
         if self._rest is not None and against.any():
             beside = np.flatnonzero(against[self._rows])

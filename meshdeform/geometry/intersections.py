@@ -22,22 +22,27 @@ Floating-Point Arithmetic, for the error bound; Ericson 2005, Real-Time Collisio
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.cuts import BORDER, ERROR, candidates, cut, touch
+from meshdeform.geometry.kernels import Worth, kernel
 
-_ERROR = 8.0e-16
-"""Relative rounding error of a determinant of differences: (7 + 56 eps) eps with eps = 2^-53."""
-
-_BORDER = 1e-9
-"""Barycentric coordinate below zero that counts as on the border."""
+_ERROR, _BORDER = ERROR, BORDER  # numba compiles them in
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 _STRIPS = 32
 """Strips of the second axis in a sweep; a face is in all that its box meets."""
+
+_FACES_OF_STRIP = 64
+"""Faces for another strip of a sweep in numpy, which compares many boxes at once."""
+
+_compiles = Worth(60_000)
+"""Whether numba searches so many faces."""
 
 _TESTS, _TESTS_OF_FACE = 1_000_000, 50
 """Pairs that a search may test, and more for each face. A scan of an object takes 10 to 20 for each."""
@@ -295,15 +300,10 @@ def _sweep(
     return count
 
 
-@kernel
 def _boxes(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
     """Return the least and the greatest coordinates (F, 3) of each face."""
-    low, high = np.empty((len(faces), 3)), np.empty((len(faces), 3))
-    for f in range(len(faces)):
-        for c in range(3):
-            x, y, z = verts[faces[f, 0], c], verts[faces[f, 1], c], verts[faces[f, 2], c]
-            low[f, c], high[f, c] = min(x, y, z), max(x, y, z)
-    return low, high
+    a, b, c = (verts[faces[:, k]] for k in range(3))
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _search(verts: _Floats, faces: _Index, reach: _Floats, hit: _Flags, out: _Index) -> tuple[_Index, int]:
@@ -318,10 +318,36 @@ def _search(verts: _Floats, faces: _Index, reach: _Floats, hit: _Flags, out: _In
     low, high = (np.ascontiguousarray(ends[order][:, axes]) for ends in (low, high))
     work = _BOXES_OF_TEST * (_TESTS + _TESTS_OF_FACE * len(faces))
     reach = reach[order] if len(reach) else reach
-    count = _sweep(points, np.ascontiguousarray(faces[order]), low, high, reach, work, hit, out)
+    sweep = _sweep if len(reach) or _compiles(len(faces)) else _sweep_small
+    count = sweep(points, np.ascontiguousarray(faces[order]), low, high, reach, work, hit, out)
     if count < 0:
         raise TooManyPairsError
     return order, count
+
+
+def _sweep_small(
+    verts: _Floats, faces: _Index, low: _Floats, high: _Floats, _reach: _Floats, work: int, hit: _Flags, out: _Index
+) -> int:
+    """Do what `_sweep` does for cuts, without numba."""
+    points, corners = np.ascontiguousarray(verts.T), np.ascontiguousarray(faces.T)
+    count, listing = 0, len(hit) == 0
+    for compared, f, g in candidates(low, high, max(_STRIPS, len(faces) // _FACES_OF_STRIP)):
+        if not listing:
+            new = ~(hit[f] & hit[g])
+            f, g = f[new], g[new]
+        work -= compared + _BOXES_OF_TEST * len(f)
+        if work < 0:
+            return -1
+        cutting = cut(points, corners, f, g)
+        f, g = f[cutting], g[cutting]
+        if not listing:
+            hit[f] = hit[g] = True
+            continue
+        if count + len(f) > len(out):
+            return -1
+        out[count : count + len(f), 0], out[count : count + len(f), 1] = f, g
+        count += len(f)
+    return count
 
 
 def _pairs(verts: _Floats, faces: _Index, reach: _Floats) -> _Index:
@@ -393,42 +419,32 @@ def newly_cutting_pairs(rest: _Floats, verts: _Floats, faces: _Index) -> _Index:
     """
     pairs = cutting_pairs(verts, faces)
     reach = _TOUCHING * float(np.linalg.norm(np.ptp(rest, axis=0))) if len(rest) else 0.0
-    return np.asarray(pairs[~_touch(np.ascontiguousarray(rest, np.float64), faces, pairs, reach)])
-
-
-@kernel
-def _touch(verts: _Floats, faces: _Index, pairs: _Index, reach: float) -> _Flags:
-    """Return which pairs of faces (P, 2) cut each other or come as close as `reach`."""
-    out = np.zeros(len(pairs), np.bool_)
-    for number in range(len(pairs)):
-        out[number] = faces_touch(verts, faces[pairs[number, 0]], faces[pairs[number, 1]], reach)
-    return out
+    points, corners = np.ascontiguousarray(rest.T, np.float64), np.ascontiguousarray(faces.T)
+    return np.asarray(pairs[~touch(points, corners, pairs[:, 0], pairs[:, 1], reach)])
 
 
 _CELLS = 64
 """Cells along the longest side of the grid that finds what is near."""
 
 
-@kernel
-def _mark_cells(low: _Floats, high: _Floats, marked: _Flags) -> None:
-    """Mark the cells of a grid (A, B, C) that boxes, in cells, meet."""
-    for f in range(len(low)):
-        for i in range(int(low[f, 0]), int(high[f, 0]) + 1):
-            for j in range(int(low[f, 1]), int(high[f, 1]) + 1):
-                for k in range(int(low[f, 2]), int(high[f, 2]) + 1):
-                    marked[i, j, k] = True
-
-
-@kernel
-def _in_marked_cells(low: _Floats, high: _Floats, marked: _Flags) -> _Flags:
-    """Return which boxes (F,), in cells, meet a marked cell."""
-    out = np.zeros(len(low), np.bool_)
-    for f in range(len(low)):
-        for i in range(int(low[f, 0]), int(high[f, 0]) + 1):
-            for j in range(int(low[f, 1]), int(high[f, 1]) + 1):
-                for k in range(int(low[f, 2]), int(high[f, 2]) + 1):
-                    out[f] |= marked[i, j, k]
-    return out
+def _in_marked_cells(low: _Index, high: _Index, some: _Flags, shape: tuple[int, ...]) -> _Flags:
+    """Return which boxes (F,), in cells of a grid, meet a cell that some of them meet."""
+    # Sums over a box are those from the origin to its corners: of what begins and ends in cells, and of what is met.
+    met = np.zeros([side + 1 for side in shape], np.int64)
+    for corner in product((0, 1), repeat=3):
+        at = np.where(corner, high[some] + 1, low[some])
+        np.add.at(met, tuple(at.T), (-1) ** sum(corner))
+    for axis in range(3):
+        met = met.cumsum(axis)
+    sums = np.zeros([side + 1 for side in shape], np.int64)
+    sums[1:, 1:, 1:] = met[:-1, :-1, :-1] > 0
+    for axis in range(3):
+        sums = sums.cumsum(axis)
+    found = np.zeros(len(low), np.int64)
+    for corner in product((0, 1), repeat=3):
+        at = np.where(corner, high + 1, low)
+        found += (-1) ** (3 - sum(corner)) * sums[tuple(at.T)]
+    return np.asarray(found > 0)
 
 
 def faces_near(verts: _Floats, faces: _Index, some: _Flags) -> _Flags:
@@ -442,7 +458,5 @@ def faces_near(verts: _Floats, faces: _Index, some: _Flags) -> _Flags:
     origin, far = low.min(0), high.max(0)
     scale = _CELLS / max(float((far - origin).max()), 1e-300)
     shape = ((far - origin) * scale).astype(np.int64) + 1
-    low, high = (np.clip((ends - origin) * scale, 0, shape - 1) for ends in (low, high))
-    marked = np.zeros(tuple(shape), np.bool_)
-    _mark_cells(low[some], high[some], marked)
-    return np.asarray(_in_marked_cells(low, high, marked))
+    first, last = (np.clip((ends - origin) * scale, 0, shape - 1).astype(np.int64) for ends in (low, high))
+    return _in_marked_cells(first, last, some, tuple(shape))

@@ -20,8 +20,9 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshdeform.geometry.folds import area_vectors
-from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.kernels import Worth, kernel
 from meshdeform.geometry.mesh import RestMesh
+from meshdeform.geometry.walks import walked
 
 _BLOCK = 1_000_000
 """Points of a block, but for a face that has more by itself."""
@@ -154,6 +155,10 @@ class LargeFaces:
     components: _Index
 
 
+_compiles = Worth(50_000)
+"""Whether numba walks to the places of so many points: those of two reports' worth take numpy as long as its import."""
+
+
 class SurfaceTree:
     """A search tree of the surface of a mesh.
 
@@ -202,7 +207,13 @@ class SurfaceTree:
         for rows in _chunks(len(points)):
             queries = np.concatenate([points[rows], self._turn * normals[rows]], 1)
             nearest[rows] = self._owner[self._tree.query(queries, eps=self._slack)[1]]
-            _descend(points[rows], nearest[rows], self._verts, self._faces, self._around, self._begin, weights[rows])
+            surface = self._verts, self._faces, self._around, self._begin
+            if _compiles(len(points)):
+                _descend(points[rows], nearest[rows], *surface, weights[rows])
+            else:
+                nearest[rows], weights[rows] = walked(
+                    points[rows], nearest[rows], *surface, most_moves=_MOST_MOVES, most_around=_MOST_AROUND
+                )
         return nearest, weights
 
 
@@ -227,7 +238,7 @@ class NearestPlaces:
     """
 
     def __init__(self, mesh: RestMesh, points: _Floats, normals: _Floats, *, tree: SurfaceTree | None = None) -> None:
-        self._verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+        self._verts, faces = mesh.verts, mesh.faces
         tree = _tree_of(mesh, known=bool(normals.any())) if tree is None else tree
         self.faces, self.weights = tree.find(points, normals)
         self.corners = faces[self.faces].astype(np.int32)
@@ -258,7 +269,7 @@ def _tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:
     edge = math.sqrt(2 * float(mesh.areas.sum()) / len(mesh.faces))
     # Unknown normals are equally far from all, which would only keep the tree from leaving branches out.
     opposite = _OPPOSITE * edge if known else 0.0
-    return SurfaceTree(mesh.verts.numpy(), mesh.faces.numpy(), mesh.normals.numpy(), spacing=edge, opposite=opposite)
+    return SurfaceTree(mesh.verts, mesh.faces, mesh.normals, spacing=edge, opposite=opposite)
 
 
 def nearest_larger_faces(

@@ -347,7 +347,7 @@ class _Places:
         share = np.cumsum(rest.areas)
         face = np.searchsorted(share, rng.random(_SAMPLES) * share[-1], side="right").clip(max=len(share) - 1)
         root, second = np.sqrt(rng.random(_SAMPLES)), rng.random(_SAMPLES)
-        return cls(rest.faces.numpy()[face], np.stack([1 - root, root * (1 - second), root * second], 1))
+        return cls(rest.faces[face], np.stack([1 - root, root * (1 - second), root * second], 1))
 
     def on(self, verts: _Floats) -> _Floats:
         return np.asarray((self.weights[..., None] * verts[self.corners]).sum(1))
@@ -355,9 +355,9 @@ class _Places:
 
 def measure_structure(source: TriangleMesh, result: TriangleMesh) -> Structure:
     """Compare a result with its source, a mesh of the same faces whose up axis is +Y."""
-    rest, before, after = RestMesh.of(source), source.verts.numpy(), result.verts.numpy()
+    rest, before, after = RestMesh.of(source), source.verts, result.verts
     places = _Places.draw(rest)
-    components = rest.components.numpy()
+    components = rest.components
     return Structure(
         _asymmetry(rest, places, after),
         _flatness(rest, after),
@@ -371,7 +371,7 @@ def _diagonal(verts: _Floats) -> float:
 
 
 def _asymmetry(rest: RestMesh, places: _Places, after: _Floats) -> float | None:
-    before = rest.verts.numpy()
+    before = rest.verts
     points = places.on(before)
     asymmetry: dict[float, float] = {}
     axes = (0, 2)
@@ -392,9 +392,9 @@ def _mirror_error(points: _Floats, partners: _Floats, matched: NDArray[np.bool_]
 
 
 def _flatness(rest: RestMesh, after: _Floats) -> float | None:
-    before, faces, areas = rest.verts.numpy(), rest.faces.numpy(), rest.areas
+    before, faces, areas = rest.verts, rest.faces, rest.areas
     pairs = sparse.coo_matrix(rest.edge_adjacency)
-    normals = rest.normals.numpy()
+    normals = rest.normals
     level = (normals[pairs.row] * normals[pairs.col]).sum(1) > _FLAT_COSINE
     joined = sparse.coo_matrix((np.ones(level.sum()), (pairs.row[level], pairs.col[level])), shape=pairs.shape)
     count, piece = connected_components(joined, directed=False)
@@ -451,7 +451,7 @@ class FitQuality:
 def measure_fit(mesh: TriangleMesh, target: TriangleMesh) -> FitQuality:
     """Compare a mesh with a target in the same frame."""
     there, back = distances_between(mesh, target), distances_between(target, mesh)
-    corners = target.verts.numpy()[np.unique(target.faces.numpy())]
+    corners = target.verts[np.unique(target.faces)]
     diagonal = float(np.linalg.norm(np.ptp(corners, axis=0)))
     return FitQuality(
         float((back <= _NEAR * diagonal).mean()), float(there.mean()) / diagonal, float(back.mean()) / diagonal
@@ -462,9 +462,9 @@ def distances_between(mesh: TriangleMesh, other: TriangleMesh) -> _Floats:
     """Return the distances of 20,000 samples that lie evenly on a mesh from the surface of another one."""
     rest, goal = RestMesh.of(mesh), RestMesh.of(other)
     face, weights = even_samples(rest.areas, _FIT_SAMPLES, 0)
-    points = (rest.verts.numpy()[rest.faces.numpy()[face]] * weights[:, :, None]).sum(1)
-    verts, faces = goal.verts.numpy(), goal.faces.numpy()
+    points = (rest.verts[rest.faces[face]] * weights[:, :, None]).sum(1)
+    verts, faces = goal.verts, goal.faces
     spacing = _SPACING * float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0)))
-    tree = SurfaceTree(verts, faces, goal.normals.numpy(), spacing=spacing, opposite=0.0)
+    tree = SurfaceTree(verts, faces, goal.normals, spacing=spacing, opposite=0.0)
     nearest, places = tree.find(points, np.zeros_like(points))
     return np.asarray(np.linalg.norm((verts[faces[nearest]] * places[:, :, None]).sum(1) - points, axis=1))

@@ -9,9 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
@@ -29,14 +27,14 @@ class WeldedMesh:
     """Counts of what the solve leaves out or treats specially: `unreferenced_vertices`, `degenerate_faces` (two corners
     are welded together), `zero_area_faces`, `non_manifold_edges`, `border_edges`."""
 
-    def scatter(self, verts: Tensor, source_positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scatter(self, verts: NDArray[np.float64], source_positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Move every source vertex by the displacement of its welded vertex; unused vertices do not move.
 
         Vertices that were a rounding error apart therefore stay so, and a deformation that moves nothing returns the
         source's numbers exactly. `verts`, (V, 3) float64: deformed positions of the welded vertices; `source_positions`
         is (N, 3) float64. Returns (N, 3) float64.
         """
-        moved = (verts.detach() - self.mesh.verts).numpy()
+        moved = verts - self.mesh.verts
         out = source_positions.copy()
         used = self.vertex_map >= 0
         out[used] += moved[self.vertex_map[used]]
@@ -50,7 +48,7 @@ class WeldedMesh:
         source_positions : (N, 3) float64
             The source vertices in any pose or shape.
         """
-        return TriangleMesh(torch.from_numpy(source_positions[self.first_rows()]), self.mesh.faces)
+        return TriangleMesh(source_positions[self.first_rows()], self.mesh.faces)
 
     def first_rows(self) -> NDArray[np.int64]:
         """Return the first source vertex (V,) of each welded one."""
@@ -96,9 +94,7 @@ def weld(
     renumber = np.full(len(points), -1, np.int64)
     renumber[kept] = np.arange(len(kept))
     vertex_map = np.where(merged >= 0, renumber[np.maximum(merged, 0)], -1)
-    mesh = RestMesh(
-        torch.from_numpy(points[kept].astype(np.float64)), torch.from_numpy(faces.reshape(-1, 3).astype(np.int64))
-    )
+    mesh = RestMesh(points[kept], faces.reshape(-1, 3).astype(np.int64))
     areas = mesh.areas
     if not (areas > 0).any():
         raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")

@@ -18,14 +18,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.errors import AlignmentError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import even_samples
-from meshdeform.guidance.points import LIMITS, Landmark, diagonal_of
+from meshdeform.guidance.landmarks import LIMITS, Landmark, diagonal_of
 
 LEAST_OVERLAP = 0.2
 """Share of either surface that must be near the other one."""
@@ -56,7 +55,7 @@ class Alignment:
 
     def place_mesh(self, mesh: TriangleMesh) -> TriangleMesh:
         """Return the target in the frame of the source."""
-        return TriangleMesh(torch.from_numpy(self.place(mesh.verts.numpy())), mesh.faces)
+        return TriangleMesh(self.place(mesh.verts), mesh.faces)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the alignment for the report; the matrix as rows."""
@@ -147,7 +146,7 @@ def _best_turn(grade: Callable[[float], float]) -> float:
 
 def _moments(mesh: RestMesh) -> tuple[_Floats, float]:
     """Return the centre of mass (3,) and the root of the sum of the second moments, without faces that are far away."""
-    corners, areas = mesh.verts.numpy()[mesh.faces.numpy()], mesh.areas
+    corners, areas = mesh.verts[mesh.faces], mesh.areas
     middles = corners.mean(1)
     kept = areas > 0
     for _ in range(_ROUNDS):
@@ -168,12 +167,12 @@ def _moments(mesh: RestMesh) -> tuple[_Floats, float]:
 
 def _surface_samples(mesh: RestMesh) -> tuple[_Floats, _Floats]:
     face, weights = even_samples(mesh.areas, _SAMPLES, 0)
-    return (mesh.verts.numpy()[mesh.faces.numpy()[face]] * weights[:, :, None]).sum(1), mesh.normals.numpy()[face]
+    return (mesh.verts[mesh.faces[face]] * weights[:, :, None]).sum(1), mesh.normals[face]
 
 
 def _overlap(goal: RestMesh, rest: RestMesh, matrix: _Floats) -> float:
     ours, theirs = _surface_samples(rest)[0], _surface_samples(goal)[0] @ matrix[:3, :3].T + matrix[:3, 3]
-    corners = goal.verts.numpy()[np.unique(goal.faces.numpy())] @ matrix[:3, :3].T
+    corners = goal.verts[np.unique(goal.faces)] @ matrix[:3, :3].T
     near = LIMITS[0] * float(np.linalg.norm(np.ptp(corners, axis=0)))
     shares = (cKDTree(a).query(b)[0] <= near for a, b in ((ours, theirs), (theirs, ours)))
     return min(float(share.mean()) for share in shares)

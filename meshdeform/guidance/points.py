@@ -25,14 +25,16 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_normals, sparse_product
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_normals
 from meshdeform.geometry.places import SurfaceTree, blend_matrix, even_samples
+from meshdeform.geometry.tensors import sparse_product
+from meshdeform.guidance.landmarks import LIMITS, Landmark, bound, diagonal_of
 
 SAMPLES = 20_000
 EVERY_STEPS = 10
 """Steps between two searches for pairs."""
-LIMITS = (0.10, 0.02)
-"""Greatest distance of a pair at the first and at the last step, as a share of the diagonal."""
+_WEIGHT = 10.0
+"""Of landmarks."""
 
 _LEAST_COSINE = 0.5
 _UNIT = 0.01
@@ -67,18 +69,18 @@ class PointTerm:
         self._target = goal = RestMesh.of(target)
         self._seed, self._samples = seed, samples
         self._diagonal = diagonal_of(goal)
-        self._tree = _tree_of(goal.verts.numpy(), goal, self._diagonal)
+        self._tree = _tree_of(goal.verts, goal, self._diagonal)
         self._border = _border_of(goal)
         face, weights = even_samples(goal.areas, samples, seed)
-        self._points = (goal.verts.numpy()[goal.faces.numpy()[face]] * weights[:, :, None]).sum(1)
-        self._normals = goal.normals.numpy()[face]
+        self._points = (goal.verts[goal.faces[face]] * weights[:, :, None]).sum(1)
+        self._normals = goal.normals[face]
 
     def begin(self, mesh: TriangleMesh) -> None:
         """Place the samples on the mesh at rest that is deformed."""
         self._mesh = rest = RestMesh.of(mesh)
         self._mesh_border = _border_of(rest)
         self._face, weights = even_samples(rest.areas, self._samples, self._seed + 1)
-        self._sampler = blend_matrix(rest.faces.numpy()[self._face], weights, len(rest.verts))
+        self._sampler = blend_matrix(rest.faces[self._face], weights, len(rest.verts))
 
     def pair(self, verts: Tensor, offset: Tensor, fraction: float) -> Tensor:
         """Find the pairs for a shape.
@@ -96,16 +98,16 @@ class PointTerm:
         The translation (3,) float64 that brings the pairs that count together best.
         """
         moved = (verts + offset).numpy()
-        normals = face_normals(verts, self._mesh.faces).numpy()
+        normals = face_normals(verts.numpy(), self._mesh.faces)
         limit = self._diagonal * (LIMITS[0] + (LIMITS[1] - LIMITS[0]) * fraction)
-        goal, faces = self._target, self._mesh.faces.numpy()
+        goal, faces = self._target, self._mesh.faces
         samples = self._sampler @ moved
         face, weights = self._tree.find(samples, normals[self._face])
-        near = (goal.verts.numpy()[goal.faces.numpy()[face]] * weights[:, :, None]).sum(1)
-        there = goal.normals.numpy()[face]
+        near = (goal.verts[goal.faces[face]] * weights[:, :, None]).sum(1)
+        there = goal.normals[face]
         counts = (there * normals[self._face]).sum(1) >= _LEAST_COSINE
         counts &= np.linalg.norm(near - samples, axis=1) <= limit
-        counts &= ~on_border(self._border, goal.faces.numpy()[face], weights)
+        counts &= ~on_border(self._border, goal.faces[face], weights)
         forward = self._kept(self._sampler, near, there, counts)
         apart, across = [(near - samples)[counts]], [there[counts]]
         face, weights = _tree_of(moved, self._mesh, self._diagonal, normals).find(self._points, self._normals)
@@ -144,12 +146,6 @@ class PointTerm:
         return total, float(np.mean([pairs.weight for pairs in self._pairs]))
 
 
-def diagonal_of(mesh: TriangleMesh) -> float:
-    """Return the diagonal of the bounding box of the vertices that faces use."""
-    used = mesh.verts.numpy()[np.unique(mesh.faces.numpy())]
-    return float(np.linalg.norm(np.ptp(used, axis=0)))
-
-
 def on_border(border: _Flags, corners: _Index, weights: _Floats) -> _Flags:
     """Return flags (P,) of the places on an open border.
 
@@ -162,25 +158,14 @@ def on_border(border: _Flags, corners: _Index, weights: _Floats) -> _Flags:
 
 def _border_of(mesh: RestMesh) -> _Flags:
     flags = np.zeros(len(mesh.verts), bool)
-    flags[mesh.edges.edges[mesh.edges.counts == 1].numpy().ravel()] = True
+    flags[mesh.edges.edges[mesh.edges.counts == 1].ravel()] = True
     return flags
 
 
 def _tree_of(verts: _Floats, mesh: RestMesh, diagonal: float, normals: _Floats | None = None) -> SurfaceTree:
-    normals = mesh.normals.numpy() if normals is None else normals
+    normals = mesh.normals if normals is None else normals
     spacing, opposite = 0.02 * diagonal, 0.1 * diagonal
-    return SurfaceTree(verts, mesh.faces.numpy(), normals, spacing=spacing, opposite=opposite, slack=0.2)
-
-
-_WEIGHT = 10.0
-
-
-@dataclass(frozen=True)
-class Landmark:
-    """A point (3,) float64 of the mesh at rest, and the place (3,) float64 to which it goes."""
-
-    source: NDArray[np.float64]
-    target: NDArray[np.float64]
+    return SurfaceTree(verts, mesh.faces, normals, spacing=spacing, opposite=opposite, slack=0.2)
 
 
 class LandmarkTerm:
@@ -190,22 +175,13 @@ class LandmarkTerm:
     """
 
     def __init__(self, landmarks: Sequence[Landmark], diagonal: float) -> None:
-        self._sources = np.array([each.source for each in landmarks])
+        self._landmarks = landmarks
         self._goals = torch.from_numpy(np.array([each.target for each in landmarks]))
         self._unit = _UNIT * diagonal
 
     def begin(self, mesh: TriangleMesh) -> None:
         """Bind the landmarks to the nearest places on the mesh at rest."""
-        rest = RestMesh.of(mesh)
-        verts, faces = rest.verts.numpy(), rest.faces.numpy()
-        spacing = 0.02 * float(np.linalg.norm(np.ptp(verts, axis=0)))
-        tree = SurfaceTree(verts, faces, rest.normals.numpy(), spacing=spacing, opposite=0.0)
-        face, weights = tree.find(self._sources, np.zeros_like(self._sources))
-        self._blend = blend_matrix(faces[face], weights, len(verts))
-
-    def distances(self, verts: Tensor) -> NDArray[np.float64]:
-        """Return the distance (L,) of each landmark of a shape (V, 3) from its place."""
-        return np.asarray((sparse_product(self._blend, verts) - self._goals).norm(dim=1).numpy())
+        self._blend = bound(self._landmarks, mesh)
 
     def loss(self, verts: Tensor, offset: Tensor) -> Tensor:
         """Return the loss as a scalar, differentiable in the vertices (V, 3)."""

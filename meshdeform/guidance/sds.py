@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -42,20 +42,11 @@ from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
+from meshdeform.guidance.weighted import WeightedPrompt
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
     from meshdeform.rendering.shading import RenderStyle, Shading
-
-
-@dataclass(frozen=True)
-class WeightedPrompt:
-    """One of several prompts."""
-
-    text: str
-    weight: float = 1.0  # factor of its gradient
-    group: int = 0
-    """Prompts of one group share a loss. Groups count from 0, in the order of their first prompts."""
 
 
 class Texts:

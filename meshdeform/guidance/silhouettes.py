@@ -11,38 +11,31 @@ from the pixels of the mask that are not covered to the nearest vertex of the me
 a surface that has none, which the other two hardly do, since they only see how the outline itself moves. All are 0 for
 equal silhouettes only.
 
-**Scale.** The pictures get scales that agree (`geometry.pictures`); the size of all together is that with which the
-masks spread on average as the asset does from the same directions.
-
-**Place.** Before every comparison the mask is moved so that both silhouettes have the same centre of area, since the
-solve keeps the asset's centre of mass in place.
+`masks.py` says what size and place the masks get.
 
 Source of the soft intersection over union: Liu et al. 2019, Soft Rasterizer, eq. 8.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy import spatial
 from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
+from meshdeform.geometry.pictures import SilhouetteView
+from meshdeform.geometry.tensors import faces_of
 from meshdeform.guidance.base import Guidance, HeavyGuidance, StepContext
-from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.rasterizer import CoverageRenderer
+from meshdeform.guidance.masks import SIDE, PlacedMask, placed_masks
+from meshdeform.rendering.cameras import Cameras
+from meshdeform.rendering.rasterizer import CoverageRenderer, projected
 from meshdeform.rendering.shading import RenderStyle
 
-_SIDE = 128
-_MARGIN = 1.25
-"""Radius that just fits the view, relative to the farthest point of asset or mask."""
 _DISTANCE_WEIGHT = 8.0
 
 
@@ -54,6 +47,12 @@ class _Placed:
     mask: Tensor
     distance: Tensor
     centre: Tensor
+
+    @classmethod
+    def of(cls, placed: PlacedMask, device: str | torch.device) -> Self:
+        """Return a view as tensors on a device."""
+        mask, away = (torch.from_numpy(each).float().to(device) for each in (placed.mask, placed.distance))
+        return cls(placed.cameras, mask, away, _centre_of(mask))
 
     def moved_to(self, covered: Tensor) -> tuple[Tensor, Tensor]:
         """Return mask and signed distance (S, S), moved so that the mask has the centre of `covered` (S, S)."""
@@ -80,7 +79,7 @@ class SilhouetteTerm:
     """
 
     def __init__(
-        self, views: Sequence[SilhouetteView], *, device: str | torch.device = "cpu", side: int = _SIDE
+        self, views: Sequence[SilhouetteView], *, device: str | torch.device = "cpu", side: int = SIDE
     ) -> None:
         self._views, self._device, self._side = list(views), device, side
         self._placed: list[_Placed] = []
@@ -94,48 +93,8 @@ class SilhouetteTerm:
         SilhouetteError
             The pictures contradict their directions.
         """
-        self._renderer = CoverageRenderer(mesh.faces, len(mesh.verts), self._side, self._device)
-        scales = picture_scales(self._views)
-        spreads = [mask_spread(view.mask) * scale for view, scale in zip(self._views, scales, strict=True)]
-        reach = float(mesh.verts.norm(dim=1).max())
-        own = [mask_spread(mask) * unit for mask, unit in self._rest_masks(mesh, reach)]
-        size = math.exp(float(np.mean(np.log(np.array(own) / np.array(spreads)))))
-        self._placed = []
-        for view, scale in zip(self._views, scales * size, strict=True):
-            radius = _MARGIN * max(reach, mask_radius(view.mask) * scale)
-            self._placed.append(self._place(view, scale, radius))
-
-    def _rest_masks(self, mesh: TriangleMesh, reach: float) -> list[tuple[NDArray[np.bool_], float]]:
-        """Return the coverage of each view by the mesh, and the length of a pixel in the plane of the origin."""
-        assert self._renderer is not None
-        masks = []
-        for view in self._views:
-            cameras = _cameras(view, _MARGIN * reach).to(self._device)
-            with torch.no_grad():
-                covered = self._renderer.render(mesh.verts.float().to(self._device), cameras)[0]
-            masks.append((covered.cpu().numpy() > 0.5, _view_width(view, _MARGIN * reach) / self._side))
-        return masks
-
-    def _place(self, view: SilhouetteView, scale: float, radius: float) -> _Placed:
-        width = _view_width(view, radius) / scale  # in pixels of the picture
-        height, wide = view.mask.shape
-        centre = mask_centre(view.mask)
-        # A picture with the mask's centre of area in its middle, sampled finer than the view and averaged down.
-        fine = 4
-        steps = (np.arange(self._side * fine) + 0.5) / (self._side * fine) - 0.5
-        rows, columns = centre[0] + steps * width, centre[1] + steps * width
-        inside = ((rows >= 0) & (rows < height))[:, None] & ((columns >= 0) & (columns < wide))[None]
-        at_rows, at_columns = (
-            np.clip(np.floor(at).astype(int), 0, most - 1) for at, most in ((rows, height), (columns, wide))
-        )
-        sampled = view.mask[at_rows[:, None], at_columns[None]] & inside
-        mask = sampled.reshape(self._side, fine, self._side, fine).mean((1, 3))
-        from scipy import ndimage  # a part of scipy that no other run needs
-
-        outside = ndimage.distance_transform_edt(~sampled) - ndimage.distance_transform_edt(sampled)
-        distance = outside.reshape(self._side, fine, self._side, fine).mean((1, 3)) / (self._side * fine)
-        goal, away = (torch.from_numpy(each).float().to(self._device) for each in (mask, distance))
-        return _Placed(_cameras(view, radius).to(self._device), goal, away, _centre_of(goal))
+        self._renderer = CoverageRenderer(faces_of(mesh), len(mesh.verts), self._side, self._device)
+        self._placed = [_Placed.of(each, self._device) for each in placed_masks(self._views, mesh, self._side)]
 
     def loss(self, verts: Tensor, _context: StepContext | None = None) -> tuple[Tensor, dict[str, float]]:
         """Return the loss above, float64 and differentiable in the vertices (V, 3); and `silhouette_iou`, its mean."""
@@ -155,7 +114,7 @@ class SilhouetteTerm:
 
     def _unreached(self, verts: Tensor, cameras: Cameras, covered: Tensor, mask: Tensor) -> Tensor:
         """Return the sum of the distances from uncovered pixels of the mask to the nearest vertices, in sides."""
-        clip = verts @ cameras.view_proj[0, :, :3].to(verts.dtype).T + cameras.view_proj[0, :, 3].to(verts.dtype)
+        clip = projected(verts, cameras)[0]
         places = torch.stack([1 - clip[:, 1] / clip[:, 3], 1 + clip[:, 0] / clip[:, 3]], 1) / 2  # row, column
         rows, columns = ((mask > 0.5) & (covered < 0.5)).nonzero(as_tuple=True)
         if not len(rows):
@@ -165,36 +124,12 @@ class SilhouetteTerm:
         apart = missing.to(places) - places[torch.from_numpy(nearest).to(places.device)]
         return (apart.square().sum(1) + 1e-12).sqrt().sum()
 
-    def overlaps(self, verts: Tensor) -> list[float]:
-        """Return the intersection over union of every view's silhouettes for vertices (V, 3)."""
-        return [float((a & m).sum() / max((a | m).sum(), 1)) for a, m in self.masks(verts)]
-
-    @torch.no_grad()
-    def masks(self, verts: Tensor) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-        """Return for every view what vertices (V, 3) cover and what they should cover, (S, S) each."""
-        assert self._renderer is not None, "begin() has not been called"
-        masks = []
-        for placed in self._placed:
-            covered = self._renderer.render(verts.float().to(self._device), placed.cameras)[0]
-            pair = (covered, placed.moved_to(covered)[0])
-            masks.append(tuple(np.asarray(each.cpu().numpy() > 0.5) for each in pair))
-        return masks  # type: ignore[return-value]
-
 
 def _centre_of(image: Tensor) -> Tensor:
     """Return the centre of area (row, column) of an image (S, S), in pixels from its middle."""
     steps = torch.arange(len(image), device=image.device, dtype=image.dtype) + 0.5 - len(image) / 2
     total = image.sum().clamp_min(1e-6)
     return torch.stack([(image.sum(1) * steps).sum() / total, (image.sum(0) * steps).sum() / total])
-
-
-def _cameras(view: SilhouetteView, radius: float) -> Cameras:
-    return fixed_cameras(view.azimuth_deg, view.elevation_deg, view.fov_deg, views=1, fitting_radius=radius)
-
-
-def _view_width(view: SilhouetteView, radius: float) -> float:
-    """Return the width of a view in the plane through the origin."""
-    return 2 * radius / math.cos(math.radians(view.fov_deg) / 2)
 
 
 _UNSEEN = RenderStyle(view_size=8, supersample=1)

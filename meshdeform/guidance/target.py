@@ -23,8 +23,10 @@ from torch import Tensor
 
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.points import EVERY_STEPS, Landmark, LandmarkTerm, PointTerm, diagonal_of
+from meshdeform.guidance.landmarks import Landmark, diagonal_of
+from meshdeform.guidance.points import EVERY_STEPS, LandmarkTerm, PointTerm
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
@@ -69,8 +71,8 @@ class TargetGuidance:
     ) -> None:
         self.style = style
         self.identity = identity or {"id": "target", "revision": "", "sha256": _sha256(mesh)}
-        self._verts = mesh.verts.to(device)
-        self._renderer = Renderer(mesh.faces, mesh.verts.shape[0], style, device)
+        self._verts = verts_of(mesh).to(device)
+        self._renderer = Renderer(faces_of(mesh), len(mesh.verts), style, device)
         self._points = PointTerm(mesh, seed=seed) if point_weight else None
         self._point_weight = point_weight
         self._landmarks = LandmarkTerm(landmarks, diagonal_of(mesh)) if landmarks else None
@@ -152,6 +154,6 @@ class TargetGuidance:
 
 
 def _sha256(mesh: TriangleMesh) -> str:
-    digest = hashlib.sha256(mesh.verts.numpy().tobytes())
-    digest.update(mesh.faces.numpy().tobytes())
+    digest = hashlib.sha256(mesh.verts.tobytes())
+    digest.update(mesh.faces.tobytes())
     return digest.hexdigest()

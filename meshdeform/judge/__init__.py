@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
-from meshdeform.judge.scoring import WEIGHTS, Judge
+from meshdeform.judge.network import WEIGHTS
+from meshdeform.judge.scoring import Judge
 
 __all__ = ["WEIGHTS", "Judge"]

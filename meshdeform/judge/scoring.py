@@ -4,130 +4,44 @@ The views are clay on white, one channel, 64 pixels per view. They differ from t
 normals as colours, elevations of 0 to 30 degrees and a field of view of 30 to 45 degrees: these are from below and
 above these elevations, with a narrower field of view, smoothly shaded clay and one view per picture.
 
-The network is a small residual one that classifies a single view. The mean of the logits of several views, times a
-sharpness that was fitted on real assets, gives the probabilities. The weights are half precision safetensors that
-record their vocabulary.
+The network classifies single views. The mean of the logits of several views, times a sharpness that was fitted on real
+assets, gives the probabilities.
 
-Sources: He et al. 2016 (residual networks), Guo et al. 2017 (the sharpness is the inverse of their temperature).
+Source: Guo et al. 2017 (the sharpness is the inverse of their temperature).
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
-from safetensors import SafetensorError, safe_open
-from torch import Tensor, nn
+from numpy.typing import NDArray
 
-from meshdeform.errors import ModelError, ShapeError
+from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.priors.builtin.network import file_sha256
+from meshdeform.judge.network import WEIGHTS, Network, read_weights
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.rendering.clay import ClayRenderer
+from meshdeform.support.files import file_sha256
 from meshdeform.vocabulary.grammar import parse
 
 VIEW_SIZE = 64
-_STYLE = RenderStyle(view_size=VIEW_SIZE, supersample=2, shading="lambert", background=(0.0, 0.0, 0.0))
+_SUPERSAMPLE = 2
 _FOV_DEG = (20.0, 28.0)
 _FROM_BELOW_DEG = (-25.0, -8.0)
 _FROM_ABOVE_DEG = (36.0, 58.0)
+_Floats = NDArray[np.float64]
+_Singles = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class JudgeConfig:
-    """Sizes of the network, whose defaults are those of the shipped weights, and the nouns that it tells apart."""
-
-    nouns: tuple[str, ...]
-    stem: int = 24
-    channels: tuple[int, int, int] = (64, 128, 256)
-
-
-class _Block(nn.Module):
-    """Two 3 x 3 convolutions that halve the picture, with a 1 x 1 convolution as shortcut."""
-
-    def __init__(self, inner: int, outer: int) -> None:
-        super().__init__()
-        self.conv_in = nn.Conv2d(inner, outer, 3, stride=2, padding=1, bias=False)
-        self.norm_in = nn.BatchNorm2d(outer)
-        self.conv_out = nn.Conv2d(outer, outer, 3, padding=1, bias=False)
-        self.norm_out = nn.BatchNorm2d(outer)
-        self.skip = nn.Conv2d(inner, outer, 1, stride=2, bias=False)
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Map (B, inner, H, W) to (B, outer, H / 2, W / 2)."""
-        h = torch.relu(self.norm_in(self.conv_in(x)))
-        return torch.relu(self.skip(x) + self.norm_out(self.conv_out(h)))
-
-
-class JudgeNetwork(nn.Module):
-    """Network that classifies single views."""
-
-    sharpness: Tensor
-    commonness: Tensor
-
-    def __init__(self, config: JudgeConfig) -> None:
-        super().__init__()
-        self.config = config
-        c0, (c1, c2, c3) = self.config.stem, self.config.channels
-        self.stem = nn.Sequential(nn.Conv2d(1, c0, 5, stride=2, padding=2, bias=False), nn.BatchNorm2d(c0), nn.ReLU())
-        self.blocks = nn.Sequential(_Block(c0, c1), _Block(c1, c2), _Block(c2, c3))
-        self.noun_head = nn.Linear(c3, len(config.nouns))
-        # A factor of the mean over the views: views of one mesh are correlated, so their sum would be overconfident.
-        self.register_buffer("sharpness", torch.ones(()))
-        self.register_buffer("commonness", torch.zeros(len(config.nouns)))
-
-    def forward(self, images: Tensor) -> Tensor:
-        """Return the logits (B, N) float32 of the nouns for views (B, 1, 64, 64) float32 from `draw_views`."""
-        features = self.blocks(self.stem(images * 2.0 - 1.0)).mean((2, 3))
-        logits: Tensor = self.noun_head(features).float()
-        return logits
-
-
-WEIGHTS = Path(__file__).parent / "weights" / "judge.safetensors"
-
-_ADVICE = (
-    "Install meshdeform again (the weights are part of the package), or train them: python -m training.judge.train."
-)
-
-
-def read_judge(path: Path = WEIGHTS) -> tuple[JudgeNetwork, dict[str, str]]:
-    """Read the network in float32 for inference, and the file's metadata.
-
-    Raises
-    ------
-    ModelError
-        The file is missing, not safetensors, or of another network.
-    """
-    if not path.is_file():
-        raise ModelError(f"The judge's weights are missing: there is no {path.name} in {path.parent}.", advice=_ADVICE)
-    try:
-        with safe_open(path, framework="pt") as file:
-            metadata = dict(file.metadata() or {})
-            state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118 (not a dict)
-    except SafetensorError as error:
-        raise ModelError(f"The judge's weights in {path} cannot be read: {error}.", advice=_ADVICE) from error
-    try:
-        config = json.loads(metadata["config"])
-        network = JudgeNetwork(JudgeConfig(tuple(config["nouns"]), config["stem"], tuple(config["channels"])))
-        missing, strange = network.load_state_dict(state, strict=False)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise ModelError(f"The judge's weights in {path} are of another network.", advice=_ADVICE) from error
-    if strange or [name for name in missing if not name.endswith(("num_batches_tracked", "commonness"))]:
-        raise ModelError(f"The judge's weights in {path} are of another network.", advice=_ADVICE)
-    network.eval().requires_grad_(requires_grad=False)
-    return network, metadata
-
-
-def judging_cameras() -> tuple[Cameras, Cameras]:
+def judging_cameras() -> Cameras:
     """Return the eight fixed cameras: azimuths 0, 90, ... from 15 degrees below, 45, 135, ... from 45 degrees above.
 
     Quarter turns of the mesh about the vertical axis only permute the views.
     """
-    return fixed_cameras(0.0, -15.0, 24.0), fixed_cameras(45.0, 45.0, 24.0)
+    azimuths = tuple(first + 90.0 * k for first in (0.0, 45.0) for k in range(4))
+    return fixed_cameras(azimuths, (-15.0,) * 4 + (45.0,) * 4, 24.0)
 
 
 def training_cameras(rng: np.random.Generator) -> Cameras:
@@ -138,7 +52,7 @@ def training_cameras(rng: np.random.Generator) -> Cameras:
     return fixed_cameras(azimuth, tuple(elevations[k] for k in order), fov)
 
 
-def framed(mesh: TriangleMesh) -> Tensor:
+def framed(mesh: TriangleMesh) -> _Floats:
     """Centre the vertices (V, 3) float64 on the bounding box of the surface and scale them into the unit sphere.
 
     Unused vertices do not affect the box.
@@ -148,30 +62,26 @@ def framed(mesh: TriangleMesh) -> Tensor:
     ShapeError
         There are no faces, the surface is a single point, or a position is not finite.
     """
-    used = mesh.verts[mesh.faces.reshape(-1)]
-    if not used.numel() or not bool(used.isfinite().all()):
+    used = mesh.verts[np.flatnonzero(np.bincount(mesh.faces.ravel()))]
+    if not used.size or not np.isfinite(used).all():
         raise ShapeError("the judge needs a mesh with faces and finite positions")
-    centre = (used.amin(0) + used.amax(0)) / 2
-    radius = (used - centre).norm(dim=1).max()
-    if not float(radius) > 0:
+    centre = (used.min(0) + used.max(0)) / 2
+    radius = float(np.linalg.norm(used - centre, axis=1).max())
+    if not radius > 0:
         raise ShapeError("the judge needs a mesh with an extent, but all vertices are one point")
-    placed: Tensor = (mesh.verts - centre) / radius
-    return placed
+    return np.asarray((mesh.verts - centre) / radius)
 
 
-@torch.no_grad()
-def draw_views(mesh: TriangleMesh, *cameras: Cameras) -> Tensor:
+def draw_views(mesh: TriangleMesh, cameras: Cameras) -> _Singles:
     """Render the framed mesh from all cameras.
 
     Returns
     -------
-    (N, 1, 64, 64) float32 in [0, 1]: 1 is background. On the surface, 0 faces the light and 0.75 is in shade, so
-    shading is never mistaken for background.
+    (B, 64, 64) float32 in [0, 1]: 1 is background. On the surface, 0 faces the light and 0.75 is in shade, so shading
+    is never mistaken for background.
     """
-    verts = framed(mesh)
-    renderer = Renderer(mesh.faces, len(verts), _STYLE)
-    images = torch.cat([renderer.render(verts, group)[..., :1] for group in cameras])
-    return (1.0 - images.permute(0, 3, 1, 2)).clamp(0.0, 1.0)
+    images = ClayRenderer(mesh.faces, VIEW_SIZE, _SUPERSAMPLE).render(framed(mesh), cameras)
+    return np.clip(1 - images, 0, 1)
 
 
 class Judge:
@@ -196,16 +106,16 @@ class Judge:
     """
 
     def __init__(self, weights: Path = WEIGHTS) -> None:
-        self._network, metadata = read_judge(weights)
-        self.nouns = self._network.config.nouns
+        found = read_weights(weights)
+        self._network, self.nouns = Network(found), found.config.nouns
         self._cameras = judging_cameras()
         self.identity: dict[str, str] = {
             "id": "judge",
-            "revision": f"{metadata.get('steps', '?')} steps, seed {metadata.get('seed', '?')}",
+            "revision": f"{found.metadata.get('steps', '?')} steps, seed {found.metadata.get('seed', '?')}",
             "sha256": file_sha256(weights),
         }
 
-    def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> Tensor:
+    def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> _Singles:
         """Score how well the noun of each prompt fits the mesh; attributes do not count.
 
         Parameters
@@ -241,12 +151,12 @@ class Judge:
         ShapeError
             As in `log_likelihoods`.
         """
-        scores = self._scores(mesh)
+        scores = self._scores(mesh).astype(np.float64)
         if of_public:
-            scores = scores + self._network.commonness
-        return dict(zip(self.nouns, torch.softmax(scores, 0).tolist(), strict=True))
+            scores += self._network.commonness
+        shares = np.exp(scores - scores.max())
+        return dict(zip(self.nouns, (shares / shares.sum()).tolist(), strict=True))
 
-    @torch.no_grad()
-    def _scores(self, mesh: TriangleMesh) -> Tensor:
-        logits: Tensor = self._network(draw_views(mesh, *self._cameras))
-        return logits.mean(0) * self._network.sharpness
+    def _scores(self, mesh: TriangleMesh) -> _Singles:
+        logits = self._network.logits(draw_views(mesh, self._cameras))
+        return np.asarray(logits.mean(0) * np.float32(self._network.sharpness))

@@ -1,1 +1,1 @@
-"""Render a mesh differentiably: cameras, rasterizer, shading, and the combination of four views into one image."""
+"""Draw meshes: in numpy for people and the judge, and differentiably, with torch, for what guides by pictures."""

@@ -1,12 +1,13 @@
 """Look up the base colours of a surface at its pixels: factor, texture, vertex colour, cut-outs and transparency.
 
-Colours are differentiable in the interpolated attributes, and through them in the positions. A cut-out has no gradient
-if each pixel is either kept or removed, so `coverage` gives a pixel at the edge of a cut-out the share that is kept::
+Arrays are numpy's for pictures, and torch's tensors where a picture is differentiated: a look is given the library at
+the start and computes with it. Colours are differentiable in the interpolated attributes, and through them in the
+positions. A cut-out has no gradient if each pixel is either kept or removed, so `coverage` gives a pixel at the edge of
+a cut-out the share that is kept::
 
     coverage = clamp((alpha - cutoff) / w + 1/2, 0, 1)         w = |grad alpha| in alpha per pixel, constant
 
-which is the area left of a straight edge through the pixel; its gradient moves that edge. Transparent surfaces behind
-each other are composed from front to back, in linear light.
+which is the area left of a straight edge through the pixel; its gradient moves that edge.
 
 All textures of an asset are in one array, with their halved copies, filtered bilinearly. A face uses the copy whose
 texels are about as large as its pixels, so that fine patterns do not flicker. Wrap modes are those of the sampler.
@@ -18,15 +19,16 @@ glTF 2.0 specification, section 3.8.4 (samplers).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.geometry.appearance import Appearance, Texture
-from meshdeform.rendering.rasterizer import EMPTY_DEPTH, Fragments
+
+Array = Any
+"""A numpy array or a torch tensor."""
 
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
 _LEVELS = 11
@@ -40,88 +42,119 @@ class Textures:
     ----------
     textures : sequence of Texture or None
         One per paint; None is white.
+    library : module
+        numpy or torch.
+    as_array : callable
+        Makes an array of the library from one of numpy.
+
+    Attributes
+    ----------
+    extents : (2, N) float32
+        Width and height of each paint's texture.
     """
 
-    def __init__(self, textures: Sequence[Texture | None], device: torch.device | str = "cpu") -> None:
+    def __init__(
+        self, textures: Sequence[Texture | None], library: Any = np, as_array: Callable[[Any], Array] = np.asarray
+    ) -> None:
         starts, sizes, chunks, at = [], [], [], 0
         shared: dict[int, tuple[list[int], list[tuple[int, int]]]] = {}
-        for texture in (texture_or_white or _WHITE for texture_or_white in textures):
+        some = [texture or _WHITE for texture in textures]
+        for texture in some:
             if id(texture.pixels) not in shared:
                 levels = _halved(texture.pixels) if texture.reduced else [texture.pixels]
                 place = [at + sum(level.shape[0] * level.shape[1] for level in levels[:k]) for k in range(len(levels))]
-                shared[id(texture.pixels)] = place, [level.shape[:2] for level in levels]
+                shared[id(texture.pixels)] = place, [level.shape[1::-1] for level in levels]
                 chunks += [level.reshape(-1, 4) for level in levels]
                 at += sum(level.shape[0] * level.shape[1] for level in levels)
             place, size = shared[id(texture.pixels)]
             starts.append([place[min(k, len(place) - 1)] for k in range(_LEVELS)])
             sizes.append([size[min(k, len(size) - 1)] for k in range(_LEVELS)])
-        wraps = [[_WRAPS[mode] for mode in (texture_or_white or _WHITE).wrap] for texture_or_white in textures]
-        self._texels = torch.from_numpy(np.concatenate(chunks)).to(device)
-        self._starts = torch.tensor(starts, device=device)
-        self._sizes = torch.tensor(sizes, device=device)
-        self._wraps = torch.tensor(wraps, device=device)
-        self._nearest = torch.tensor(
-            [texture_or_white is not None and texture_or_white.nearest for texture_or_white in textures], device=device
-        )
-        self._linear = linear_from_srgb(torch.arange(256, device=device) / 255)
+        extents = np.array(sizes, np.float32).transpose(2, 0, 1)
+        wraps = np.array([[_WRAPS[mode] for mode in texture.wrap] for texture in some]).T
+        nearest = np.array([texture.nearest for texture in some])
+        self._library = library
+        self._texels = as_array(np.concatenate(chunks))
+        self._starts = as_array(np.array(starts).reshape(-1))
+        self._extents = [as_array(each.reshape(-1)) for each in extents]
+        self.extents = as_array(np.ascontiguousarray(extents[:, :, 0]))
+        self._wraps = [as_array(np.ascontiguousarray(each)) if each.any() else None for each in wraps]
+        self._nearest = as_array(nearest) if nearest.any() else None
+        shares = np.arange(256, dtype=np.float32) / np.float32(255)
+        self._decoded = [as_array(linear_from_srgb(shares))] * 3 + [as_array(shares)]
 
-    @property
-    def sizes(self) -> Tensor:
-        """Height and width (N, 2) of each paint's texture."""
-        return self._sizes[:, 0]
-
-    def sample(self, paint: Tensor, texcoords: Tensor, level: Tensor) -> Tensor:
+    def sample(self, paint: Array, texcoords: Array, level: Array) -> Array:
         """Look up colours.
 
         Parameters
         ----------
         paint : (P,) int64
-        texcoords : (P, 2) floating
+        texcoords : (2, P) floating
             v downwards.
         level : (P,) floating
             Binary logarithm of the size of a pixel in texels, rounded down to a copy that exists.
 
         Returns
         -------
-        (P, 4) float32: linear RGB and alpha, differentiable in `texcoords`.
+        (4, P) floating: linear RGB and alpha, differentiable in `texcoords`.
         """
-        corners, share, _ = self._around(paint, texcoords, level)
-        upper, lower = (torch.lerp(left, right, share[:, :1]) for left, right in corners)
-        return torch.lerp(upper, lower, share[:, 1:])
+        corners, (across, along), _ = self._around(paint, texcoords, level, range(4))
+        upper, lower = (left + (right - left) * across for left, right in corners)
+        return upper + (lower - upper) * along
 
-    def alpha_slope(self, paint: Tensor, texcoords: Tensor, level: Tensor) -> Tensor:
-        """Return the gradient of alpha (P, 2) per texel of the picture itself; parameters as in `sample`."""
-        corners, share, copy = self._around(paint, texcoords, level)
-        (a, b), (c, d) = ([corner[:, 3] for corner in row] for row in corners)
-        slope = torch.stack([torch.lerp(b - a, d - c, share[:, 1]), torch.lerp(c - a, d - b, share[:, 0])], 1)
-        return slope * self._sizes[paint, copy].flip(-1) / self.sizes[paint].flip(-1)
+    def alpha_slope(self, paint: Array, texcoords: Array, level: Array) -> Array:
+        """Return the gradient of alpha (2, P) per texel of the picture itself; parameters as in `sample`."""
+        ((a, b), (c, d)), (across, along), copy = self._around(paint, texcoords, level, (3,))
+        by_u, by_v = (b - a) + (d - c - b + a) * along, (c - a) + (d - b - c + a) * across
+        shrunk = [extents[copy] / whole[paint] for extents, whole in zip(self._extents, self.extents, strict=True)]
+        return self._library.stack([by_u[0] * shrunk[0], by_v[0] * shrunk[1]], 0)
 
-    def _around(self, paint: Tensor, texcoords: Tensor, level: Tensor) -> tuple[list[list[Tensor]], Tensor, Tensor]:
-        """Return the colours of the four texels around, in rows, the shares (P, 2) of the latter ones, and the copy."""
-        copy = level.detach().floor().clamp(0, _LEVELS - 1).long()
-        size, start = self._sizes[paint, copy], self._starts[paint, copy]
-        square = self._nearest[paint] & (level < 0)
-        place = texcoords * size.flip(-1) - 0.5
-        place = torch.where(square[:, None], place.round(), place)
-        low = place.detach().floor()
-        share = place - low
-        width, wraps = size[:, 1], self._wraps[paint]
-        rows = [_wrapped(low[:, 1].long() + step, size[:, 0], wraps[:, 1]) * width + start for step in (0, 1)]
-        columns = [_wrapped(low[:, 0].long() + step, width, wraps[:, 0]) for step in (0, 1)]
-        corners = [[self._colours(row + column).to(share.dtype) for column in columns] for row in rows]
-        return corners, share, copy
+    def _around(
+        self, paint: Array, texcoords: Array, level: Array, channels: Sequence[int]
+    ) -> tuple[list[list[Array]], list[Array], Array]:
+        """Return the colours (C, P) of the four texels around, in rows, the shares (P,) of the latter ones, the copy.
 
-    def _colours(self, index: Tensor) -> Tensor:
-        texels = self._texels[index].long()
-        return torch.cat([self._linear[texels[:, :3]], texels[:, 3:] / 255], 1)
+        A copy is a number in the tables of all paints' copies.
+        """
+        library = self._library
+        copy = paint * _LEVELS + _whole(library.clip(library.floor(level), 0, _LEVELS - 1))
+        shares, places = [], []
+        for axis in (0, 1):
+            size, wraps = _taken(self._extents[axis], copy), self._wraps[axis]
+            place = texcoords[axis] * size - 0.5
+            if self._nearest is not None:
+                place = library.where(self._nearest[paint] & (level < 0), library.round(place), place)
+            low = library.floor(place)
+            mode = None if wraps is None else wraps[paint]
+            shares.append(place - low)
+            places.append([_whole(self._wrapped(low + step, size, mode)) for step in (0, 1)])
+        width, start = _whole(_taken(self._extents[0], copy)), _taken(self._starts, copy)
+        rows = [row * width + start for row in places[1]]
+        return [[self._colours(row + column, channels) for column in places[0]] for row in rows], shares, copy
+
+    def _wrapped(self, index: Array, count: Array, mode: Array | None) -> Array:
+        """Apply each wrap mode to a texel's index, a whole floating number; None repeats everywhere."""
+        library = self._library
+        wrapped = index - count * library.floor(index / count)
+        if mode is not None:
+            twice = index - 2 * count * library.floor(index / (2 * count))
+            wrapped = library.where(mode == _WRAPS["mirror"], library.minimum(twice, 2 * count - 1 - twice), wrapped)
+            wrapped = library.where(mode == _WRAPS["clamp"], index, wrapped)
+        # Also where the quotient is too large to be exact.
+        return library.minimum(library.clip(wrapped, 0, None), count - 1)
+
+    def _colours(self, index: Array, channels: Sequence[int]) -> Array:
+        texels = _taken(self._texels, index)
+        return self._library.stack([_taken(self._decoded[c], _whole(texels[:, c])) for c in channels], 0)
 
 
-def _wrapped(index: Tensor, count: Tensor, mode: Tensor) -> Tensor:
-    """Apply each wrap mode to a texel's index."""
-    twice = index.remainder(2 * count)
-    mirrored = torch.minimum(twice, 2 * count - 1 - twice)
-    clamped = torch.minimum(index.clamp_min(0), count - 1)
-    return torch.where(mode == 0, index.remainder(count), torch.where(mode == 1, clamped, mirrored))
+def _taken(table: Array, rows: Array) -> Array:
+    """Return rows of a table."""
+    return table.take(rows, 0) if isinstance(table, np.ndarray) else table[rows]
+
+
+def _whole(values: Array) -> Array:
+    """Return whole numbers as int64."""
+    return values.astype(np.int64) if isinstance(values, np.ndarray) else values.long()
 
 
 def _halved(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
@@ -135,74 +168,22 @@ def _halved(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     return levels
 
 
-def linear_from_srgb(values: Tensor) -> Tensor:
+def linear_from_srgb(values: Array, library: Any = np) -> Array:
     """Decode sRGB in [0, 1]."""
-    return torch.where(values <= 0.04045, values / 12.92, ((values.clamp_min(0.04045) + 0.055) / 1.055) ** 2.4)
+    curve = ((library.clip(values, 0.04045, None) + 0.055) / 1.055) ** 2.4
+    return library.where(values <= 0.04045, values / 12.92, curve)
 
 
-def srgb_from_linear(values: Tensor) -> Tensor:
+def srgb_from_linear(values: Array, library: Any = np) -> Array:
     """Encode linear light in [0, 1] as sRGB."""
-    return torch.where(values <= 0.0031308, values * 12.92, 1.055 * values.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
-
-
-_OPAQUE_ENOUGH = 0.98
-_INFINITE = 9.0
-_SEEN = 0.5
-"""Opacity from which a surface, and not what is behind it, has silhouettes."""
-
-
-class Layers:
-    """Layers of B views of `side` pixels.
-
-    `like`: of the dtype and device of the picture; `behind`, (B, side, side) float32 or None: depth up to which
-    triangles belong to earlier layers, for `rasterize`; `depth` and `removed`, (B, side, side) float32: for
-    `antialias`: depth of the surface that is seen, and of the farthest one in front of it that is cut out.
-    """
-
-    def __init__(self, views: int, side: int, like: Tensor) -> None:
-        self._shape = (views, side, side)
-        self._light = like.new_zeros(views * side * side, 3)
-        self._through = like.new_ones(views * side * side, 1)
-        self.behind: Tensor | None = None
-        self.depth = torch.full(self._shape, EMPTY_DEPTH, dtype=torch.float32, device=like.device)
-        self.removed = torch.full_like(self.depth, -torch.inf)
-        self._hidden = torch.zeros_like(self.depth, dtype=torch.bool)
-
-    def add(self, fragments: Fragments, pixels: Tensor, light: Tensor, alpha: Tensor) -> bool:
-        """Add the next layer behind the others; return whether what is behind it shows.
-
-        Parameters
-        ----------
-        fragments : Fragments
-            Found with `behind`.
-        pixels : (P,) int64
-            The covered pixels.
-        light : (P, 3)
-        alpha : (P, 1)
-        """
-        before = self._through[pixels]
-        share = before * alpha
-        self._light = self._light.index_add(0, pixels, share * light)
-        self._through = self._through.index_copy(0, pixels, before - share)
-        with torch.no_grad():
-            # Where an earlier layer is seen, this one is too, if at all, behind it.
-            left = self._through.view(self._shape)
-            new = (fragments.face_ids >= 0) & ~self._hidden
-            seen = new & (left < _SEEN)
-            self.depth = torch.where(seen, fragments.depth, self.depth)
-            self.removed = torch.where(new & ~seen, fragments.depth, self.removed)
-            self._hidden |= seen
-            open_ = (left > 1 - _OPAQUE_ENOUGH) & (fragments.face_ids >= 0)
-            self.behind = torch.where(open_, fragments.depth, _INFINITE)
-            return bool(open_.any())
-
-    def over(self, background: Tensor) -> Tensor:
-        """Return the picture (B, side, side, 3) in front of a linear background (B * side * side, 3), or (1, 3)."""
-        return (self._light + self._through * background).view(*self._shape, 3)
+    curve = 1.055 * library.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
+    return library.where(values <= 0.0031308, values * 12.92, curve)
 
 
 MAX_LAYERS = 8
 """Surfaces behind each other that are drawn where those in front are transparent."""
+OPAQUE_ENOUGH = 0.98
+"""Opacity from which a pixel shows nothing of what is behind it."""
 
 _OPAQUE, _MASK, _BLEND = 0, 1, 2
 _MODES = {"OPAQUE": _OPAQUE, "MASK": _MASK}
@@ -211,28 +192,35 @@ _STEEP = 1e-3
 
 
 class BaseColours:
-    """Base colours of an asset's surface.
+    """Base colours of an asset's surface; the parameters are those of `Textures`.
 
     `rows`, (M,) int64: vertex of the drawn mesh of each vertex of the appearance; `faces`, (F, 3) int64: with the
-    numbers of `rows`; `paint` is (F,) int64; `values`, (M, 6) float32: texture coordinates and vertex colours, to
-    interpolate; `layers`: surfaces behind each other that have to be drawn at most.
+    numbers of `rows`; `paint` is (F,) int64; `values`, (C, M) float32: what to interpolate: texture coordinates, and
+    four vertex colours if there are some; `textured`: whether there are textures; `layers`: surfaces behind each other
+    that have to be drawn at most.
     """
 
-    def __init__(self, appearance: Appearance, device: torch.device | str = "cpu") -> None:
+    def __init__(
+        self, appearance: Appearance, library: Any = np, as_array: Callable[[Any], Array] = np.asarray
+    ) -> None:
         paints = appearance.paints
-        self.rows = torch.from_numpy(appearance.rows).to(device)
-        self.faces = torch.from_numpy(appearance.triangles).to(device)
-        self.paint = torch.from_numpy(appearance.paint_of_triangle).to(device)
-        self.values = torch.from_numpy(np.concatenate([appearance.texcoords, appearance.colors], 1)).to(device)
-        self._textures = Textures([paint.texture for paint in paints], device)
-        self._textured = torch.tensor([paint.texture is not None for paint in paints], device=device)
-        self._factor = torch.tensor([paint.factor for paint in paints], dtype=torch.float32, device=device)
+        self._library = library
+        self.rows, self.faces = as_array(appearance.rows), as_array(appearance.triangles)
+        self.paint = as_array(appearance.paint_of_triangle)
+        self._tinted = bool((appearance.colors != 1).any())
+        tints = [appearance.colors] if self._tinted else []
+        self.values = as_array(np.concatenate([appearance.texcoords, *tints], 1, dtype=np.float32).T.copy())
+        self.textured = any(paint.texture is not None for paint in paints)
+        self._textures = Textures([paint.texture for paint in paints], library, as_array)
+        self._factor = as_array(np.array([paint.factor for paint in paints], np.float32).T.copy())
         modes = [_MODES.get(paint.alpha_mode, _BLEND) for paint in paints]
-        self._mode = torch.tensor(modes, device=device)
-        self._cutoff = torch.tensor([paint.alpha_cutoff for paint in paints], device=device)
+        self._mode = as_array(np.array(modes))
+        self._cutoff = as_array(np.array([paint.alpha_cutoff for paint in paints], np.float32))
+        self._cut = as_array(np.array([paint.texture is not None for paint in paints]) & (np.array(modes) == _MASK))
+        self._has_cuts = _MASK in modes
         self.layers = MAX_LAYERS if any(modes) else 1
 
-    def levels(self, clip: Tensor, faces: Tensor, paint: Tensor, side: int) -> Tensor:
+    def levels(self, clip: Array, faces: Array, paint: Array, side: int) -> Array:
         """Return the binary logarithm of the size of a pixel in texels.
 
         Parameters
@@ -245,66 +233,81 @@ class BaseColours:
         -------
         (B, F)
         """
-        place = clip[..., :2] / clip[..., 3:].clamp_min(1e-6) * (side / 2)
-        return 0.5 * ((self._texels(faces, paint) + 1e-12) / (_double_area(place[:, faces]) + 1e-6)).log2()
+        area = _double_area(self._places(clip, side)[:, faces])
+        return 0.5 * self._library.log2((self._texels(faces, paint) + 1e-12) / (area + 1e-6))
 
-    def strides(self, clip: Tensor, side: int) -> Tensor | None:
+    def strides(self, clip: Array, side: int) -> Array | None:
         """Return the change of texel coordinates per pixel across and along, (B, F, 2, 2); None without cut-outs."""
-        if not bool((self._mode == _MASK).any()):
+        if not self._has_cuts:
             return None
-        place = clip[..., :2] / clip[..., 3:].clamp_min(1e-6) * (side / 2)
-        texels = self.values[self.faces][..., :2] * self._textures.sizes[self.paint].flip(-1)[:, None]
+        library = self._library
         (a, b), (s, t) = (
-            (c[..., 1, :] - c[..., 0, :], c[..., 2, :] - c[..., 0, :]) for c in (place[:, self.faces], texels)
+            (c[..., 1, :] - c[..., 0, :], c[..., 2, :] - c[..., 0, :])
+            for c in (self._places(clip, side)[:, self.faces], self._at_corners(self.faces, self.paint))
         )
         double_area = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-        divisor = torch.where(double_area.abs() > 1e-6, double_area, 1e-6)[..., None]
+        divisor = library.where(abs(double_area) > 1e-6, double_area, 1e-6)[..., None]
         right = (s * b[..., 1:] - t * a[..., 1:]) / divisor
         down = (t * a[..., :1] - s * b[..., :1]) / divisor
-        return torch.stack([right, down], -2)
+        return library.stack([right, down], -2)
 
-    def texel_areas(self) -> Tensor:
+    def texel_areas(self) -> Array:
         """Return the areas (F,) of the faces in texels."""
         return self._texels(self.faces, self.paint) / 2
 
-    def _texels(self, faces: Tensor, paint: Tensor) -> Tensor:
-        return _double_area(self.values[faces][..., :2] * self._textures.sizes[paint].flip(-1)[:, None])
+    def _places(self, clip: Array, side: int) -> Array:
+        """Return where vertices are in the picture, in pixels."""
+        return clip[..., :2] / self._library.clip(clip[..., 3:], 1e-6, None) * (side / 2)
 
-    def colours(self, paint: Tensor, values: Tensor, level: Tensor) -> Tensor:
-        """Return linear RGB and alpha (P, 4) for interpolated values (P, 6); alpha as the file has it."""
-        colour = self._factor[paint] * values[:, 2:]
-        textured = self._textured[paint].nonzero()[:, 0]
-        if len(textured):
-            texel = self._textures.sample(paint[textured], values[textured, :2], level[textured])
-            colour = colour.index_copy(0, textured, colour[textured] * texel)
-        return colour
+    def _at_corners(self, faces: Array, paint: Array) -> Array:
+        """Return the texel coordinates (F, 3, 2) of the corners of faces."""
+        return self.values[:2].T[faces] * self._textures.extents.T[paint][:, None]
 
-    def opacity(self, paint: Tensor, colour: Tensor) -> Tensor:
+    def _texels(self, faces: Array, paint: Array) -> Array:
+        return _double_area(self._at_corners(faces, paint))
+
+    def colours(self, paint: Array, values: Array, level: Array) -> Array:
+        """Return linear RGB and alpha (4, P) for interpolated values (C, P); alpha as the file has it."""
+        colour = self._factor[:, paint]
+        if self._tinted:
+            colour = colour * values[2:]
+        return colour * self._textures.sample(paint, values[:2], level) if self.textured else colour
+
+    def opacity(self, paint: Array, colour: Array) -> Array:
         """Return the share (P,) of the surface that hides what is behind; 0 or 1 in cut-outs."""
-        alpha, mode = colour[:, 3], self._mode[paint]
-        alpha = torch.where(mode == _MASK, (alpha >= self._cutoff[paint]).to(alpha), alpha.clamp(0, 1))
-        return torch.where(mode == _OPAQUE, 1.0, alpha)
+        library = self._library
+        alpha, mode = colour[3], self._mode[paint]
+        whole = library.ones_like(alpha)
+        alpha = library.where(mode == _MASK, (alpha >= self._cutoff[paint]) * whole, library.clip(alpha, 0, 1))
+        return library.where(mode == _OPAQUE, whole, alpha)
 
-    def coverage(self, paint: Tensor, values: Tensor, level: Tensor, colour: Tensor, stride: Tensor | None) -> Tensor:
-        """Return `opacity` (P,), but at the edge of a cut-out the share that is left; `stride` is (P, 2, 2)."""
-        opacity = self.opacity(paint, colour)
-        cut = ((self._mode[paint] == _MASK) & self._textured[paint]).nonzero()[:, 0]
-        if not len(cut) or stride is None:
-            return opacity
-        paint, alpha = paint[cut], colour[cut, 3]
+    def edge_widths(self, paint: Array, values: Array, level: Array, stride: Array | None) -> Array | None:
+        """Return the change of alpha (P,) per pixel at cut-outs, 0 elsewhere; `stride` is (P, 2, 2) of `strides`."""
+        if stride is None:
+            return None
+        cut = self._library.argwhere(self._cut[paint])[:, 0]
+        width = self._library.zeros_like(values[0])
+        paint = paint[cut]
+        slope = self._textures.alpha_slope(paint, values[:2, cut], level[cut])
+        by_pixel = [stride[cut, k, 0] * slope[0] + stride[cut, k, 1] * slope[1] for k in (0, 1)]
+        # Not wider than what keeps alpha 0 removed and alpha 1 whole.
         cutoff = self._cutoff[paint]
-        with torch.no_grad():
-            slope = self._textures.alpha_slope(paint, values[cut, :2], level[cut])
-            change = (stride[cut] @ slope[:, :, None])[..., 0].norm(dim=-1)
-            # Not wider than what keeps alpha 0 removed and alpha 1 whole.
-            most = 2 * torch.minimum(cutoff, 1 - cutoff)
-            width = torch.minimum(change * self._factor[paint, 3] * values[cut, 5], most)
-            edge = width > _STEEP
-        covered = ((alpha - cutoff) / torch.where(edge, width, 1.0) + 0.5).clamp(0, 1)
-        return opacity.index_copy(0, cut, torch.where(edge, covered, opacity[cut]))
+        most = 2 * self._library.minimum(cutoff, 1 - cutoff)
+        change = (by_pixel[0] ** 2 + by_pixel[1] ** 2) ** 0.5 * self._factor[3, paint]
+        width[cut] = self._library.minimum(change * values[5, cut] if self._tinted else change, most)
+        return width
+
+    def coverage(self, paint: Array, colour: Array, width: Array | None) -> Array:
+        """Return `opacity` (P,), but at the edge of a cut-out the share that is left; `width` is from `edge_widths`."""
+        opacity = self.opacity(paint, colour)
+        if width is None:
+            return opacity
+        edge = width > _STEEP
+        share = (colour[3] - self._cutoff[paint]) / self._library.where(edge, width, 1.0) + 0.5
+        return self._library.where(edge, self._library.clip(share, 0, 1), opacity)
 
 
-def _double_area(corners: Tensor) -> Tensor:
+def _double_area(corners: Array) -> Array:
     """Return twice the area of triangles (..., 3, 2)."""
     a, b = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
-    return (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).abs()
+    return abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -15,15 +15,18 @@ Source of the ranges: Xu et al. 2024, FusionDeformer, section 4.2 (orthogonal vi
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
 
 from meshdeform.geometry.mesh import TriangleMesh
 
+_Floats = NDArray[np.float64]
+
 NUM_VIEWS = 4
-_UNIT_SPHERE = 1.05
+UNIT_SPHERE = 1.05
 """Default radius of the sphere that just fits the view: the unit sphere and a margin."""
 
 
@@ -63,9 +66,9 @@ class Framing:
 class Cameras:
     """B cameras that look at the origin."""
 
-    view_proj: Tensor  # (B, 4, 4) float32: world to clip space: ``clip = view_proj @ [x, y, z, 1]``
-    view: Tensor  # (B, 4, 4) float32: world to camera space; the camera looks along its -Z
-    eye: Tensor  # (B, 3) float32: camera positions in world space
+    view_proj: NDArray[np.float32]  # (B, 4, 4) float32: world to clip space: ``clip = view_proj @ [x, y, z, 1]``
+    view: NDArray[np.float32]  # (B, 4, 4) float32: world to camera space; the camera looks along its -Z
+    eye: NDArray[np.float32]  # (B, 3) float32: camera positions in world space
     azimuths_deg: tuple[float, ...]
     """Azimuths from the front of the shape, without the `turn_deg` with which they were placed."""
     elevation_deg: tuple[float, ...]
@@ -76,16 +79,11 @@ class Cameras:
         """Azimuth of view 0; orthogonal view k is at ``azimuth_deg + 90 k``."""
         return self.azimuths_deg[0]
 
-    def to(self, device: torch.device | str) -> Cameras:
-        """Return the same cameras with their tensors on `device`."""
-        return Cameras(
-            self.view_proj.to(device),
-            self.view.to(device),
-            self.eye.to(device),
-            self.azimuths_deg,
-            self.elevation_deg,
-            self.fov_deg,
-        )
+    def project(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the places (B, V, 4) of points (V, 3) in the views' clip space, each coordinate contiguous."""
+        matrices = self.view_proj.reshape(-1, 4)
+        clip: NDArray[np.float32] = matrices[:, :3] @ points.T + matrices[:, 3:]
+        return clip.reshape(-1, 4, len(points)).mT
 
 
 def fixed_cameras(
@@ -94,7 +92,7 @@ def fixed_cameras(
     fov_deg: float = 37.5,
     *,
     views: int = NUM_VIEWS,
-    fitting_radius: float = _UNIT_SPHERE,
+    fitting_radius: float = UNIT_SPHERE,
     turn_deg: float = 0.0,
 ) -> Cameras:
     """Place cameras that look at the origin, at azimuths ``azimuth_deg + 90 k`` or at the given ones.
@@ -120,43 +118,41 @@ def fixed_cameras(
     focal = 1 / math.tan(math.radians(fov_deg) / 2)
     # In proportion to the sphere, so that a depth bias is about the same length at every field of view.
     near, far = max(distance - 2 * fitting_radius, 0.05 * fitting_radius), distance + 2 * fitting_radius
-    projection = torch.tensor(
+    projection = np.array(
         [
             [focal, 0, 0, 0],
             [0, focal, 0, 0],
             [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
             [0, 0, -1, 0],
-        ],
-        dtype=torch.float64,
+        ]
     )
-    view = torch.stack([_look_at(a + turn_deg, e, distance) for a, e in zip(azimuths, elevations, strict=True)])
+    view = np.stack([_look_at(a + turn_deg, e, distance) for a, e in zip(azimuths, elevations, strict=True)])
     eye = -(view[:, :3, :3].mT @ view[:, :3, 3:])[..., 0]
-    return Cameras((projection @ view).float(), view.float(), eye.float(), azimuths, elevations, float(fov_deg))
+    view_proj = (projection @ view).astype(np.float32)
+    return Cameras(view_proj, view.astype(np.float32), eye.astype(np.float32), azimuths, elevations, float(fov_deg))
 
 
-def sample_orthogonal_cameras(
-    bounds: CameraRange, generator: torch.Generator, fitting_radius: float = _UNIT_SPHERE, turn_deg: float = 0.0
+def orthogonal_cameras(
+    bounds: CameraRange, shares: Sequence[float], fitting_radius: float = UNIT_SPHERE, turn_deg: float = 0.0
 ) -> Cameras:
-    """Draw the four cameras of one step: azimuth a + {0, 90, 180, 270} with a ~ U(-180, 180).
+    """Place four cameras a quarter turn apart by six shares of the ways from the least to the greatest values.
 
-    Each elevation and the shared field of view are uniform in `bounds`. `generator`: the job's only source of
-    randomness; `fitting_radius`: radius of the sphere around the origin that just fits the view; `turn_deg`: as in
-    `fixed_cameras`.
+    They are those of the azimuth of view 0, which is anything, the field of view, and the four elevations.
+    `fitting_radius`: radius of the sphere around the origin that just fits the view; `turn_deg`: as in `fixed_cameras`.
     """
-    u = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
-    azimuth = -180 + 360 * u[0]
-    fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * u[1]
+    azimuth = -180 + 360 * shares[0]
+    fov = bounds.fov_min_deg + (bounds.fov_max_deg - bounds.fov_min_deg) * shares[1]
     span = bounds.elevation_max_deg - bounds.elevation_min_deg
-    elevations = tuple(bounds.elevation_min_deg + span * e for e in u[2:])
+    elevations = tuple(bounds.elevation_min_deg + span * e for e in shares[2:])
     return fixed_cameras(azimuth, elevations, fov, fitting_radius=fitting_radius, turn_deg=turn_deg)
 
 
-def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> Tensor:
+def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> NDArray[np.float64]:
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
-    back = torch.tensor([math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a)], dtype=torch.float64)
-    right = torch.tensor([math.cos(a), 0.0, -math.sin(a)], dtype=torch.float64)
-    view = torch.eye(4, dtype=torch.float64)
-    view[:3, :3] = torch.stack([right, torch.linalg.cross(back, right), back])
+    back = np.array([math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a)])
+    right = np.array([math.cos(a), 0.0, -math.sin(a)])
+    view = np.eye(4)
+    view[:3, :3] = [right, np.cross(back, right), back]
     view[2, 3] = -distance
     return view
 
@@ -169,22 +165,22 @@ RADIUS = 0.6
 class Frame:
     """Similarity between the world and the cameras' frame."""
 
-    centre: Tensor  # (3,) float64: centre of the bounding box, in the world
+    centre: _Floats  # (3,) float64: centre of the bounding box, in the world
     scale: float  # camera units per world unit
 
     @classmethod
-    def around(cls, verts: Tensor) -> Frame:
+    def around(cls, verts: _Floats) -> Frame:
         """Return the frame in which `verts` (V, 3) are centred and the farthest is at `RADIUS`."""
-        centre = (verts.amin(0) + verts.amax(0)) / 2
-        return cls(centre, RADIUS / float((verts - centre).norm(dim=1).max()))
+        centre = (verts.min(0) + verts.max(0)) / 2
+        return cls(centre, RADIUS / float(np.linalg.norm(verts - centre, axis=1).max()))
 
-    def enter(self, verts: Tensor) -> Tensor:
+    def enter(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the world into the frame."""
-        return (verts - self.centre) * self.scale
+        return np.asarray((verts - self.centre) * self.scale)
 
-    def leave(self, verts: Tensor) -> Tensor:
+    def leave(self, verts: _Floats) -> _Floats:
         """Transform positions (V, 3) from the frame into the world."""
-        return verts / self.scale + self.centre
+        return np.asarray(verts / self.scale + self.centre)
 
     def place(self, mesh: TriangleMesh) -> TriangleMesh:
         """Transform a mesh from the world into the frame."""

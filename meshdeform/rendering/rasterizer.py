@@ -1,7 +1,8 @@
 """Rasterise: find the nearest triangle at each pixel, and antialias silhouettes differentiably.
 
 There is one backend per kind of device: a compiled loop on the CPU, plain torch elsewhere. Both use the same exact
-integer arithmetic and therefore agree on every pixel except for ties in depth.
+integer arithmetic and therefore agree on every pixel except for ties in depth. What nobody differentiates is drawn
+without torch and numba, by `visibility.py`, which sees the same in three times the time of the compiled loop.
 
 In plain torch, (triangle, row) spans are enumerated and only covered pixels visited. The integer half-planes give the
 exact span of each row, so slivers cost no more than the pixels they cover. A 64-bit key (depth, face) with an atomic
@@ -43,7 +44,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -54,16 +54,14 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import edges_of
 from meshdeform.rendering.cameras import Cameras
+from meshdeform.rendering.clay import DEPTH_BIAS
+from meshdeform.rendering.visibility import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
-
-EMPTY_DEPTH = 3.0
-"""Depth where there is no face: greater than that of any point in front of the cameras, even past the far plane."""
 
 _SUB = 256
 _HALF = 128
 _EMPTY = torch.iinfo(torch.int64).max
 _MAX_ITEMS = 1 << 22  # rows or pixels in memory at a time; does not affect the result
-_DEPTH_BIAS = 1e-4
 
 _FAR = 1048576.0
 """Clamp of pixel coordinates, far off the picture."""
@@ -336,7 +334,7 @@ def interpolate_torch(
     return (corner.double() * weights[..., None]).sum(1).to(values.dtype)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights, out):  # type: ignore[no-untyped-def]
     for n in range(len(pixels)):
         b, within = divmod(pixels[n], height * width)
@@ -356,7 +354,7 @@ def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights,
             out[n, c] = (a0 * values[b, f[0], c] + a1 * values[b, f[1], c] + a2 * values[b, f[2], c]) * inverse
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _backward(clip, values, faces, pixels, face_of_pixel, height, width, weights, grad, d_clip, d_values):  # type: ignore[no-untyped-def]
     x = np.empty(3)
     y = np.empty(3)
@@ -403,7 +401,7 @@ class _Interpolate(torch.autograd.Function):
         arrays = [t.detach().contiguous().numpy() for t in (clip, values, faces, pixels, face_of_pixel)]
         weights = np.empty((len(pixels), 3))
         out = np.empty((len(pixels), values.shape[2]), arrays[1].dtype)
-        _forward(*arrays, height, width, weights, out)
+        _forward(*arrays, height, width, weights, out)  # type: ignore[no-untyped-call, call-arg]
         ctx.saved = (arrays, height, width, weights)  # type: ignore[attr-defined]
         return torch.from_numpy(out)
 
@@ -412,7 +410,7 @@ class _Interpolate(torch.autograd.Function):
     def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor | None, ...]:
         arrays, height, width, weights = ctx.saved  # type: ignore[attr-defined]
         d_clip, d_values = np.zeros(arrays[0].shape), np.zeros(arrays[1].shape)
-        _backward(*arrays, height, width, weights, grad.contiguous().numpy(), d_clip, d_values)
+        _backward(*arrays, height, width, weights, grad.contiguous().numpy(), d_clip, d_values)  # type: ignore[no-untyped-call, call-arg]
         as_clip = torch.from_numpy(d_clip.astype(arrays[0].dtype))
         return as_clip, torch.from_numpy(d_values.astype(arrays[1].dtype)), None, None, None, None, None
 
@@ -482,7 +480,7 @@ def _walk(
                 inside, outside = (base + stride, base) if plus else (base, base + stride)
                 z = zi + t * (zj - zi)
                 # The edge must be nearer than the surface beyond it.
-                hidden = not deep[outside] > z + _DEPTH_BIAS
+                hidden = not deep[outside] > z + DEPTH_BIAS
                 # Compiled once without `removed` and once with it: numba removes the branch.
                 if removed is not None:
                     hidden |= not z > (removed.ravel()[inside] + deep[inside]) / 2
@@ -733,7 +731,7 @@ def _visible(
     z_a, z_b = z[crossing.view, edges.verts[crossing.edge, 0]], z[crossing.view, edges.verts[crossing.edge, 1]]
     z_edge = z_a + t * (z_b - z_a)
     # The edge must be nearer than the surface beyond it; of several edges between two pixels, the nearest wins.
-    seen = on_screen & (depth.reshape(-1)[outside] > z_edge + _DEPTH_BIAS)
+    seen = on_screen & (depth.reshape(-1)[outside] > z_edge + DEPTH_BIAS)
     if removed is not None:
         seen &= z_edge > (removed.reshape(-1)[inside] + depth.reshape(-1)[inside]) / 2
     index = seen.nonzero()[:, 0]
@@ -790,6 +788,12 @@ def is_compiled(tensor: Tensor) -> bool:
     return tensor.device.type == "cpu"
 
 
+def projected(verts: Tensor, cameras: Cameras) -> Tensor:
+    """Return the places (B, V, 4) of positions (V, 3) in the views' clip space."""
+    matrices = torch.from_numpy(cameras.view_proj).to(verts)
+    return verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
+
+
 class CoverageRenderer:
     """Draws the silhouettes of the deformed states of one mesh.
 
@@ -802,11 +806,11 @@ class CoverageRenderer:
     """
 
     def __init__(self, faces: Tensor, n_verts: int, side: int, device: torch.device | str = "cpu") -> None:
-        edges = edges_of(faces.cpu())
+        edges = edges_of(faces.cpu().numpy())
         self.side = side
         self._n_verts = n_verts
         self._faces = faces.to(device)
-        self._edges = SilhouetteEdges(edges.edges.to(device), edges.opposite.to(device))
+        self._edges = SilhouetteEdges(*(torch.from_numpy(each).to(device) for each in (edges.edges, edges.opposite)))
 
     def render(self, verts: Tensor, cameras: Cameras) -> Tensor:
         """Draw the mesh from every camera.
@@ -816,7 +820,7 @@ class CoverageRenderer:
         verts : (V, 3) floating
             Deformed positions in the cameras' frame.
         cameras : Cameras
-            B cameras, on the mesh's device.
+            B cameras.
 
         Returns
         -------
@@ -830,8 +834,7 @@ class CoverageRenderer:
         """
         if verts.shape != (self._n_verts, 3):
             raise ShapeError(f"expected verts ({self._n_verts}, 3), got {tuple(verts.shape)}")
-        matrices = cameras.view_proj.to(verts.dtype)
-        clip = verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
+        clip = projected(verts, cameras)
         fragments = rasterize(clip, self._faces, self.side, self.side)
         covered = (fragments.face_ids >= 0).to(verts.dtype)[..., None]
         return antialias(covered, clip, self._edges, fragments.depth)[..., 0]

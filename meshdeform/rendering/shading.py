@@ -55,13 +55,22 @@ from torch.nn import functional
 from meshdeform.errors import ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import edges_of, through_normals
+from meshdeform.geometry.mesh import edges_of
+from meshdeform.geometry.tensors import area_vectors, through_normals
 from meshdeform.rendering import rasterizer
-from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
-from meshdeform.rendering.cameras import CameraRange, Cameras, sample_orthogonal_cameras
-from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
+from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
+from meshdeform.rendering.cameras import NUM_VIEWS, UNIT_SPHERE, CameraRange, Cameras, orthogonal_cameras
+from meshdeform.rendering.clay import AMBIENT, LIGHT
+from meshdeform.rendering.rasterizer import (
+    Fragments,
+    SilhouetteEdges,
+    antialias,
+    interpolate,
+    projected,
+    rasterize,
+)
+from meshdeform.rendering.visibility import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
 
 SLIM_SHAPE = 1e-2
@@ -83,8 +92,6 @@ _BLUR = (0.01, 0.06)
 """Standard deviation of the blur, as a share of the view's side."""
 
 Shading = Literal["normals", "lambert", "textured", "mixed"]
-_AMBIENT = 0.25
-_LIGHT = (-0.4, 0.6, 0.7)  # in the camera's frame: from the upper left behind the viewer
 
 _VARIED_GAIN = 0.5 * 5 / math.pi
 """Albedo times light of the published code."""
@@ -454,6 +461,61 @@ class _Pixels:
     key: Tensor
 
 
+_INFINITE = 9.0
+_SEEN = 0.5
+"""Opacity from which a surface, and not what is behind it, has silhouettes."""
+
+
+class _Layers:
+    """Surfaces behind each other in B views of `side` pixels, composed from front to back in linear light.
+
+    `like`: of the dtype and device of the picture; `behind`, (B, side, side) float32 or None: depth up to which
+    triangles belong to earlier layers, for `rasterize`; `depth` and `removed`, (B, side, side) float32: for
+    `antialias`: depth of the surface that is seen, and of the farthest one in front of it that is cut out.
+    """
+
+    def __init__(self, views: int, side: int, like: Tensor) -> None:
+        self._shape = (views, side, side)
+        self._light = like.new_zeros(views * side * side, 3)
+        self._through = like.new_ones(views * side * side, 1)
+        self.behind: Tensor | None = None
+        self.depth = torch.full(self._shape, EMPTY_DEPTH, dtype=torch.float32, device=like.device)
+        self.removed = torch.full_like(self.depth, -torch.inf)
+        self._hidden = torch.zeros_like(self.depth, dtype=torch.bool)
+
+    def add(self, fragments: Fragments, pixels: Tensor, light: Tensor, alpha: Tensor) -> bool:
+        """Add the next layer behind the others; return whether what is behind it shows.
+
+        Parameters
+        ----------
+        fragments : Fragments
+            Found with `behind`.
+        pixels : (P,) int64
+            The covered pixels.
+        light : (P, 3)
+        alpha : (P, 1)
+        """
+        before = self._through[pixels]
+        share = before * alpha
+        self._light = self._light.index_add(0, pixels, share * light)
+        self._through = self._through.index_copy(0, pixels, before - share)
+        with torch.no_grad():
+            # Where an earlier layer is seen, this one is too, if at all, behind it.
+            left = self._through.view(self._shape)
+            new = (fragments.face_ids >= 0) & ~self._hidden
+            seen = new & (left < _SEEN)
+            self.depth = torch.where(seen, fragments.depth, self.depth)
+            self.removed = torch.where(new & ~seen, fragments.depth, self.removed)
+            self._hidden |= seen
+            open_ = (left > 1 - OPAQUE_ENOUGH) & (fragments.face_ids >= 0)
+            self.behind = torch.where(open_, fragments.depth, _INFINITE)
+            return bool(open_.any())
+
+    def over(self, background: Tensor) -> Tensor:
+        """Return the picture (B, side, side, 3) in front of a linear background (B * side * side, 3), or (1, 3)."""
+        return (self._light + self._through * background).view(*self._shape, 3)
+
+
 class Renderer:
     """Renders the deformed states of one mesh.
 
@@ -479,16 +541,18 @@ class Renderer:
     ) -> None:
         if faces.ndim != 2 or faces.shape[1] != 3:
             raise ShapeError(f"expected faces (F, 3), got {tuple(faces.shape)}")
-        edges = edges_of(faces.cpu())
+        edges = edges_of(faces.cpu().numpy())
         self.style = style
         self.n_verts = n_verts
         self.faces = faces.to(device)
-        self.edges = SilhouetteEdges(edges.edges.to(device), edges.opposite.to(device))
+        self.edges = SilhouetteEdges(*(torch.from_numpy(each).to(device) for each in (edges.edges, edges.opposite)))
         self._dtype = dtype
         self._background = torch.tensor(style.background, dtype=dtype, device=device)
-        self._light = functional.normalize(torch.tensor(_LIGHT, dtype=dtype, device=device), dim=0)
+        self._light = functional.normalize(torch.tensor(LIGHT, dtype=dtype, device=device), dim=0)
         coloured = appearance is not None and style.shading in ("textured", "mixed")
-        self._colours = BaseColours(appearance, device) if coloured and appearance is not None else None
+        self._colours = None
+        if coloured and appearance is not None:
+            self._colours = BaseColours(appearance, torch, lambda array: torch.from_numpy(array).to(device))
 
     @property
     def shading(self) -> Shading:
@@ -518,7 +582,7 @@ class Renderer:
         verts : (V, 3) floating
             Deformed positions in the cameras' frame, where the views show the unit sphere.
         cameras : Cameras
-            B cameras, on the mesh's device.
+            B cameras.
         scene : Scene, optional
             Background and light of the B views; by default the style's fixed ones.
         shading : Shading, optional
@@ -540,7 +604,9 @@ class Renderer:
             return self._pooled(self._compiled_normals(verts, cameras, scene))
         surface = self._surface(verts, cameras)
         if self._colours is not None and shading in ("textured", "mixed"):
-            return srgb_from_linear(self._pooled(self._textured(surface, self._colours, scene)))
+            light = self._pooled(self._textured(surface, self._colours, scene))
+            encoded: Tensor = srgb_from_linear(light, torch)
+            return encoded
         return self._pooled(self._plain(surface, scene, normals=shading == "normals"))
 
     def _pooled(self, image: Tensor) -> Tensor:
@@ -552,19 +618,19 @@ class Renderer:
 
     def _compiled_normals(self, verts: Tensor, cameras: Cameras, scene: Scene | None) -> Tensor:
         """Draw normals as `_plain` does, (B, side, side, 3)."""
-        clip, side = _clip(verts, cameras), self.style.view_size * self.style.supersample
+        clip, side = projected(verts, cameras), self.style.view_size * self.style.supersample
         fragments = rasterize(clip, self.faces, side, side)
         backdrop = self._backdrop(len(clip), side, scene)
-        axes = cameras.view[:, :3, :3]
-        image = colour_by_normals(verts, clip, self.faces, cameras.eye, axes, fragments.face_ids, backdrop)
+        eye, axes = torch.from_numpy(cameras.eye), torch.from_numpy(cameras.view[:, :3, :3])
+        image = colour_by_normals(verts, clip, self.faces, eye, axes, fragments.face_ids, backdrop)
         return antialias(image, clip, self.edges, fragments.depth)
 
     def _surface(self, verts: Tensor, cameras: Cameras) -> _Surface:
-        clip, axes = _clip(verts, cameras), cameras.view.to(verts.dtype)
+        clip, axes = projected(verts, cameras), torch.from_numpy(cameras.view[:, :3, :3]).to(verts)
         corners = verts.index_select(0, self.faces.reshape(-1)).view(-1, 3, 3)
         cross = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         with torch.no_grad():
-            towards = cameras.eye[:, None] - corners[:, 0]
+            towards = torch.from_numpy(cameras.eye).to(verts)[:, None] - corners[:, 0]
             facing = torch.where((cross * towards).sum(-1) < 0, -1.0, 1.0)
             # A pixel may fall on a face of almost no area. Its derivatives, of order 1 / area, would swamp all others,
             # and if the area rounds to zero, interpolation is undefined.
@@ -574,8 +640,8 @@ class Renderer:
             shape = double_area / (2 * longest_sq).clamp_min(torch.finfo(longest_sq.dtype).tiny)
             share = (shape / SLIM_SHAPE).clamp_max(1.0)
         normals = torch.zeros_like(verts).index_add(0, self.faces.reshape(-1), cross.repeat_interleave(3, 0))
-        normals = functional.normalize(normals, dim=-1, eps=1e-12) @ axes[:, :3, :3].mT
-        return _Surface(clip, axes[:, :3, :3], normals, cross, facing, solid, share)
+        normals = functional.normalize(normals, dim=-1, eps=1e-12) @ axes.mT
+        return _Surface(clip, axes, normals, cross, facing, solid, share)
 
     def _pixels(self, face_ids: Tensor) -> _Pixels:
         height, width = face_ids.shape[1:]
@@ -596,24 +662,26 @@ class Renderer:
     def _textured(self, surface: _Surface, colours: BaseColours, scene: Scene | None) -> Tensor:
         """Draw the base colours in linear light, (B, side, side, 3)."""
         views, side = len(surface.clip), self.style.view_size * self.style.supersample
-        layers = Layers(views, side, surface.clip)
+        layers = _Layers(views, side, surface.clip)
         clip = surface.clip[:, colours.rows]
         with torch.no_grad():
             level = colours.levels(clip, colours.faces, colours.paint, side).reshape(-1)
             strides = colours.strides(clip, side)
-        values = colours.values.to(clip.dtype).expand(views, -1, -1)
+        values = colours.values.T.to(clip.dtype).expand(views, -1, -1)
         for _ in range(colours.layers):
             fragments = rasterize(surface.clip, self.faces, side, side, layers.behind)
             pixels = self._pixels(fragments.face_ids)
             paint, share = colours.paint[pixels.face], surface.share[pixels.face, None]
-            at = _damped(_interpolated(clip, values, colours.faces, pixels, surface.solid, side), share)
+            at = _damped(_interpolated(clip, values, colours.faces, pixels, surface.solid, side), share).T
             colour = colours.colours(paint, at, level[pixels.key])
-            stride = None if strides is None else strides.view(-1, 2, 2)[pixels.key]
-            alpha = colours.coverage(paint, at, level[pixels.key], colour, stride)
-            light = _AMBIENT + (1 - _AMBIENT) * self._diffuse(surface, pixels, side, scene)
-            if not layers.add(fragments, pixels.at, colour[:, :3] * light[:, None], alpha[:, None]):
+            with torch.no_grad():
+                stride = None if strides is None else strides.view(-1, 2, 2)[pixels.key]
+                width = colours.edge_widths(paint, at, level[pixels.key], stride)
+            alpha = colours.coverage(paint, colour, width)
+            light = AMBIENT + (1 - AMBIENT) * self._diffuse(surface, pixels, side, scene)
+            if not layers.add(fragments, pixels.at, (colour[:3] * light).T, alpha[:, None]):
                 break
-        image = layers.over(linear_from_srgb(self._backdrop(views, side, scene)))
+        image = layers.over(linear_from_srgb(self._backdrop(views, side, scene), torch))
         return antialias(image, surface.clip, self.edges, layers.depth, layers.removed)
 
     def _backdrop(self, views: int, side: int, scene: Scene | None) -> Tensor:
@@ -631,7 +699,7 @@ class Renderer:
 
     def _clay(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:
         diffuse = self._diffuse(surface, pixels, side, scene)
-        brightness = _AMBIENT + (1 - _AMBIENT) * diffuse if scene is None else _VARIED_GAIN * diffuse
+        brightness = AMBIENT + (1 - AMBIENT) * diffuse if scene is None else _VARIED_GAIN * diffuse
         return brightness[:, None].expand(-1, 3)
 
     def _diffuse(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:
@@ -640,12 +708,6 @@ class Renderer:
         smooth = _interpolated(surface.clip, surface.normals, self.faces, pixels, surface.solid, side)
         light = self._light if scene is None else scene.lights.index_select(0, pixels.view)
         return (functional.normalize(_damped(smooth, share), dim=-1, eps=1e-12) * facing * light).sum(-1).clamp_min(0)
-
-
-def _clip(verts: Tensor, cameras: Cameras) -> Tensor:
-    """Return the places (B, V, 4) of positions (V, 3) in the views' clip space."""
-    matrices = cameras.view_proj.to(verts.dtype)
-    return verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
 
 
 def _interpolated(clip: Tensor, values: Tensor, faces: Tensor, pixels: _Pixels, solid: Tensor, side: int) -> Tensor:
@@ -690,6 +752,18 @@ def combine_views(images: Tensor) -> Tensor:
         raise ShapeError(f"expected four views (4, H, W, C), got {tuple(images.shape)}")
     rows = torch.cat([torch.cat([images[0], images[1]], 1), torch.cat([images[2], images[3]], 1)], 0)
     return rows.permute(2, 0, 1)[None]
+
+
+def sample_orthogonal_cameras(
+    bounds: CameraRange, generator: torch.Generator, fitting_radius: float = UNIT_SPHERE, turn_deg: float = 0.0
+) -> Cameras:
+    """Draw the four cameras of one step: azimuth a + {0, 90, 180, 270} with a ~ U(-180, 180).
+
+    Each elevation and the shared field of view are uniform in `bounds`. `generator`: the job's only source of
+    randomness; `fitting_radius` and `turn_deg`: as in `orthogonal_cameras`.
+    """
+    shares = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
+    return orthogonal_cameras(bounds, shares, fitting_radius, turn_deg)
 
 
 class OrthogonalGrid:

@@ -1,13 +1,7 @@
 """Photograph an asset for people: cameras that frame it closely, a light background, a soft shadow on the ground.
 
-`preview.png` shows the asset before (upper row) and after (lower row), from four sides.
-
-The asset is drawn as its file describes it: base colours, its own normals, cut-outs and transparency. Light comes with
-the camera (from the upper left, weaker from the right) and from sky and ground, so no side is black. Surfaces are matt.
-The nearest surface is drawn first; where it is transparent, the next one behind it, and so on.
-
-Differentiable in positions and normals: within surfaces through the interpolated attributes, at silhouettes through
-`antialias`. Visibility, cut-outs and the choice of a texture's copy are constants.
+`preview.png` shows the asset before (upper row) and after (lower row), from four sides. How the asset itself is drawn
+is told in `painted.py`.
 """
 
 from __future__ import annotations
@@ -18,23 +12,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from torch import Tensor
-from torch.nn import functional
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.geometry.mesh import edges_of
-from meshdeform.geometry.torch_threads import one_torch_thread
-from meshdeform.rendering.base_colours import BaseColours, Layers, linear_from_srgb, srgb_from_linear
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.rasterizer import SilhouetteEdges, antialias, interpolate, rasterize
+from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
+from meshdeform.rendering.visibility import nearest_faces
 
-_KEY, _FILL = (-0.45, 0.65, 0.60), (0.75, 0.05, 0.65)  # in the camera's frame: x right, y up, z towards the viewer
-_KEY_LIGHT, _FILL_LIGHT = 0.80, 0.16
-_SKY, _GROUND = 0.32, 0.14
 _FOV_DEG = 28.0
 _ELEVATION_DEG = 15.0
 
@@ -46,150 +32,9 @@ _PLAIN = (0.94, 0.945, 0.95)
 _SHADOW = 0.42
 _SHADOW_SIZE = 96
 _SHADOW_REACH = 1.3
+_SHADOW_BLURS = (5, 9, 9)
 
-
-@dataclass(frozen=True)
-class PaintedStyle:
-    """Style of the views."""
-
-    view_size: int = 256  # side of a view in pixels
-    supersample: int = 2  # views are rendered at ``view_size * supersample`` pixels and averaged down
-    background: tuple[float, float, float] = (0.93, 0.93, 0.93)  # sRGB; used if `render` is given no other background
-
-
-@dataclass(frozen=True)
-class _View:
-    """One camera's view of the surface: what its pixels are computed from."""
-
-    # `values` (1, M, 10): normal, texture coordinates, vertex colour, and 1 where the file has a normal.
-
-    clip: Tensor
-    values: Tensor
-    faces: Tensor
-    paint: Tensor
-    flat: Tensor
-    sign: Tensor
-    level: Tensor
-    axes: Tensor
-
-
-class PaintedRenderer:
-    """Renders deformed states of one asset."""
-
-    def __init__(self, appearance: Appearance, style: PaintedStyle) -> None:
-        self.style = style
-        paints = appearance.paints
-        self._colours = BaseColours(appearance)
-        self._rows, self._faces, self._paint = self._colours.rows, self._colours.faces, self._colours.paint
-        self._double_sided = torch.tensor([paint.double_sided for paint in paints])
-        self._unlit = torch.tensor([paint.unlit for paint in paints])
-        self._edges: SilhouetteEdges | None = None
-
-    def render(self, positions: Tensor, normals: Tensor, cameras: Cameras, backdrop: Tensor | None = None) -> Tensor:
-        """Render the asset from every camera.
-
-        Parameters
-        ----------
-        positions : (N, 3) floating
-            Positions of the surface's vertices in the cameras' frame.
-        normals : (N, 3) floating
-            Unit normals; NaN where there is none: faces there are flat.
-        cameras : Cameras
-            B cameras.
-        backdrop : (view_size, view_size, 3) float32 in [0, 1], optional
-            sRGB picture behind the asset.
-
-        Returns
-        -------
-        (B, view_size, view_size, 3) float32 in [0, 1], sRGB.
-        """
-        positions, normals = positions.float(), normals.float()
-        views = [self._render(positions, normals, cameras, b, backdrop) for b in range(len(cameras.view_proj))]
-        return torch.stack(views)
-
-    def _render(self, positions: Tensor, normals: Tensor, cameras: Cameras, b: int, backdrop: Tensor | None) -> Tensor:
-        side = self.style.view_size * self.style.supersample
-        view = self._view(positions, normals, cameras, b, side)
-        layers = Layers(1, side, positions)
-        for _ in range(self._colours.layers):
-            fragments = rasterize(view.clip, view.faces, side, side, layers.behind)
-            pixels = (fragments.face_ids.view(-1) >= 0).nonzero()[:, 0]
-            light, alpha = self._shade(view, pixels, fragments.face_ids.view(-1)[pixels], side)
-            if not layers.add(fragments, pixels, light, alpha):
-                break
-        image = layers.over(self._backdrop(backdrop, positions))
-        if image.requires_grad:
-            clip = self._clip(positions, cameras, b)
-            image = antialias(image, clip, self._silhouettes(positions), layers.depth, layers.removed)
-        if self.style.supersample > 1:
-            image = functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
-        return srgb_from_linear(image[0].clamp(0, 1))
-
-    def _backdrop(self, backdrop: Tensor | None, like: Tensor) -> Tensor:
-        size, factor = self.style.view_size, self.style.supersample
-        if backdrop is None:
-            return linear_from_srgb(torch.tensor(self.style.background, device=like.device)).expand(1, 3)
-        linear = linear_from_srgb(backdrop.to(like.device))[:, None, :, None]
-        return linear.expand(size, factor, size, factor, 3).reshape(-1, 3)
-
-    @staticmethod
-    def _clip(positions: Tensor, cameras: Cameras, b: int) -> Tensor:
-        matrix = cameras.view_proj[b : b + 1]
-        return positions @ matrix[:, :, :3].mT + matrix[:, None, :, 3]
-
-    def _view(self, positions: Tensor, normals: Tensor, cameras: Cameras, b: int, side: int) -> _View:
-        clip = self._clip(positions, cameras, b)[:, self._rows]
-        corners = positions[self._rows[self._faces]]
-        cross = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        with torch.no_grad():
-            front = (cross * (cameras.eye[b] - corners[:, 0])).sum(-1) >= 0
-            kept = (front | self._double_sided[self._paint]).nonzero()[:, 0]
-            level = self._colours.levels(clip, self._faces[kept], self._paint[kept], side)[0]
-        defined = normals.isfinite().all(-1, keepdim=True)
-        values = torch.cat([torch.where(defined, normals, 0.0), defined.float()], 1)[self._rows]
-        return _View(
-            clip=clip,
-            values=torch.cat([values, self._colours.values], 1)[None],
-            faces=self._faces[kept],
-            paint=self._paint[kept],
-            flat=functional.normalize(cross[kept], dim=-1, eps=1e-20),
-            sign=torch.where(front[kept], 1.0, -1.0)[:, None],
-            level=level,
-            axes=cameras.view[b, :3, :3],
-        )
-
-    def _shade(self, view: _View, pixels: Tensor, face: Tensor, side: int) -> tuple[Tensor, Tensor]:
-        """Return linear light (P, 3) and alpha (P, 1) of the surface at pixels."""
-        at = interpolate(view.clip, view.values, view.faces, pixels, face, side, side)
-        paint = view.paint[face]
-        colour = self._colours.colours(paint, at[:, 4:], view.level[face])
-        alpha = self._colours.opacity(paint, colour)
-        smooth = at[:, :3]
-        usable = (at[:, 3:4] > 0.999) & (smooth.detach().norm(dim=-1, keepdim=True) > 1e-3)
-        normal = functional.normalize(torch.where(usable, smooth, view.flat[face]), dim=-1, eps=1e-12)
-        light = torch.where(self._unlit[paint][:, None], 1.0, _lit(normal * view.sign[face], view.axes))
-        return colour[:, :3] * light, alpha[:, None]
-
-    def _silhouettes(self, positions: Tensor) -> SilhouetteEdges:
-        """Return the edges of the surface whose vertices at one place are one; positions of the first call decide."""
-        if self._edges is None:
-            faces = self._rows[self._faces].cpu()
-            _, place = torch.unique(positions.detach().cpu(), dim=0, return_inverse=True)
-            first = torch.full((int(place.max()) + 1,), len(place)).scatter_reduce_(
-                0, place, torch.arange(len(place)), "amin"
-            )
-            edges = edges_of(first[place][faces])
-            self._edges = SilhouetteEdges(edges.edges.to(positions.device), edges.opposite.to(positions.device))
-        return self._edges
-
-
-def _lit(normal: Tensor, axes: Tensor) -> Tensor:
-    """Return the light (P, 1) on surfaces with unit normals (P, 3) in the world; `axes` rotates to the camera."""
-    seen = normal @ axes.mT
-    key, fill = (functional.normalize(normal.new_tensor(d), dim=0) for d in (_KEY, _FILL))
-    sky = (1 + normal[:, 1:2]) / 2
-    ambient = _GROUND + (_SKY - _GROUND) * sky
-    return ambient + _KEY_LIGHT * (seen @ key).clamp_min(0)[:, None] + _FILL_LIGHT * (seen @ fill).clamp_min(0)[:, None]
+_Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -226,15 +71,14 @@ class Studio:
     ) -> None:
         self._renderer = PaintedRenderer(appearance, PaintedStyle(size))
         self._size, self._plain = size, plain
-        self._used = torch.from_numpy(np.unique(appearance.rows))
-        self._faces = torch.from_numpy(appearance.rows[appearance.triangles])
-        shown = torch.cat([torch.from_numpy(pose.positions)[self._used] for pose in poses])
-        self._centre = (shown.amin(0) + shown.amax(0)) / 2
-        self._scale = 1 / (shown - self._centre).norm(dim=1).max().clamp_min(1e-300)
-        self._framing = _framing(self._cameras(azimuths_deg), ((shown - self._centre) * self._scale).float())
+        self._used = np.flatnonzero(np.bincount(appearance.rows))
+        self._faces = appearance.rows[appearance.triangles]
+        shown = np.concatenate([pose.positions[self._used] for pose in poses])
+        self._centre = (shown.min(0) + shown.max(0)) / 2
+        shown -= self._centre
+        self._scale = 1 / max(float(np.linalg.norm(shown, axis=1).max()), 1e-300)
+        self._framing = _framing(self._cameras(azimuths_deg), (shown * self._scale).astype(np.float32))
 
-    @torch.no_grad()
-    @one_torch_thread()
     def photograph(self, pose: Pose, azimuths_deg: Sequence[float]) -> NDArray[np.uint8]:
         """Draw a state from several sides.
 
@@ -242,77 +86,79 @@ class Studio:
         -------
         (B, size, size, 3) uint8
         """
-        positions = ((torch.from_numpy(pose.positions) - self._centre) * self._scale).float()
+        positions = ((pose.positions - self._centre) * self._scale).astype(np.float32)
         cameras = self._cameras(azimuths_deg)
         cameras = replace(cameras, view_proj=self._framing @ cameras.view_proj)
-        shadow, ground = self._shadow(positions), float(positions[self._used, 1].min())
-        normals = torch.from_numpy(pose.normals)
-        views = []
-        for b in range(len(azimuths_deg)):
-            one = _one(cameras, b)
-            views.append(self._renderer.render(positions, normals, one, self._backdrop(one, shadow, ground))[0])
-        pixels: NDArray[np.uint8] = (torch.stack(views) * 255).round().to(torch.uint8).numpy()
-        return pixels
+        backdrops = self._backdrops(cameras, positions)
+        views = self._renderer.render(positions, pose.normals, cameras, backdrops)
+        return np.rint(views * 255).astype(np.uint8)
 
     def _cameras(self, azimuths_deg: Sequence[float]) -> Cameras:
         return fixed_cameras(tuple(float(a) for a in azimuths_deg), _ELEVATION_DEG, _FOV_DEG)
 
-    def _shadow(self, positions: Tensor) -> Tensor:
-        """Return the darkness (1, 1, H, W) of the ground: dark under what is near it."""
-        shown = positions[self._used]
-        ground = shown[:, 1].min()
-        height = positions[:, 1] - ground
-        flat = positions[:, [0, 2]] / _SHADOW_REACH
+    def _backdrops(self, cameras: Cameras, positions: _Singles) -> _Singles:
+        """Return the backgrounds (B, size, size, 3) of views of a state."""
+        if self._plain:
+            shape = (len(cameras.view_proj), self._size, self._size, 3)
+            return np.broadcast_to(np.array(_PLAIN, np.float32), shape)
+        shadow, ground = self._shadow(positions), float(positions[self._used, 1].min())
+        return np.stack([self._backdrop(each, shadow, ground) for each in cameras.view_proj])
+
+    def _shadow(self, positions: _Singles) -> _Singles:
+        """Return the darkness (H, W) of the ground: dark under what is near it."""
+        height = positions[:, 1] - positions[self._used, 1].min()
+        flat = positions[:, [0, 2]] / np.float32(_SHADOW_REACH)
         # From below, orthographic: the nearest surface is the lowest one.
-        clip = torch.stack([flat[:, 0], -flat[:, 1], height / 2 - 0.5, torch.ones_like(height)], 1)[None]
-        depth = rasterize(clip, self._faces, _SHADOW_SIZE, _SHADOW_SIZE).depth
-        dark = torch.where(depth <= 1, torch.exp(-2.5 * (2 * depth + 1).clamp_min(0)), 0.0)[:, None]
-        for width in (5, 9, 9):
-            dark = functional.avg_pool2d(dark, width, 1, width // 2)
+        clip = np.stack([flat[:, 0], -flat[:, 1], height / 2 - np.float32(0.5), np.ones_like(height)], 1)[None]
+        depth = nearest_faces(clip, self._faces, _SHADOW_SIZE, _SHADOW_SIZE)[1][0]
+        dark = np.where(depth <= 1, np.exp(-2.5 * np.maximum(2 * depth + 1, 0)), np.float32(0))
+        for width in _SHADOW_BLURS:
+            dark = _blurred(_blurred(dark, width).T, width).T
         return dark
 
-    def _backdrop(self, camera: Cameras, shadow: Tensor, ground: float) -> Tensor:
+    def _backdrop(self, view_proj: _Singles, shadow: _Singles, ground: float) -> _Singles:
         """Return the background (size, size, 3) of one view."""
-        size = self._size
-        if self._plain:
-            return torch.tensor(_PLAIN).expand(size, size, 3)
-        at = (torch.arange(size) + 0.5) * 2 / size - 1
-        x, y = at.expand(size, size), -at[:, None].expand(size, size)
-        share = ((1 - y) / 2)[..., None]
-        base = torch.tensor(_UPPER) * (1 - share) + torch.tensor(_LOWER) * share
-        back = torch.linalg.inv(camera.view_proj[0].double()).float()
-        near, far = (
-            (torch.stack([x, y, torch.full_like(x, z), torch.ones_like(x)], -1) @ back.mT) for z in (-1.0, 1.0)
-        )
-        near, far = near[..., :3] / near[..., 3:], far[..., :3] / far[..., 3:]
-        along = (ground - near[..., 1]) / (far - near)[..., 1]
-        place = near + along[..., None] * (far - near)
-        grid = torch.stack([place[..., 0], place[..., 2]], -1)[None] / _SHADOW_REACH
-        dark = functional.grid_sample(shadow, grid.nan_to_num(9.0, 9.0, 9.0), align_corners=False)[0, 0]
-        return base * (1 - _SHADOW * torch.where(along > 0, dark, 0.0)[..., None])
+        at = (np.arange(self._size, dtype=np.float32) + 0.5) * 2 / self._size - 1
+        back = np.linalg.inv(view_proj.astype(np.float64)).astype(np.float32)
+        # Lines of sight from the near to the far plane, as rows and columns that are added up.
+        near, far = ([at * row[0] - at[:, None] * row[1] + (z * row[2] + row[3]) for row in back] for z in (-1.0, 1.0))
+        near, far = ([each / places[3] for each in places[:3]] for places in (near, far))
+        along = (ground - near[1]) / (far[1] - near[1])
+        x, z = ((near[axis] + along * (far[axis] - near[axis])) / _SHADOW_REACH for axis in (0, 2))
+        dark = np.where(along > 0, _looked_up(shadow, x, z), 0)
+        share = ((1 + at) / 2)[:, None, None]
+        base = np.array(_UPPER, np.float32) * (1 - share) + np.array(_LOWER, np.float32) * share
+        return np.asarray(base * (1 - _SHADOW * dark[..., None]), np.float32)
 
 
-def _one(cameras: Cameras, b: int) -> Cameras:
-    only = slice(b, b + 1)
-    return replace(
-        cameras,
-        view_proj=cameras.view_proj[only],
-        view=cameras.view[only],
-        eye=cameras.eye[only],
-        azimuths_deg=cameras.azimuths_deg[only],
-        elevation_deg=cameras.elevation_deg[only],
-    )
+def _blurred(picture: _Singles, width: int) -> _Singles:
+    """Return the means of so many values in a row around each of (H, W); beyond the borders there are zeros."""
+    sums = np.cumsum(np.pad(picture, ((0, 0), (width // 2 + 1, width // 2))), 1, dtype=np.float64)
+    return ((sums[:, width:] - sums[:, :-width]) / width).astype(np.float32)
 
 
-def _framing(cameras: Cameras, points: Tensor) -> Tensor:
+def _looked_up(picture: _Singles, x: _Singles, y: _Singles) -> _Singles:
+    """Look up a picture (S, S), which fills -1 .. 1, at places (H, W) each, bilinearly; beyond it there are zeros."""
+    side = len(picture)
+    column, row = (np.clip((np.nan_to_num(each, nan=9.0) + 1) * (side / 2) + 0.5, 0, side + 0.999) for each in (x, y))
+    left, above = column.astype(np.int64), row.astype(np.int64)
+    across, down = column - left, row - above
+    padded = np.pad(picture, ((1, 2), (1, 2)))
+    at = above * padded.shape[1] + left
+    one, two, three, four = (padded.ravel().take(at + step) for step in (0, 1, padded.shape[1], padded.shape[1] + 1))
+    upper, lower = one + (two - one) * across, three + (four - three) * across
+    found: _Singles = upper + (lower - upper) * down
+    return found
+
+
+def _framing(cameras: Cameras, points: _Singles) -> _Singles:
     """Return the change (4, 4) of clip space that makes points (P, 3) fill all views; the horizontal centre stays."""
     low, high, wide = math.inf, -math.inf, 1e-6
-    for matrix in cameras.view_proj:
-        clip = points @ matrix[:, :3].mT + matrix[:, 3]
+    for clip in cameras.project(points):
         x, y = clip[:, 0] / clip[:, 3], clip[:, 1] / clip[:, 3]
-        low, high, wide = min(low, float(y.min())), max(high, float(y.max())), max(wide, float(x.abs().max()))
+        low, high, wide = min(low, float(y.min())), max(high, float(y.max())), max(wide, float(np.abs(x).max()))
     zoom = _MARGIN / max(wide, (high - low) / 2)
-    change = torch.diag(torch.tensor([zoom, zoom, 1.0, 1.0]))
+    change = np.diag([zoom, zoom, 1.0, 1.0]).astype(np.float32)
     change[1, 3] = -zoom * (low + high) / 2
     return change
 

@@ -15,13 +15,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 import meshdeform
 from meshdeform.assets.check import FileContent
+from meshdeform.errors import DependencyError, install_command
 from meshdeform.priors import hidden_folders
 from meshdeform.requests.document import BUILTIN_MODEL, JobKind, JobRequest, read_unbounded
 from meshdeform.runs.kept_readings import Readings, Unkept
@@ -42,6 +45,9 @@ _PACKAGES = (
     "diffusers",
     "transformers",
 )
+
+TORCH_EXTRA = "sds"
+"""The extra that brings torch."""
 
 P = TypeVar("P", bound=BaseModel)
 
@@ -185,7 +191,7 @@ class RunInput:
     """Returns the prior of a model, which is kept between jobs."""
     default_model: str = BUILTIN_MODEL  # the model used if the request names none
     limits: Limits | None = None  # limits on the files
-    device: str = "cpu"
+    device: str = "cpu"  # as the setting names it: `auto`, `cpu`, `cuda` or `cuda:N`; what needs one resolves it
     readings: Readings = field(default_factory=Unkept)  # where readings of the asset are kept
     on_wait: Callable[[], None] = lambda: None
     """Called now and then while the start takes long; raises if the run must stop."""
@@ -272,13 +278,40 @@ StartRun = Callable[[RunInput], JobRun]
 
 
 def start_of(module: str) -> Callable[[], StartRun]:
-    """Return a function that imports a module, and with it torch, and returns its function `start`."""
+    """Return a function that imports a module, and with it torch if it needs that, and returns its function `start`."""
 
     def load() -> StartRun:
-        start: StartRun = importlib.import_module(module).start
+        start: StartRun = import_extra(module).start
         return start
 
     return load
+
+
+def import_extra(module: str) -> ModuleType:
+    """Import a module of ours that may need torch.
+
+    Raises DependencyError: torch is not installed; the error names the extra that brings it.
+    """
+    try:
+        imported = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        raise missing_torch() from error
+    from meshdeform.runs.devices import share_with_torch
+
+    share_with_torch()
+    return imported
+
+
+def missing_torch() -> DependencyError:
+    """Return the error of what needs torch where it is not installed."""
+    return DependencyError(
+        "This job needs torch, which the extra `sds` brings and which is not installed.",
+        advice=f"Install it where jobs run: {install_command(TORCH_EXTRA)}. Guidance `exemplar`, also to targets, and "
+        "changes in plain words do without.",
+        extra=TORCH_EXTRA,
+    )
 
 
 @dataclass(frozen=True)
@@ -297,7 +330,7 @@ class Kind:
     """Returns the number of steps of a request, for limits and estimates. Takes the request, the default model, and the
     stored result of `check` in JSON, if any. Torch-free."""
     load: Callable[[], StartRun]
-    """Imports the code that runs the kind, including torch, and returns the function that starts a run."""
+    """Imports the code that runs the kind, and torch if it needs that, and returns the function that starts a run."""
     artifacts: tuple[ArtifactKind, ...]
     takes_output: bool = False  # whether requests may have options in `output`
     uses: Callable[[JobRequest], Collection[str]] | None = None
@@ -312,12 +345,23 @@ class Kind:
     outlook: Callable[[JobRequest, Any, Path, str, Limits, Readings], dict[str, Any] | None] = lambda *_: None
     """Returns whether what a valid request asks for is `doubtful`, the `reasons` in sentences, and `suggestions`:
     prompts that would work better; None where nobody knows. Takes what `check_asset` does. Torch-free."""
+    needs_torch: Callable[[JobRequest, Any], bool] = lambda *_: True
+    """Returns whether a request needs the extra `sds`. Takes the request and the result of `check`. Default: it does.
+    Torch-free."""
     as_branch: Callable[[JobRequest, JobRequest], JobRequest] = lambda _job, branch: branch
     """Returns the request of a branch: with what it must have in common with its job, if it leaves that out; refuses a
     request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free."""
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
     """Returns the goal in a few words, for the names of downloads. Takes the request and the
     names of its files by part. Default: the prompt."""
+
+    def check_extra(self, request: JobRequest, params: Any) -> None:
+        """Refuse what could not run on this machine, as DependencyError.
+
+        `params`: the result of `check`.
+        """
+        if self.needs_torch(request, params) and find_spec("torch") is None:
+            raise missing_torch()
 
     @property
     def parts(self) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
@@ -19,6 +18,7 @@ from meshdeform.assets import Asset
 from meshdeform.assets.surface import Parts
 from meshdeform.deformation.constraints import (
     TOLERANCE,
+    Body,
     Constraints,
     Handle,
     Mirror,
@@ -27,7 +27,6 @@ from meshdeform.deformation.constraints import (
     freedom_around,
     handle_rows,
 )
-from meshdeform.deformation.rigid_bodies import Body
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.mesh import RestMesh
@@ -56,7 +55,7 @@ class WeldedSurface(SelectableSurface):
 
     def __init__(self, asset: Asset, welded: WeldedMesh) -> None:
         mesh = welded.mesh
-        super().__init__(asset, mesh.verts.numpy(), mesh.faces.numpy(), welded.face_source)
+        super().__init__(asset, mesh.verts, mesh.faces, welded.face_source)
         self.welded = welded
 
     @property
@@ -100,7 +99,7 @@ def _with_edges(body: Body, mesh: RestMesh) -> Body:
 
 def _bodies(selector: RigidSelector, flags: _Flags, mesh: RestMesh) -> list[_Index]:
     """Return the vertices of each body: all together, or each connected part of the selected faces."""
-    faces = mesh.faces.numpy()[flags]
+    faces = mesh.faces[flags]
     verts, local = np.unique(faces, return_inverse=True)
     if selector.together:
         return [verts]
@@ -148,7 +147,7 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: Frame, m
 
     `surface`: in the file's units; `mesh`: the welded mesh in the cameras' frame.
     """
-    verts = surface.mesh.verts.numpy()
+    verts = surface.mesh.verts
     check_places(params, {"asset": (verts.min(0).tolist(), verts.max(0).tolist())})
     kept, regions = _kept(params.regions, surface)
     bodies = select_bodies(params.rigid, surface)
@@ -157,7 +156,7 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: Frame, m
     bodies = [body for body in bodies if not kept[body.verts].any()]
     if kept.all():
         raise _refusal("regions", "they keep the whole asset, so nothing is left to deform.", "Keep less.")
-    diagonal = float(np.linalg.norm(np.ptp(mesh.verts.numpy(), axis=0)))
+    diagonal = float(np.linalg.norm(np.ptp(mesh.verts, axis=0)))
     falloff = params.falloff * diagonal
     handles = [_handle(number, item, surface, frame, kept, bodies) for number, item in enumerate(params.handles)]
     constraints = Constraints(
@@ -171,7 +170,7 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: Frame, m
 
 def _kept(regions: Sequence[selection.Region], surface: WeldedSurface) -> tuple[_Flags, list[dict[str, Any]]]:
     """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
-    faces = surface.mesh.faces.numpy()
+    faces = surface.mesh.faces
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
     properties = []
     for number, region in enumerate(regions):
@@ -243,7 +242,7 @@ def _handle(
         raise _refusal("handles", f"{where} holds a point that is kept.", "Move it, or keep less.", number)
     if any(np.isin(corners, body.verts).any() for body in bodies):
         raise _refusal("handles", f"{where} holds a point of a rigid part.", "Leave out one of the two.", number)
-    goal = frame.enter(torch.tensor(item.to, dtype=torch.float64)).numpy()
+    goal = frame.enter(np.array(item.to, np.float64))
     return Handle(corners, shares, goal, item.weight)
 
 
@@ -273,8 +272,8 @@ def control_report(
     `result`: `result.glb`, read back.
     """
     before, after = source.surface.positions, result.surface.positions
-    diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))
-    places = welded.mesh.verts.numpy().copy()
+    diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts, axis=0)))
+    places = welded.mesh.verts.copy()
     used = np.flatnonzero(welded.vertex_map >= 0)
     places[welded.vertex_map[used]] = after[used]
     report: dict[str, Any] = {}
@@ -283,7 +282,7 @@ def control_report(
         rows = used[kept[welded.vertex_map[used]]]
         report["regions"] = {
             "selected": control.regions,
-            "kept_faces": int(kept[welded.mesh.faces.numpy()].all(1).sum()),
+            "kept_faces": int(kept[welded.mesh.faces].all(1).sum()),
             "kept_vertices": int(kept.sum()),
             "max_moved": float(np.abs(after[rows] - before[rows]).max(initial=0.0)) / diagonal,
         }
@@ -297,7 +296,7 @@ def control_report(
 def _handles(control: Control, frame: Frame, places: _Floats, diagonal: float) -> list[dict[str, Any]]:
     handles = control.constraints.handles
     reached = handle_rows(handles, len(places)) @ places
-    goals = np.stack([handle.goal for handle in handles]) / frame.scale + frame.centre.numpy()
+    goals = np.stack([handle.goal for handle in handles]) / frame.scale + frame.centre
     missing = np.linalg.norm(reached - goals, axis=1) / diagonal
     return [
         {"weight": handle.weight, "reached": point.tolist(), "distance": float(distance)}
@@ -310,7 +309,7 @@ def _symmetry(control: Control, mesh: RestMesh, places: _Floats, diagonal: float
         closest = min((find_partners(mesh, axis) for axis in range(3)), key=lambda partners: partners.unmatched)
         return {"axis": None, "closest": "xyz"[closest.axis], "unmatched_vertices": closest.unmatched}
     axis, partner = control.partners.axis, control.partners.partner
-    moved = places - mesh.verts.numpy()
+    moved = places - mesh.verts
     mirrored = moved[partner]
     mirrored[:, axis] *= -1
     return {
@@ -343,7 +342,7 @@ def inspect_parts(asset: Asset, params: ResolvedParams | None = None, source: So
     welded = welded_surface(asset)
     components = components_of(welded.mesh)
     owners = _owners(welded, parts)
-    size = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))
+    size = float(np.linalg.norm(np.ptp(welded.mesh.verts, axis=0)))
     params = params or resolve(DeformParams())
     body = welded_body(asset, welded, params, source)
     return {
@@ -373,13 +372,13 @@ def inspect_parts(asset: Asset, params: ResolvedParams | None = None, source: So
 
 
 def _box(welded: WeldedMesh) -> dict[str, NDArray[np.float64]]:
-    points = welded.mesh.verts.numpy()
+    points = welded.mesh.verts
     return {"min": points.min(0), "max": points.max(0)}
 
 
 def _owners(welded: WeldedMesh, parts: Parts) -> dict[str, _Index]:
     """Return, for `nodes` and `materials`, the distinct pairs (P, 2) of component and index."""
-    component = welded.mesh.components.numpy()[welded.mesh.faces.numpy()[:, 0]]
+    component = welded.mesh.components[welded.mesh.faces[:, 0]]
     indices = {"nodes": parts.node_of_triangle, "materials": parts.material_of_triangle}
     return {
         what: np.unique(np.stack([component, of_triangle[welded.face_source]], 1), axis=0)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import RigMode
@@ -32,13 +31,13 @@ class NewShape:
     """
 
     facts: AssetFacts
-    verts: Tensor
+    verts: NDArray[np.float64]
     surface: DeformedSurface
     jacobians: NDArray[np.float64] | None
     step: int
 
     @classmethod
-    def of(cls, facts: AssetFacts, verts: Tensor, step: int) -> NewShape:
+    def of(cls, facts: AssetFacts, verts: NDArray[np.float64], step: int) -> NewShape:
         """Give the asset the shape of deformed welded vertices (V, 3) float64; its rig follows, unless it is kept."""
         follows = facts.request.output.rig is RigMode.FOLLOW
         jacobians = vertex_jacobians(facts.welded, verts) if follows else None

@@ -19,15 +19,13 @@ import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
-from meshdeform.deformation.loop import stored_shape
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.mending import Mended
 from meshdeform.exemplar.outlines import Outlines, outlines_of
@@ -51,7 +49,7 @@ from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.exemplar_control import Controls
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import DIGITS, ExemplarFacts, Fit, exemplar_report
-from meshdeform.runs.goals import SilhouetteFit, TargetFit
+from meshdeform.runs.fits import SilhouetteFit, TargetFit
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import shape_id
@@ -81,7 +79,7 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
         control = read_control(params, surface, frame, mesh)
         prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
         stored = None if job_input.initial is None else load_shape(job_input.initial, shape)
-        verts = None if stored is None else _shape(stored, facts, surface, frame).numpy()
+        verts = None if stored is None else _shape(stored, facts, surface, frame)
         targets = _targets(facts, job_input, frame)
         pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
         silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
@@ -113,13 +111,15 @@ def _identity(job_input: RunInput) -> dict[str, str]:
     return {"id": "exemplar", "revision": "", "sha256": sha256}
 
 
-def _shape(state: Mapping[str, Tensor], facts: AssetFacts, surface: WeldedSurface, frame: Frame) -> Tensor:
+def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, surface: WeldedSurface, frame: Frame) -> _Floats:
     """Return the vertices (V, 3) of a checkpoint of this or of an optimised run, in world space.
 
     `frame`: that of the cameras around the asset.
     """
     if _VERTS in state:
         return frame.leave(state[_VERTS])
+    from meshdeform.deformation.loop import stored_shape
+
     start = Start.of_state(state, facts.welded)
     control = read_control(facts.params, surface, start.frame, RestMesh.of(start.frame.place(facts.welded.mesh)))
     shape = stored_shape(start.mesh, state, Carrier.AUTO, bodies=control.bodies, constraints=control.constraints)
@@ -213,14 +213,14 @@ class ExemplarRun(JobRun):
     def _new_shape(self) -> NewShape:
         return NewShape.of(self._facts, self._verts(), self.step)
 
-    def _verts(self) -> Tensor:
+    def _verts(self) -> _Floats:
         """Return the current welded vertices (V, 3), in world space."""
-        return torch.from_numpy(self._blended() if self._result is None else self._result)
+        return self._blended() if self._result is None else self._result
 
     @property
     def _starts_at_rest(self) -> bool:
         """Whether the fits start from the asset, and not from the shape of another job, which may be broken."""
-        return np.array_equal(self._body.points, self._facts.welded.mesh.verts.numpy())
+        return np.array_equal(self._body.points, self._facts.welded.mesh.verts)
 
     def _outlined(self, views: Sequence[SilhouetteView], verts: _Floats) -> _Floats:
         """Return vertices (V, 3) pulled to the outlines of pictures by a smooth map."""
@@ -267,14 +267,14 @@ def _wishes(facts: ExemplarFacts, body: Body) -> list[tuple[str, Wish]]:
 def _for_targets(wish: Wish, facts: ExemplarFacts, own: ExemplarFrame) -> Wish:
     """Return a wish for the nearest of the targets, with their landmarks, in the frame of the fit."""
 
-    def entered(points: Tensor) -> _Floats:
-        return own.enter(facts.frame.leave(points).numpy())
+    def entered(points: _Floats) -> _Floats:
+        return own.enter(facts.frame.leave(points))
 
     shapes, pairs = [], []
     for each in facts.targets.values():
-        faces = each.target.faces.numpy()
+        faces = each.target.faces
         shapes.append(Shape("", entered(each.target.verts), faces, np.full(len(faces), NO_PART)))
         pairs += [np.stack([mark.source, mark.target]) for mark in each.landmarks]
-    ends = entered(torch.from_numpy(np.array(pairs).reshape(-1, 3))).reshape(-1, 2, 3)
+    ends = entered(np.array(pairs).reshape(-1, 3)).reshape(-1, 2, 3)
     landmarks = (ends[:, 0], ends[:, 1]) if pairs else None
     return replace(wish, targets=tuple(shapes), landmarks=landmarks)

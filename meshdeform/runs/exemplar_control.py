@@ -23,7 +23,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
@@ -53,7 +52,7 @@ class Controls:
 
     def __init__(self, control: Control, frame: Frame, mesh: RestMesh) -> None:
         self._control, self._frame, self._mesh = control, frame, mesh
-        self._rest, self._faces = mesh.verts.numpy(), mesh.faces.numpy()
+        self._rest, self._faces = mesh.verts, mesh.faces
         self._diagonal = float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         freedom = control.constraints.freedom
         self._share = np.ones(len(self._rest)) if freedom is None else freedom**2 * (3 - 2 * freedom)
@@ -81,10 +80,7 @@ class Controls:
         return replace(done, verts=tried, kept=left, flipped=int(found.folded.sum()), cut=int(found.cutting.sum()))
 
     def _placed(self, verts: _Floats) -> _Floats:
-        if self._placement is None:
-            return verts
-        placed: _Floats = self._placement.place(torch.from_numpy(verts)).numpy()
-        return placed
+        return verts if self._placement is None else self._placement.place(verts)
 
     @cached_property
     def _handled(self) -> sparse.csr_matrix:
@@ -97,7 +93,7 @@ class Controls:
         handles = self._control.constraints.handles
         if not handles:
             return np.zeros((0, 3))
-        ends = self._frame.leave(torch.from_numpy(np.stack([handle.goal for handle in handles]))).numpy()
+        ends = self._frame.leave(np.stack([handle.goal for handle in handles]))
         points, weights = self._handled @ placed, np.array([handle.weight for handle in handles])
         return np.asarray(points + weights[:, None] * (ends - points))
 

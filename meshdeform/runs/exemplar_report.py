@@ -15,7 +15,7 @@ from meshdeform.reading import Reading
 from meshdeform.rendering.cameras import Frame
 from meshdeform.runs.base import RunLog
 from meshdeform.runs.control import Control, control_report
-from meshdeform.runs.goals import SilhouetteFit, TargetFit
+from meshdeform.runs.fits import SilhouetteFit, TargetFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import posixpath
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import torch
@@ -16,6 +15,7 @@ from meshdeform.assets import Limits, build_glb, load_asset
 from meshdeform.assets.collection import MIN_COLLECTION, AssetLabels, CollectionFiles, open_collection, own_labels
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError
+from meshdeform.geometry.tensors import arrays_of, tensors_of
 from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
 from meshdeform.kinds.families.inference import Inference, Template
 from meshdeform.kinds.families.learning import Learning
@@ -87,7 +87,7 @@ class FamilyFitRun(JobRun):
             tensors |= dump_inference(self._inference)
         if self._learning is not None:
             tensors |= dump_learning(self._learning)
-        return dump_checkpoint(Checkpoint(self.step, tensors), self._run, self._sha256)
+        return dump_checkpoint(Checkpoint(self.step, arrays_of(tensors)), self._run, self._sha256)
 
     def snapshot(self) -> ArtifactData:
         """Return a GLB of the template's points, or of the first samples before there is a template."""
@@ -210,14 +210,14 @@ class FamilyFitRun(JobRun):
         return len(self._part_names())
 
     def _resume(self, state: Checkpoint) -> None:
-        self._shapes, self._truth = load_shapes(state.tensors)
-        self._names = [self._every[t] for t in state.tensors["names"].tolist()]
+        tensors = tensors_of(state.tensors)
+        self._shapes, self._truth = load_shapes(tensors)
+        self._names = [self._every[t] for t in tensors["names"].tolist()]
         if state.step > READ_STEPS:
-            tensors: dict[str, Any] = state.tensors
             self._inference = load_inference(tensors, self._collection(), self._given(), self._part_count())
         if state.step > READ_STEPS + self._params.iterations:
             assert self._inference is not None
-            self._learning = load_learning(state.tensors, self._inference.edges)
+            self._learning = load_learning(tensors, self._inference.edges)
 
 
 _ARRAYS = ("points", "normals", "triangles", "weights", "centre")

@@ -106,12 +106,12 @@ class FamilySynthesisRun(JobRun):
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
-        tensors = {"defects": torch.from_numpy(self._defects.copy())}
+        tensors: dict[str, NDArray[Any]] = {"defects": self._defects}
         for number, (shape, about) in enumerate(zip(self._shapes, self._about, strict=True)):
             tensors[f"glb.{number}"] = _bytes(shape)
             tensors[f"about.{number}"] = _bytes(json.dumps(about).encode())
-            tensors[f"points.{number}"] = torch.from_numpy(self._drawn[number][0].copy())
-            tensors[f"exists.{number}"] = torch.from_numpy(self._drawn[number][1].copy())
+            tensors[f"points.{number}"] = self._drawn[number][0]
+            tensors[f"exists.{number}"] = self._drawn[number][1]
         return dump_checkpoint(Checkpoint(self.step, tensors), self._run, self._digests["family"])
 
     def snapshot(self) -> ArtifactData:
@@ -245,17 +245,17 @@ class FamilySynthesisRun(JobRun):
 
     def _resume(self, state: Checkpoint) -> None:
         tensors = state.tensors
-        self._defects = tensors["defects"].numpy().copy()
+        self._defects = tensors["defects"].copy()
         for number in range(max(state.step - READ_STEPS, 0)):
             if f"glb.{number}" not in tensors:
                 return
-            self._shapes.append(tensors[f"glb.{number}"].numpy().tobytes())
-            self._about.append(json.loads(tensors[f"about.{number}"].numpy().tobytes()))
-            self._drawn.append((tensors[f"points.{number}"].numpy(), tensors[f"exists.{number}"].numpy()))
+            self._shapes.append(tensors[f"glb.{number}"].tobytes())
+            self._about.append(json.loads(tensors[f"about.{number}"].tobytes()))
+            self._drawn.append((tensors[f"points.{number}"], tensors[f"exists.{number}"]))
 
 
-def _bytes(data: bytes) -> Tensor:
-    return torch.from_numpy(np.frombuffer(data, np.uint8).copy())
+def _bytes(data: bytes) -> NDArray[np.uint8]:
+    return np.frombuffer(data, np.uint8)
 
 
 def _asset_of(assets: dict[str, bytes], name: str) -> bytes:

@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.plain.body import Body
 from meshdeform.plain.change import Done, affine_of, apply_changes, meant
@@ -51,7 +49,7 @@ def start_change(facts: AssetFacts, body: Body, sentence: Sentence, log: RunLog)
             reading = made(body) if facts.params.source_noun is None else None
             taken_for = "" if reading is None else reading.noun
             raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
-        verts = facts.welded.mesh.verts + torch.from_numpy(changed.points - body.points)
+        verts = facts.welded.mesh.verts + (changed.points - body.points)
     return PlainChangeRun(facts, verts, done, made(body), sentence, log)
 
 
@@ -61,7 +59,7 @@ class PlainChangeRun(JobRun):
     def __init__(
         self,
         facts: AssetFacts,
-        verts: Tensor,
+        verts: NDArray[np.float64],
         done: list[Done],
         reading: Reading | None,
         sentence: Sentence,

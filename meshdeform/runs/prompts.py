@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from meshdeform.deformation.constraints import surface_distances
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.guidance.sds import WeightedPrompt
+from meshdeform.guidance.weighted import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import Prompt, active_prompts
 from meshdeform.runs.control import Control, WeldedSurface
@@ -52,7 +52,7 @@ class Prompts:
         """Return the share (V,) of each prompt in what moves each vertex: the mean of the faces around it."""
         if not self.shares:
             return [np.full(len(mesh.verts), each.weight) for each in self.texts]
-        corners, areas = mesh.faces.numpy().ravel(), np.maximum(mesh.areas, 1e-300)
+        corners, areas = mesh.faces.ravel(), np.maximum(mesh.areas, 1e-300)
         total = np.bincount(corners, np.repeat(areas, 3), len(mesh.verts))
 
         def around(of_face: _Floats) -> _Floats:
@@ -82,7 +82,7 @@ def read_prompts(
         scale = max(1.0, sum(each.weight for each in active))
         return Prompts(active, faces, [WeightedPrompt(each.prompt, each.weight / scale) for each in active])
     masks, groups = _grouped(faces)
-    falloff = params.falloff * float(np.linalg.norm(np.ptp(mesh.verts.numpy(), axis=0)))
+    falloff = params.falloff * float(np.linalg.norm(np.ptp(mesh.verts, axis=0)))
     pulls = [np.ones(len(mesh.faces)) if mask is None else _pull(mesh, mask, falloff) for mask in masks]
     total = sum(each.weight * pulls[group] for each, group in zip(active, groups, strict=True))
     shares = [pull / np.maximum(1.0, total) for pull in pulls]
@@ -100,15 +100,15 @@ def _pulled(number: int, prompt: Prompt, surface: WeldedSurface, control: Contro
     if not flags.any():
         raise _refusal(number, "its regions are the whole asset, so nothing is outside.", "Select less.")
     kept = control.constraints.kept
-    if kept is not None and kept[surface.mesh.faces.numpy()[flags]].all():
+    if kept is not None and kept[surface.mesh.faces[flags]].all():
         raise _refusal(number, "all that it pulls at is kept.", "Keep less, or leave the prompt out.")
     return flags
 
 
 def _mirrored(flags: _Flags, mesh: RestMesh, axis: int) -> _Flags:
     """Return flags of the mirror images of flagged faces."""
-    verts = mesh.verts.numpy()
-    middles = verts[mesh.faces.numpy()].mean(1)
+    verts = mesh.verts
+    middles = verts[mesh.faces].mean(1)
     images = middles.copy()
     images[:, axis] = verts[:, axis].min() + verts[:, axis].max() - images[:, axis]
     return np.asarray(flags[cKDTree(middles).query(images)[1]])
@@ -134,7 +134,7 @@ def _same(one: _Flags | None, other: _Flags | None) -> bool:
 
 def _pull(mesh: RestMesh, flags: _Flags, falloff: float) -> _Floats:
     """Return how much of each face (F,) a prompt pulls at."""
-    faces = mesh.faces.numpy()
+    faces = mesh.faces
     outside = np.zeros(len(mesh.verts), bool)
     outside[faces[~flags].ravel()] = True
     if falloff <= 0:

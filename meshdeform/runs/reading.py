@@ -1,8 +1,8 @@
 """Read the source of a job, its noun, its front and its parts, and lay over it what a request says of them.
 
-The judge proposes nouns and the fits decide among them (`meshdeform.reading`), unless the request gives one. Nothing is
-read until somebody asks, and nothing twice: readings are kept by what they depend on (`kept_readings`). Importing this
-loads no torch.
+The judge and the likeness to members propose nouns, and fits decide among them (`meshdeform.reading`), unless the
+request gives one. Nothing is read until somebody asks, and nothing twice: readings are kept by what they depend on
+(`kept_readings`). Importing this loads no torch.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from meshdeform.plain.evidence import read_body
 from meshdeform.plain.joints import is_person
 from meshdeform.plain.reader import Reader
 from meshdeform.reading import FITTED, Reading
+from meshdeform.reading.likeness import nouns_alike
 from meshdeform.reading.result import UP_TURNS
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
 from meshdeform.runs.parted import given_parts
@@ -55,7 +56,7 @@ _MOST, _DIGITS = 5, 4
 """How many nouns are told, and digits of a probability."""
 
 _JUDGE = Path(meshdeform.__file__).parent / "judge" / "weights" / "judge.safetensors"
-"""As `meshdeform.judge.WEIGHTS`, which loads torch."""
+"""As `meshdeform.judge.WEIGHTS`, which loads what draws."""
 
 _Z_UP, _Z_UP_ELSE = {".stl": 0.8, ".ply": 0.5}, 0.1
 """Share of files of a format in which +Z is up: printers and CAD have it so, and most of what writes the others has
@@ -64,6 +65,8 @@ not."""
 _EVIDENCE = tuple(Path(plain.__file__).with_name(name) for name in ("evidence.py", "joints.py", "names.py"))
 """What says what joints and names tell: `meshdeform.reading.VERSION` does not know it."""
 
+_UNLIKELY, _UNJUDGED = 0.001, 0.02
+"""What counts as the judge's probability of a noun besides, and in place of it where it does not know the noun."""
 _CLEARLY = 0.5
 """Probability from which a figure is another than a person."""
 
@@ -114,7 +117,7 @@ def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source
     """Return the body of an asset that was welded, as `corrected` does."""
     from meshdeform.plain.body import body_of
 
-    body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces.numpy())
+    body = body_of(asset, welded.vertex_map, welded.first_rows(), welded.mesh.faces)
     return corrected(body, asset, params, source)
 
 
@@ -185,32 +188,32 @@ def _read(body: Body, params: ResolvedParams, source: Source | None, fitted: int
 def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str, float]:
     """Return the nouns that a body with its vertices at these points may be, with their probabilities.
 
-    With the joints of a person it is one, unless it clearly is another figure: to the judge, whoever holds out both
-    arms looks like a helicopter.
+    They are what the judge says, by pictures, times what members of the nouns are like. With the joints of a person
+    it is one, unless it clearly is another figure: to the judge, whoever holds out both arms looks like a helicopter.
     """
     given = given_noun(params)
     if given is not None:
         return {given: 1.0}
-    nouns = _judged(points, body.faces)
-    figure = any(nouns[noun] >= _CLEARLY for noun in nouns.keys() & NOUN_GROUPS["figures"])
-    if not nouns:
+    judged = _judged(points, body.faces)
+    figure = any(judged[noun] >= _CLEARLY for noun in judged.keys() & NOUN_GROUPS["figures"])
+    if not judged:
         return {}
     if not figure and is_person(joint.name for joint in body.joints):
         nouns = {"person": 1.0}
+    else:
+        alike = nouns_alike(points, body.faces)
+        both = {noun: share * (judged.get(noun, _UNJUDGED) + _UNLIKELY) for noun, share in alike.items()}
+        nouns = {noun: each / sum(both.values()) for noun, each in both.items()}
     return {**nouns, **{word.noun: 0.0 for word in words_near(points, body.faces)}}
 
 
 def _judged(points: Floats, faces: Index) -> Mapping[str, float]:
     """Return the probabilities that the judge gives all nouns; none if it is missing."""
-    import torch
-
     from meshdeform.geometry.mesh import TriangleMesh
     from meshdeform.judge import Judge
 
     try:
-        return Judge().noun_probabilities(
-            TriangleMesh(torch.from_numpy(points), torch.from_numpy(faces)), of_public=True
-        )
+        return Judge().noun_probabilities(TriangleMesh(points, faces), of_public=True)
     except ModelError as error:
         _log.warning("the source is not recognised: %s", error)
         return {}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
-from meshdeform.deformation.controls import UNKNOWN, Nature
 from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
+from meshdeform.deformation.structure import UNKNOWN, Nature
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.reading import Reading
 from meshdeform.reading.result import SURE

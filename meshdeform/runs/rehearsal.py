@@ -17,33 +17,14 @@ from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 
 if TYPE_CHECKING:
-    from meshdeform.priors.base import Prior
     from meshdeform.runs.base import JobRun
 
 _PROMPT = "a mushroom"
 
 
-def rehearse(prior: Prior | None = None, device: str = "cpu") -> None:
-    """Deform a small sphere by two steps, and make no result.
-
-    `prior`: the builtin one. Without it a target pulls, which draws nothing during the steps.
-    """
-    sphere = _glb(1)
-    if prior is None:
-        _run(
-            sphere,
-            {"params": {"guidance": {"kind": "target"}}},
-            target=sphere,
-            target_filename="sphere.glb",
-            device=device,
-        )
-    else:
-        _run(
-            sphere,
-            {"prompt": _PROMPT, "params": {"guidance": {"kind": "sds", "orientation": "keep"}}},
-            prior=prior,
-            device=device,
-        )
+def rehearse() -> None:
+    """Fit a small sphere, and make no result: that needs no torch, which the first job of an optimiser imports."""
+    _run(_glb(1), {"prompt": _PROMPT, "params": {"guidance": {"kind": "exemplar"}}})
 
 
 def main() -> None:
@@ -62,11 +43,12 @@ def main() -> None:
 def _glb(components: int) -> bytes:
     sphere = icosphere(2)
     mesh = join(*(replace(sphere, verts=sphere.verts + 3.0 * number) for number in range(components)))
-    return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    return build_glb(mesh.verts, mesh.faces)
 
 
 def _run(glb: bytes, document: dict[str, Any], **files: Any) -> JobRun:
-    document["params"] = {"preset": "preview", "steps": 2, **document.get("params", {})}
+    if document["params"]["guidance"]["kind"] != "exemplar":
+        document["params"] |= {"preset": "preview", "steps": 2}
     request = JobRequest.model_validate(document)
     run = text_deform.start(job_input(asset=glb, filename="sphere.glb", request=request, **files))
     for _ in run:

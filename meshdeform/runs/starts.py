@@ -14,8 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from meshdeform.deformation.checkpoint import load_shape
 from meshdeform.deformation.orientation import Orientation
@@ -44,19 +43,19 @@ class Start:
     turn_deg: float = 0.0  # azimuth at which the front of a new fit is, from that of the asset
 
     @classmethod
-    def of_state(cls, state: Mapping[str, Tensor], welded: WeldedMesh) -> Self:
+    def of_state(cls, state: Mapping[str, NDArray[Any]], welded: WeldedMesh) -> Self:
         """Return the start that a checkpoint's tensors are relative to."""
         if _VERTS not in state:
             return cls(welded.mesh)
-        return cls(TriangleMesh(state[_VERTS], welded.mesh.faces), json.loads(bytes(state[_TOLD].numpy())))
+        return cls(TriangleMesh(state[_VERTS], welded.mesh.faces), json.loads(bytes(state[_TOLD])))
 
     @property
-    def state(self) -> dict[str, Tensor]:
+    def state(self) -> dict[str, NDArray[Any]]:
         """The tensors of it in a checkpoint; none of the asset as it is."""
         if self.told is None:
             return {}
         told = np.frombuffer(json.dumps(self.told, sort_keys=True).encode(), np.uint8)
-        return {_VERTS: self.world.verts.clone(), _TOLD: torch.from_numpy(told.copy())}
+        return {_VERTS: self.world.verts, _TOLD: told}
 
     def turned(self, front: Orientation) -> Orientation:
         """Return the front of the fit by that of the asset."""

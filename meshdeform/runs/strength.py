@@ -8,9 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.assets import Asset, Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, Track
@@ -80,8 +78,8 @@ class AssetPath:
         return vertex_jacobians(self._welded, self._path.at(share))
 
     @property
-    def _ends(self) -> Tensor:
-        return self._welded.mesh.verts + torch.from_numpy(self._moved)
+    def _ends(self) -> _Floats:
+        return np.asarray(self._welded.mesh.verts + self._moved)
 
     @cached_property
     def _path(self) -> ShapePath:

@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -337,7 +336,7 @@ def coloured_level(asset: Asset, field: NeuralField, level: int) -> bytes | None
         return None
     divided = level_of(field.faces, len(field.verts), level)
     verts, faces = field.evaluate(divided.corners, divided.weights), divided.faces
-    base = RestMesh.of(TriangleMesh(torch.from_numpy(verts[: len(field.verts)]), torch.from_numpy(field.faces)))
+    base = RestMesh.of(TriangleMesh(verts[: len(field.verts)], field.faces))
     texels = texel_corners(look)
     ab, ac = (texels[:, k] - texels[:, 0] for k in (1, 2))
     count = float(np.nansum(np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])) / 2) or 4.0 * len(texels)

@@ -20,9 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, Surface, load_asset
 from meshdeform.assets.placement import unit_rows
@@ -38,12 +36,13 @@ from meshdeform.requests.selection import find_excluded
 
 _Floats = NDArray[np.float64]
 _ROUNDING = 1e-6
+_SHORTEST = 1e-12
 
 _IN_FRONT = 0.05
 """Cosine to a face from which a source normal counts as on one side of it; a smaller one may change sides."""
 
 
-def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor) -> _Floats:
+def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians: _Floats, areas: _Floats) -> _Floats:
     """Transform the source's normals to the deformed surface.
 
     `normals`, (N, 3) float64: unit normals of the source vertices; NaN rows (no normal) stay NaN. `triangles`, (F, 3)
@@ -52,13 +51,13 @@ def transform_normals(normals: _Floats, triangles: NDArray[np.int64], jacobians:
     face uses, keeps its normal. Where nothing was deformed, the source's numbers are returned, including the float32
     rounding of their length.
     """
-    a, b, c = jacobians.unbind(1)
-    cofactors = torch.stack([torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)], 1)
+    a, b, c = (jacobians[:, k] for k in range(3))
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 1)
     return _transform(normals, triangles, cofactors, areas)
 
 
 def transform_tangents(
-    tangents: _Floats, normals: _Floats, triangles: NDArray[np.int64], jacobians: Tensor, areas: Tensor
+    tangents: _Floats, normals: _Floats, triangles: NDArray[np.int64], jacobians: _Floats, areas: _Floats
 ) -> _Floats:
     """Transform the source's tangents to the deformed surface, perpendicular to its normals.
 
@@ -76,7 +75,7 @@ def transform_tangents(
 
 
 def rebuild_turned_normals(
-    normals: _Floats, source_normals: _Floats, triangles: NDArray[np.int64], rest_faces: Tensor, new_faces: Tensor
+    normals: _Floats, source_normals: _Floats, triangles: NDArray[np.int64], rest_faces: _Floats, new_faces: _Floats
 ) -> tuple[_Floats, int]:
     """Replace transformed normals that have changed sides of one of their faces.
 
@@ -87,14 +86,15 @@ def rebuild_turned_normals(
     """
     corners = triangles.reshape(-1)
     before, after = (
-        np.repeat(torch.nn.functional.normalize(faces, dim=1).numpy(), 3, axis=0) for faces in (rest_faces, new_faces)
+        np.repeat(faces / np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), _SHORTEST), 3, axis=0)
+        for faces in (rest_faces, new_faces)
     )
     was = (source_normals[corners] * before).sum(1)
     changed = (np.abs(was) > _IN_FRONT) & (np.sign(was) * (normals[corners] * after).sum(1) < 0)
     turned = np.unique(corners[changed])
     if not len(turned):
         return normals, 0
-    signed = np.sign(was)[:, None] * np.repeat(new_faces.numpy(), 3, axis=0)
+    signed = np.sign(was)[:, None] * np.repeat(new_faces, 3, axis=0)
     signed[~np.isfinite(signed)] = 0.0
     mean = np.stack([np.bincount(corners, signed[:, k], len(normals)) for k in range(3)], 1)[turned]
     length = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -104,8 +104,8 @@ def rebuild_turned_normals(
     return rebuilt, int(usable.sum())
 
 
-def _transform(vectors: _Floats, triangles: NDArray[np.int64], maps: Tensor, areas: Tensor) -> _Floats:
-    weighted = np.repeat((maps * areas[:, None, None]).numpy().reshape(-1, 9), 3, axis=0)
+def _transform(vectors: _Floats, triangles: NDArray[np.int64], maps: _Floats, areas: _Floats) -> _Floats:
+    weighted = np.repeat((maps * areas[:, None, None]).reshape(-1, 9), 3, axis=0)
     corners = triangles.reshape(-1)
     total = np.stack([np.bincount(corners, weighted[:, k], len(vectors)) for k in range(9)], 1)
     moved = np.einsum("nij,nj->ni", total.reshape(-1, 3, 3), vectors)
@@ -128,7 +128,7 @@ class DeformedSurface:
     rebuilt_normals: int  # normals that had changed sides of a face
 
 
-def vertex_jacobians(welded: WeldedMesh, verts: Tensor) -> _Floats:
+def vertex_jacobians(welded: WeldedMesh, verts: _Floats) -> _Floats:
     """Return the linear map (N, 3, 3) of a deformation around each of the source's vertices, in world space.
 
     It is the mean of the completed Jacobians of the faces around the welded vertex, by their area; exactly the identity
@@ -136,34 +136,36 @@ def vertex_jacobians(welded: WeldedMesh, verts: Tensor) -> _Floats:
     vertices, in world space.
     """
     rest = welded.mesh
-    faces, areas = rest.faces.reshape(-1), torch.from_numpy(rest.areas)
-    identity = torch.eye(3, dtype=torch.float64)
-    moved = (verts != rest.verts).any(1)[rest.faces].any(1)
-    bent = torch.where(moved[:, None, None], completed_jacobians(rest, verts) - identity, 0.0)
-    total = torch.zeros(len(rest.verts), 3, 3, dtype=torch.float64)
-    total.index_add_(0, faces, (areas[:, None, None] * bent).repeat_interleave(3, 0))
-    weight = torch.zeros(len(rest.verts), dtype=torch.float64).index_add_(0, faces, areas.repeat_interleave(3))
-    around = (identity + total / weight.clamp_min(1e-300)[:, None, None]).numpy()
+    corners, count, areas = rest.faces.ravel(), len(rest.verts), rest.areas
+    bent = np.where(_moved(rest, verts)[:, None, None], completed_jacobians(rest, verts) - np.eye(3), 0.0)
+    weighted = np.repeat((areas[:, None, None] * bent).reshape(-1, 9), 3, axis=0)
+    total = np.stack([np.bincount(corners, weighted[:, k], count) for k in range(9)], 1).reshape(-1, 3, 3)
+    weight = np.bincount(corners, np.repeat(areas, 3), count)
+    around = np.eye(3) + total / np.maximum(weight, 1e-300)[:, None, None]
     jacobians = np.tile(np.eye(3), (len(welded.vertex_map), 1, 1))
     used = welded.vertex_map >= 0
     jacobians[used] = around[welded.vertex_map[used]]
     return jacobians
 
 
-def deformed_surface(surface: Surface, welded: WeldedMesh, verts: Tensor) -> DeformedSurface:
+def _moved(rest: TriangleMesh, verts: _Floats) -> NDArray[np.bool_]:
+    """Return flags (F,) of the faces of which a corner is no longer where it was at rest."""
+    return np.asarray((verts != rest.verts).any(1)[rest.faces].any(1))
+
+
+def deformed_surface(surface: Surface, welded: WeldedMesh, verts: _Floats) -> DeformedSurface:
     """Move a surface with its welded vertices (V, 3) float64, world space."""
     rest = welded.mesh
     jacobians = completed_jacobians(rest, verts)
-    areas = torch.from_numpy(rest.areas)
+    areas = rest.areas
     triangles = surface.triangles[welded.face_source]
     normals = transform_normals(surface.normals, triangles, jacobians, areas)
     faces = face_cross(rest.verts, rest.faces), face_cross(verts, rest.faces)
     normals, rebuilt = rebuild_turned_normals(normals, surface.normals, triangles, *faces)
     tangents = transform_tangents(surface.tangents, normals, triangles, jacobians, areas)
     # The Jacobian of a face that did not move is the identity but for rounding.
-    moved = (verts != rest.verts).any(1)[rest.faces].any(1).numpy()
     still = np.ones(len(normals), bool)
-    still[triangles[moved].ravel()] = False
+    still[triangles[_moved(rest, verts)].ravel()] = False
     normals[still], tangents[still] = surface.normals[still], surface.tangents[still]
     return DeformedSurface(welded.scatter(verts, surface.positions), normals, tangents, rebuilt)
 
@@ -194,7 +196,7 @@ class Shown:
     poses: tuple[Pose, Pose]  # of all vertices of the files, for pictures: source and result
 
     @classmethod
-    def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: Tensor) -> Shown:
+    def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: _Floats) -> Shown:
         """Compare the source with the result, read back from its file.
 
         `verts`, (V, 3) float64: deformed positions of the welded vertices.

@@ -5,59 +5,32 @@ Joints, morph targets and the nodes that hang on the surface follow it, unless `
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
-
-import numpy as np
-import torch
-from numpy.typing import NDArray
-from torch import Tensor
+from typing import TYPE_CHECKING
 
 from meshdeform.assets import load_asset
-from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
-from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.orientation import Orientation
-from meshdeform.deformation.stand_in import FACES, MAX_FACES
-from meshdeform.deformation.surface_colours import welded_appearance
-from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.errors import PartNotFoundError
-from meshdeform.geometry.mesh import RestMesh
 from meshdeform.plain.words import Sentence
-from meshdeform.reading import Reading
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.requests.parameters import SILHOUETTE_PARTS, WORDS_PART
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, load_model
+from meshdeform.requests.parameters import WORDS_PART
+from meshdeform.runs.base import JobRun, RunInput, RunLog, import_extra, load_model
 from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
-from meshdeform.runs.control import WeldedSurface, read_control
-from meshdeform.runs.delivery import GLB, NewShape
-from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
+from meshdeform.runs.devices import resolve_device
 from meshdeform.runs.plain_change import source_body, start_change
-from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.recognition import asks_source, front_of, nature_of
-from meshdeform.runs.starts import start_of
-from meshdeform.runs.surfaces import (
-    drawn_triangles,
-    prepared,
-    shape_id,
-    welded_surface,
-)
+from meshdeform.runs.surfaces import drawn_triangles, prepared, welded_surface
 from meshdeform.runs.text_deform_kind import resolved_params
-from meshdeform.runs.text_report import (
-    AssetFacts,
-    Held,
-    RunFacts,
-    build_report,
-    precision_of,
-    sees_colours,
-)
+from meshdeform.runs.text_report import AssetFacts
 from meshdeform.runs.word_pins import KnowingRun, words_of
 from meshdeform.words import in_use
 
-_ON_ORIGIN = 0.01
-"""Height of the lowest point over the origin, as a share of the asset's, up to which it stands on it."""
+if TYPE_CHECKING:
+    from meshdeform.priors.base import Prior
+
+_OPTIMISED = "meshdeform.runs.optimised"
+"""What needs torch."""
 
 
 def start(job_input: RunInput) -> JobRun:
@@ -73,16 +46,17 @@ def start(job_input: RunInput) -> JobRun:
 def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
     """Start the run; a prompt that is a change in plain words is carried out at once."""
     log = RunLog()
-    request, file, limits, device = job_input.request, job_input.files["asset"], job_input.limits, job_input.device
+    request, file, limits = job_input.request, job_input.files["asset"], job_input.limits
     sentence = asked_changes(request.prompt, params)
-    # A change needs no prior; whether a description is one, only the asset tells.
-    prior = load_model(params.model, job_input) if params.guidance is GuidanceKind.SDS and sentence is None else None
-    target = job_input.files.get("target")
+    # A change needs neither torch nor a prior; whether a description is one, only the asset tells.
+    optimised = params.guidance is not GuidanceKind.EXEMPLAR and sentence is None
+    prior = _prior(params, job_input) if optimised else None
     file = replace(file, sha256=file.digest)
     with log.phase("read"):
         asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
         welded = welded_surface(asset, params.backdrop)
-    facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, device)
+    # The optimiser alone has another device.
+    facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, "cpu")
     if sentence is not None:
         change = _change(facts, sentence, job_input, log)
         if change is not None:
@@ -91,69 +65,21 @@ def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
         from meshdeform.runs.exemplar import start_exemplar
 
         return start_exemplar(facts, job_input, log)
-    if sentence is not None:
-        prior = load_model(params.model, job_input)
-    shape = shape_id(file.sha256 or "", asset, params, request.output)
-    reading = _reading(facts, job_input, log)
-    begun = start_of(facts, shape, job_input, log)
-    frame = begun.frame
-    mesh = RestMesh.of(frame.place(welded.mesh))
-    with log.phase("prepare"):
-        surface = WeldedSurface(asset, welded)
-        control = read_control(params, surface, frame, mesh)
-        prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
-        pictures = [
-            job_input.files[part].data
-            for part in SILHOUETTE_PARTS[: len(params.silhouettes)]
-            if part in job_input.files
-        ]
-        silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
-        source = GoalSource(asset, welded.mesh, begun.mesh, frame, prior, target, silhouettes, limits, device, prompts)
-        goal = read_goal(request, params, source)
-        run = fingerprint(
-            params=params.model_dump(mode="json"),
-            prompt=request.prompt,
-            asset=shape,
-            guidance=goal.guidance.identity,
-            **({"stand_in": FACES} if mesh.faces.shape[0] > MAX_FACES else {}),
-        )
-        state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
-        deformation = Deformation(
-            begun.mesh,
-            goal.guidance,
-            params,
-            device=device,
-            checkpoint=state,
-            initial=load_shape(job_input.initial, shape) if job_input.initial is not None else None,
-            bodies=control.bodies,
-            appearance=welded_appearance(asset.appearance(), welded) if sees_colours(params) else None,
-            constraints=control.constraints,
-            shares=goal.shares,
-            front=begun.turned(front_of(reading, params)),
-            nature=nature_of(params, reading, request.prompt),
-        )
-    known = RunFacts(
-        **vars(facts),
-        start=begun,
-        frame=frame,
-        shape_id=shape,
-        fingerprint=run,
-        control=control,
-        goal=goal,
-        prompts=prompts,
-        silhouettes=silhouettes,
-        reading=reading,
-        precision=precision_of(prior, state),
-    )
-    return TextDeformRun(known, deformation, log)
+    return _optimised(facts, prior, job_input, log)
 
 
-def _reading(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Reading | None:
-    """Return the reading of the source; None if nothing depends on it, or it cannot be read."""
-    if not asks_source(facts.params):
-        return None
-    with log.phase("parts"):
-        return source_body(facts, job_input.readings).reader.reading
+def _prior(params: ResolvedParams, job_input: RunInput) -> Prior | None:
+    """Return the prior of an optimisation, if a prompt guides it; DependencyError: torch is not installed."""
+    import_extra(_OPTIMISED)
+    return load_model(params.model, job_input) if params.guidance is GuidanceKind.SDS else None
+
+
+def _optimised(facts: AssetFacts, prior: Prior | None, job_input: RunInput, log: RunLog) -> JobRun:
+    """Start an optimisation; `prior`: None also of a description that turned out to be no change."""
+    start: Callable[..., JobRun] = import_extra(_OPTIMISED).start_optimised
+    if prior is None:
+        prior = _prior(facts.params, job_input)
+    return start(replace(facts, device=resolve_device(job_input.device)), prior, job_input, log)
 
 
 def _change(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: RunLog) -> JobRun | None:
@@ -177,73 +103,3 @@ def _change(facts: AssetFacts, sentence: Sentence, job_input: RunInput, log: Run
         if fitted:
             return None
         raise
-
-
-class TextDeformRun(JobRun):
-    """A run in progress, created by `start`."""
-
-    def __init__(self, facts: RunFacts, deformation: Deformation, log: RunLog) -> None:
-        super().__init__(facts.params.steps, deformation.step, log)
-        self._facts, self._deformation = facts, deformation
-        self._held: dict[int, float] = {}
-
-    @property
-    def orientation(self) -> Orientation:
-        """The turn of the cameras, and how it was chosen."""
-        return self._deformation.orientation
-
-    def _steps(self) -> Iterator[dict[str, float]]:
-        for step in self._deformation:
-            checked = step.step % EVERY_STEPS == 0 or self._deformation.done
-            if checked and "held_share" in step.losses:
-                self._held[step.step] = step.losses["held_share"]
-            yield step.losses
-
-    def checkpoint(self) -> bytes:
-        """Return the complete state of the run; call only between two steps."""
-        state = replace(self._deformation.checkpoint(), precision=self._facts.precision or "")
-        state = replace(state, tensors=state.tensors | self._facts.start.state)
-        return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
-
-    def positions(self) -> NDArray[np.float64]:
-        """Return the current world positions (N, 3), float64, of the asset's own vertices."""
-        return self._facts.welded.scatter(self._world_verts(), self._facts.asset.surface.positions)
-
-    def snapshot(self) -> ArtifactData:
-        """Return the asset with its current shape, in the form of `result.glb`."""
-        return ArtifactData(self._new_shape().written(), GLB)
-
-    def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
-        with self.log.phase("write"):
-            shape = self._new_shape()
-        return shape.delivered(
-            lambda outcome: build_report(self._facts, self._deformation, outcome, self.first_step, self.log),
-            self.log,
-            Held.of(self._held, self.total_steps),
-        )
-
-    def _new_shape(self) -> NewShape:
-        return NewShape.of(self._facts, self._world_verts(), self.step)
-
-    @cached_property
-    def _keeps_ground(self) -> bool:
-        """Whether the result stands where the source stood: by a prompt, if built, on the origin or over a backdrop."""
-        structure, heights = self._deformation.structure, self._facts.welded.mesh.verts[:, 1]
-        if structure is None:
-            return False
-        stands = abs(float(heights.min())) <= _ON_ORIGIN * float(heights.max() - heights.min())
-        backdrop = self._facts.asset.backdrop
-        return structure.level or stands or (backdrop is not None and backdrop.left)
-
-    def _world_verts(self) -> Tensor:
-        constraints = self._facts.control.constraints
-        verts, kept = self._facts.frame.leave(self._deformation.verts()), constraints.kept
-        if kept is None and not constraints.handles and self._keeps_ground:
-            verts[:, 1] += self._facts.welded.mesh.verts[:, 1].min() - verts[:, 1].min()
-        # The way into the frame and back rounds.
-        return (
-            verts
-            if kept is None
-            else torch.where(torch.from_numpy(kept)[:, None], self._facts.welded.mesh.verts, verts)
-        )

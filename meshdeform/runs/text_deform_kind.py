@@ -509,7 +509,13 @@ def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
     return prompt_words(request.prompt, request.params) or (f"like {PurePath(like).stem}" if like else "")
 
 
+def _needs_torch(request: JobRequest, params: ResolvedParams) -> bool:
+    """Return whether an optimiser guides: neither a fit nor, as far as the prompt tells, a change in plain words."""
+    return params.guidance is not GuidanceKind.EXEMPLAR and asked_changes(request.prompt, params) is None
+
+
 TEXT_DEFORM = Kind(
+    needs_torch=_needs_torch,
     name=JobKind.TEXT_DEFORM,
     takes_output=True,
     summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides; or "

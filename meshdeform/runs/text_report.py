@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
 import meshdeform
 from meshdeform.assets import Asset
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.assets.surface import Surface
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
-from meshdeform.deformation.controls import is_convex
-from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.rigid_bodies import Body
+from meshdeform.deformation.constraints import Body
+from meshdeform.deformation.structure import is_convex
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
@@ -26,7 +24,6 @@ from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, me
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
-from meshdeform.priors.base import Prior
 from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
@@ -34,7 +31,7 @@ from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest
 from meshdeform.requests.parameters import OF_OPTIMISER
 from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
 from meshdeform.runs.control import Control, control_report
-from meshdeform.runs.goals import Goal, SilhouetteFit
+from meshdeform.runs.fits import SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition, asks_source
@@ -57,8 +54,11 @@ from meshdeform.runs.worth import (
 from meshdeform.vocabulary.grammar import ParsedPrompt, parse
 
 if TYPE_CHECKING:
+    from meshdeform.deformation.loop import Deformation
     from meshdeform.plain.change import Done
+    from meshdeform.priors.base import Prior
     from meshdeform.reading import Reading
+    from meshdeform.runs.goals import Goal
 
 _MOSTLY = 0.5
 _REMEDIES = {
@@ -131,7 +131,7 @@ class RunFacts(AssetFacts):
 class Outcome:
     """Results of a run."""
 
-    verts: Tensor  # (V, 3) float64: deformed welded world positions
+    verts: NDArray[np.float64]  # (V, 3) float64: deformed welded world positions
     result: bytes  # `result.glb`
     written: Asset  # `result.glb`, read back, so that errors of the writer show
     shown: Shown  # what viewers show of source and result
@@ -294,7 +294,7 @@ class Measured:
 def measured_result(facts: AssetFacts, outcome: Outcome) -> Measured:
     """Measure a result beside its source."""
     source = facts.welded.mesh
-    quality = measure(source.verts.numpy(), source.faces.numpy(), outcome.shown.result.verts.numpy())
+    quality = measure(source.verts, source.faces, outcome.shown.result.verts)
     look = facts.asset.appearance().of_triangles(facts.drawn)
     triangles = facts.asset.surface.triangles[facts.drawn]
     corners = (shape.surface.positions[triangles] for shape in (facts.asset, outcome.written))
@@ -408,7 +408,7 @@ def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> So
 
 def source_of(shown: Shown, **known: Any) -> Source:
     """Return what is known of a source, beside what its surface and that of the result tell."""
-    sizes = [np.ptp(each.verts.numpy(), axis=0) for each in (shown.source, shown.result)]
+    sizes = [np.ptp(each.verts, axis=0) for each in (shown.source, shown.result)]
     before, after = (np.maximum(size, max(float(size.max()), 1e-12) * 1e-3) for size in sizes)
     x, y, z = (float(factor) for factor in after / before)
     long_axis = 0 if before[0] >= before[2] else 2
@@ -455,15 +455,15 @@ class Movement:
         return [f"The mesh hardly moved ({self.rms:.1%} of its size): {cause}. {_REMEDIES[self.stalled_by]}"]
 
 
-def measure_movement(rest: RestMesh, verts: Tensor, held: Held) -> Movement:
+def measure_movement(rest: RestMesh, verts: NDArray[np.float64], held: Held) -> Movement:
     """Compare a deformed mesh with its rest state.
 
     `verts`, (V, 3) float64: deformed positions in the same unit.
     """
     weights = rest.vertex_areas
-    used = rest.verts.numpy()[np.unique(rest.faces.numpy())]
+    used = rest.verts[np.unique(rest.faces)]
     diagonal = float(np.linalg.norm(np.ptp(used, axis=0))) if len(used) else 0.0
-    squared = ((verts.numpy() - rest.verts.numpy()) ** 2).sum(1)
+    squared = ((verts - rest.verts) ** 2).sum(1)
     total = float(weights.sum())
     rms = float(np.sqrt((weights * squared).sum() / total)) / diagonal if total > 0 and diagonal > 0 else 0.0
     stalled_by = None
@@ -486,7 +486,7 @@ def _stayed_warnings(surface: Surface) -> list[str]:
 def kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
     """Return how exactly the bodies kept their shape in the file, as a share of the source's diagonal."""
     before, after = source.surface.positions, result.surface.positions
-    diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts.numpy(), axis=0)))
+    diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts, axis=0)))
     owner = np.full(len(welded.mesh.verts) + 1, -1)  # the last one is for unused source vertices
     for number, body in enumerate(bodies):
         owner[body.verts] = number

@@ -10,14 +10,11 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from meshdeform.errors import ModelError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure_structure
-from meshdeform.geometry.torch_threads import one_torch_thread
 from meshdeform.judge import Judge
 from meshdeform.runs.prompts import Prompts
 from meshdeform.vocabulary.grammar import parse
@@ -93,9 +90,9 @@ def prompt_reports(
     looks like to the judge says little by itself.
     """
     reports = []
-    diagonal = float(np.linalg.norm(np.ptp(rest.verts.numpy(), axis=0)))
-    moved = (mesh.verts - rest.verts).square().sum(1).numpy() / diagonal**2
-    corners = mesh.faces.numpy()
+    diagonal = float(np.linalg.norm(np.ptp(rest.verts, axis=0)))
+    moved = ((mesh.verts - rest.verts) ** 2).sum(1) / diagonal**2
+    corners = mesh.faces
     for each, faces in zip(prompts.given, prompts.faces, strict=True):
         report = each.model_dump(mode="json", exclude_none=True)
         report["faces"] = len(mesh.faces) if faces is None else int(faces.sum())
@@ -117,13 +114,10 @@ def _rms(squares: _Floats) -> float:
 
 def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
     """Return some faces of a mesh as a mesh of their own."""
-    chosen = mesh.faces[torch.from_numpy(faces)]
-    used, corners = torch.unique(chosen, return_inverse=True)
-    verts: Tensor = mesh.verts[used]
-    return TriangleMesh(verts, corners.view(-1, 3))
+    used, corners = np.unique(mesh.faces[faces], return_inverse=True)
+    return TriangleMesh(mesh.verts[used], corners.reshape(-1, 3).astype(np.int64))
 
 
-@one_torch_thread()
 def likeness(mesh: TriangleMesh, prompt: str) -> dict[str, Any] | None:
     """Compare a mesh with the noun of a prompt of the builtin prior.
 

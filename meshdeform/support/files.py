@@ -1,7 +1,8 @@
-"""Name files readably, and write them atomically. Standard library only."""
+"""Name files readably, write them atomically, and tell their contents apart. Standard library only."""
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import re
@@ -46,6 +47,12 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
         written = {path: _write_beside(path, data, cleanup) for path, data in contents.items()}
         for path, temporary in written.items():
             temporary.replace(path)
+
+
+def file_sha256(path: Path) -> str:
+    """Return the hexadecimal SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:

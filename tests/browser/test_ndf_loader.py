@@ -41,7 +41,7 @@ window.found = { seen, missing, faces, places: list("position"), normals: list("
 def small_field() -> bytes:
     """Return the field of a base of twenty faces."""
     ball = icosphere(0)
-    base = encode_base(ball.verts.numpy(), ball.faces.numpy())
+    base = encode_base(ball.verts, ball.faces)
     network = FieldNetwork.random(len(base.verts), features=1, octaves=1, width=4, depth=1, seed=0)
     return write_field(base, network, centre=np.array([1.0, 2.0, 3.0]), scale=2.0)
 

@@ -38,9 +38,9 @@ ARROW = np.array([217, 98, 43])  # as `front-arrow.js` has it
 def packed_ball(path: Path) -> Path:
     """A ball with a blue texture, as a .gltf with its files."""
     builder, mesh, skin = Builder(), icosphere(2), io.BytesIO()
-    vertices = mesh.verts.numpy().astype("<f4")
+    vertices = mesh.verts.astype("<f4")
     primitive = builder.primitive(
-        vertices, mesh.faces.numpy().astype("<u2"), TEXCOORD_0=np.full((len(vertices), 2), 0.5, "<f4")
+        vertices, mesh.faces.astype("<u2"), TEXCOORD_0=np.full((len(vertices), 2), 0.5, "<f4")
     )
     builder.node(builder.mesh({**primitive, "material": 0}))
     gltf, binary, _ = unpack(builder.glb())

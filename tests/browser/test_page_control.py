@@ -37,7 +37,7 @@ def two_parts(path: Path) -> Path:
     """Two balls side by side: the left one mirrored and of two primitives, the right one an instance of both."""
     builder = Builder()
     mesh = icosphere(2)
-    verts, faces = mesh.verts.numpy().astype(np.float32), mesh.faces.numpy().astype(np.uint16)
+    verts, faces = mesh.verts.astype(np.float32), mesh.faces.astype(np.uint16)
     builder.root["materials"] = [{"name": "upper"}, {"name": "lower"}]
     above = verts[faces].mean(1)[:, 1] > 0
     halves = [

@@ -40,7 +40,7 @@ def fitted(service: Service, small_sphere: Path) -> str:
 
 def scalars_of_ball(*names: str) -> bytes:
     """Return the height of a sphere's points, and its two halves, or what is named of them."""
-    points = icosphere(3).verts.numpy()
+    points = icosphere(3).verts
     found = {"height": 10 * points[:, 1], "half": (points[:, 1] > 0).astype(int) + 4}
     file = io.BytesIO()
     np.savez(file, points=points, **{name: found[name] for name in names or found})
@@ -54,7 +54,7 @@ def kilobytes(size: int) -> str:
 
 def ball_of_points() -> bytes:
     """Return the points of a sphere with their normals as PLY."""
-    points = icosphere(2).verts.numpy()
+    points = icosphere(2).verts
     header = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
     header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")] + ["end_header"]
     rows = [" ".join(f"{value:.4f}" for value in [*point, *point]) for point in points]
@@ -68,7 +68,7 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     page.get_by_role("navigation", name="Kind of job").get_by_role("link", name="Fit a surface").click()
     steps = page.get_by_label("Steps", exact=True)
     expect(steps).to_have_attribute("placeholder", "1500")
-    points = icosphere(2).verts.numpy()
+    points = icosphere(2).verts
     cloud, bare = tmp_path / "cloud.ply", tmp_path / "bare.xyz"
     cloud.write_bytes(ball_of_points())
     bare.write_text("\n".join(" ".join(f"{value:.4f}" for value in point) for point in points))

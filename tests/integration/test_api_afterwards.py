@@ -31,7 +31,7 @@ STRETCH = [1.0, 3.0, 1.0]
 
 def source() -> Asset:
     mesh = icosphere(1)
-    return load_asset(build_glb(mesh.verts.numpy(), mesh.faces.numpy(), material="clay"), "ball.glb")
+    return load_asset(build_glb(mesh.verts, mesh.faces, material="clay"), "ball.glb")
 
 
 def finished(api: Api, result: bytes, **output: bool) -> str:
@@ -85,7 +85,7 @@ def test_other_files_are_deformed_as_the_asset_was(
 ) -> None:
     job_id = finished(api, stretched, compact=True)
     coarse = icosphere(0)
-    lod = build_glb(coarse.verts.numpy(), coarse.faces.numpy())
+    lod = build_glb(coarse.verts, coarse.faces)
     (tmp_path / "lod.glb").write_bytes(lod)
     with Client(api.url) as client:
         found = load_asset(client.apply(job_id, tmp_path / "lod.glb")).surface.positions
@@ -98,7 +98,7 @@ def test_other_files_are_deformed_as_the_asset_was(
         answer = api.http.post(f"/v1/jobs/{job_id}/apply", content=content, params=query, headers=headers)
         return str(check_problem(answer, status, code)["detail"])
 
-    elsewhere = build_glb(coarse.verts.numpy() + 50, coarse.faces.numpy())
+    elsewhere = build_glb(coarse.verts + 50, coarse.faces)
     assert "all outside of what the map deforms" in refused(elsewhere, 422, "parameter_invalid")
     assert "its content is something else" in refused(b"hello", 415, "asset_format")
     assert "outside" in refused(lod, 422, "parameter_invalid", outside="away")
@@ -132,7 +132,7 @@ def test_what_cannot_be_made_is_refused(api: Api, stretched: bytes) -> None:
     job_id = finished(api, stretched)
     check_problem(api.http.post(f"/v1/jobs/{job_id}/artifacts/preview.png"), 404, "not_found")
     mesh = icosphere(2)
-    other = finished(api, build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
+    other = finished(api, build_glb(mesh.verts, mesh.faces))
     problem = check_problem(api.http.post(f"/v1/jobs/{other}/artifacts/morph.glb"), 422, "asset_unsupported")
     assert "other triangles" in problem["detail"]
     assert [artifact.name for artifact in api.record.artifacts(job_id)] == ["result.glb"]

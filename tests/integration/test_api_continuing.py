@@ -141,7 +141,7 @@ def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
     api.record.leases.set_checkpoint(job.id, 1, f"jobs/{job.id}/1/checkpoint-000010", 10, made.sha256)
     path = f"/v1/jobs/{job.id}/checkpoints/10/branch"
     assert made_of(api, api.http.post(path, json=guided)).files == job.files
-    egg = build_glb(icosphere(1).verts.numpy() * [1, 2, 1], icosphere(1).faces.numpy())
+    egg = build_glb(icosphere(1).verts * [1, 2, 1], icosphere(1).faces)
     again = api.http.post(path, json={**guided, "target": {"job_id": finished_job(api, egg)}})
     assert api.store.get(made_of(api, again).files["target"].key) == egg
     assert made_of(api, api.http.post(path, json=BRANCH)).files == {"asset": job.files["asset"]}

@@ -98,7 +98,7 @@ def test_a_form_of_parts_that_there_is_not_is_refused_and_without_parts_there_is
     answer = api.http.post("/v1/jobs:parts?glb=groups", files=files)
     check_problem(answer, 422, "parameter_invalid")
     ball = icosphere(2)
-    files["asset"] = ("a.glb", build_glb(ball.verts.numpy(), ball.faces.numpy()))
+    files["asset"] = ("a.glb", build_glb(ball.verts, ball.faces))
     answer = api.http.post("/v1/jobs:parts?glb=nodes", files=files).json()
     assert (answer["parts"], answer["result"]) == ([], None)
 

@@ -19,7 +19,7 @@ def validate(api: Api, asset: bytes, **params: Any) -> Any:
 
 
 def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dict[str, Any]) -> None:
-    asset = build_glb(icosphere(2).verts.numpy(), icosphere(2).faces.numpy(), material="rubber")
+    asset = build_glb(icosphere(2).verts, icosphere(2).faces, material="rubber")
     found = validate(api, asset, rigid=[{"material": "rubber", "mode": "similarity"}])
     assert found.status_code == 200, found.text
     check_document(found.json(), "Validation", openapi)
@@ -42,7 +42,7 @@ def test_an_unknown_part_is_refused_with_the_nearest_name(api: Api, openapi: dic
 
 def test_numbers_beyond_the_file_are_refused_where_they_stand(api: Api) -> None:
     ball = icosphere(2)
-    asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
+    asset = build_glb(ball.verts, ball.faces)
     faces, verts = len(ball.faces), len(ball.verts)
 
     def refused_at(output: dict[str, Any], params: dict[str, Any]) -> list[Any] | None:

@@ -22,7 +22,7 @@ def deformed(asset: bytes, filename: str = "asset.glb") -> dict[str, bytes]:
     from meshdeform.runs.text_deform import start
 
     mesh = icosphere(1)
-    target = build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    target = build_glb(mesh.verts, mesh.faces)
     run = start(job_input(asset, filename, _REQUEST, target=target))
     deque(run, maxlen=0)
     return {name: artifact.data for name, artifact in run.finish().items()}

@@ -30,8 +30,8 @@ TARGET = {"params": {"steps": 5, "checkpoint_every_steps": 5, "guidance": {"kind
 
 def part(name: str = "ball", matrix: NDArray[np.float64] | None = None, height: float = 1.0) -> Any:
     mesh = icosphere(2)
-    positions = (mesh.verts.numpy() * [1.0, 1.0, height]).astype(np.float32)
-    triangles = mesh.faces.numpy().astype(np.uint32)
+    positions = (mesh.verts * [1.0, 1.0, height]).astype(np.float32)
+    triangles = mesh.faces.astype(np.uint32)
     return glb.Part(name, positions, triangles, np.eye(4) if matrix is None else matrix)
 
 

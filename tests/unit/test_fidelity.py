@@ -9,17 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.deformation.differentiable import solve_linear
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
-from meshdeform.geometry.mesh import TriangleMesh, face_normals
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.rendering.cameras import CameraRange, Framing, sample_orthogonal_cameras
-from meshdeform.rendering.rasterizer import rasterize
-from meshdeform.rendering.shading import sample_scene
+from meshdeform.geometry.tensors import face_normals, faces_of, verts_of
+from meshdeform.rendering.cameras import CameraRange, Framing
+from meshdeform.rendering.rasterizer import projected, rasterize
+from meshdeform.rendering.shading import sample_orthogonal_cameras, sample_scene
 from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, resolve
 from tests.cases import each_case
 from training.shapes import box
@@ -56,11 +59,11 @@ class Published:
 
     def __init__(self, system: PoissonSystem) -> None:
         rest = system.rest
-        self._faces, edges = rest.faces, rest.edges
-        self._start, self._stop = edges.edges.T
-        self._degree = torch.bincount(edges.edges.ravel(), minlength=len(rest.verts)).double()[:, None]
-        self._scale = 2 / float((rest.verts.amax(0) - rest.verts.amin(0)).max())
-        self._pairs = edges.faces[edges.counts == 2]
+        self._faces, edges = faces_of(rest), rest.edges
+        self._start, self._stop = torch.from_numpy(edges.edges).T
+        self._degree = torch.from_numpy(np.bincount(edges.edges.ravel(), minlength=len(rest.verts))).double()[:, None]
+        self._scale = 2 / float(np.ptp(rest.verts, axis=0).max())
+        self._pairs = torch.from_numpy(edges.faces[edges.counts == 2])
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
         return 0.5 * (jacobians - torch.eye(3, dtype=F64)).square().mean()
@@ -81,7 +84,7 @@ def pulls(mesh: TriangleMesh, smooth: float, rough: float) -> dict[str, float]:
     ours, theirs = Regularizers(system.rest), Published(system)
     generator = torch.Generator().manual_seed(0)
     noise = torch.randn(len(mesh.faces), 3, 3, generator=generator, dtype=F64)
-    centres = mesh.verts[mesh.faces].mean(1)
+    centres = verts_of(mesh)[faces_of(mesh)].mean(1)
     wave = torch.sin(2 * centres)[:, :, None] * torch.tensor([[1.0, 0.5, -0.3]], dtype=F64)
     state = torch.eye(3, dtype=F64) + smooth * wave + rough * noise
 
@@ -93,10 +96,10 @@ def pulls(mesh: TriangleMesh, smooth: float, rough: float) -> dict[str, float]:
 
     return {
         "jacobian": pull(lambda j: PAPER.jacobian_reg_weight * ours.jacobian(j)) / pull(theirs.jacobian),
-        "laplacian": pull(lambda j: PAPER.laplacian_weight * ours.laplacian(system.solve(j)))
-        / pull(lambda j: theirs.laplacian(system.solve(j))),
-        "normal": pull(lambda j: PAPER.normal_weight * ours.normal(system.solve(j)))
-        / pull(lambda j: theirs.normal(system.solve(j))),
+        "laplacian": pull(lambda j: PAPER.laplacian_weight * ours.laplacian(solve_linear(system, j)))
+        / pull(lambda j: theirs.laplacian(solve_linear(system, j))),
+        "normal": pull(lambda j: PAPER.normal_weight * ours.normal(solve_linear(system, j)))
+        / pull(lambda j: theirs.normal(solve_linear(system, j))),
     }
 
 
@@ -122,8 +125,8 @@ def test_the_object_fills_the_published_share_of_the_picture() -> None:
     shares = []
     for _ in range(8):
         cameras = sample_orthogonal_cameras(CameraRange(), generator, radius)
-        clip = mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
-        shares.append(float((rasterize(clip, mesh.faces, 96, 96).face_ids >= 0).float().mean()))
+        clip = projected(verts_of(mesh).float(), cameras)
+        shares.append(float((rasterize(clip, faces_of(mesh), 96, 96).face_ids >= 0).float().mean()))
     assert 0.55 < sum(shares) / len(shares) < 0.8
 
 

@@ -26,10 +26,23 @@ TORCH_FREE = [
     "meshdeform.serving.stack",
     "meshdeform.serving.redis_server",
     "meshdeform.assets",
-    "meshdeform.runs.*",
+    "meshdeform.exemplar",
+    "meshdeform.judge",
+    "meshdeform.kinds.sketch",
+    "meshdeform.nouns",
+    "meshdeform.plain",
     "meshdeform.priors.*",
+    "meshdeform.reading",
+    "meshdeform.rendering.studio",
+    "meshdeform.runs.control",
+    "meshdeform.runs.derive",
+    "meshdeform.runs.exemplar",
+    "meshdeform.runs.rehearsal",
+    "meshdeform.runs.strength",
+    "meshdeform.runs.text_deform",
+    "meshdeform.runs.word_making",
+    "meshdeform.runs.word_picture",
     "meshdeform.vocabulary.grammar",
-    "meshdeform.kinds.sketch.looking",
     "worker.health",
     "worker.process",
     "worker.supervisor",
@@ -62,6 +75,15 @@ sys.meta_path.insert(0, Refuse())
 """
 
 
+# Draws an asset and judges a mesh.
+_LOOK = """
+from meshdeform.geometry.shapes import icosphere
+from meshdeform.judge import Judge
+from meshdeform.rendering.studio import comparison_png
+assert comparison_png({"cube": open(sys.argv[1], "rb").read()}).startswith(b"\\x89PNG")
+assert sum(Judge().noun_probabilities(icosphere(2)).values()) > 0.99
+"""
+
 # Starts the API as `python -m service` does, up to the moment at which it would answer, and tells what is loaded.
 _START = """
 import asyncio, json, sys
@@ -93,7 +115,7 @@ def among(loaded: dict[str, str], unwanted: list[str]) -> dict[str, str]:
 def test_nothing_loads_what_it_does_not_need_and_a_new_server_keeps_nothing_of_its_start(tmp_path: Path) -> None:
     assert among(loaded_by("meshdeform.cli.app"), ["pydantic", "fastapi", "redis", "numpy", *HEAVY]) == {}  # for --help
     assert among(loaded_by(*NUMPY_FREE), ["numpy", *HEAVY]) == {}
-    assert among(loaded_by(*TORCH_FREE), ["torch", "diffusers", "transformers"]) == {}
+    assert among(loaded_by(*TORCH_FREE), ["torch", "diffusers", "transformers", "numba"]) == {}
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("MESHDEFORM", "OTEL"))}
     environment |= {"MESHDEFORM_DATA_DIR": str(tmp_path), "MESHDEFORM_REDIS_URL": "redis://127.0.0.1:1/0"}
     started = subprocess.run(
@@ -105,6 +127,17 @@ def test_nothing_loads_what_it_does_not_need_and_a_new_server_keeps_nothing_of_i
     record.close()
 
 
+def test_pictures_and_the_judge_need_neither_torch_nor_numba(repository: Path) -> None:
+    program = _REFUSE % ["torch", "numba"] + _LOOK
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(repository / "examples/cube.glb")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_base_install_is_enough_for_the_client(repository: Path) -> None:
     refused = ["numpy", *HEAVY, "fastapi", "starlette", "uvicorn", "sqlalchemy", "alembic", "redis", "rq", "obstore"]
     modules = ["meshdeform.client", "meshdeform.requests.document", "meshdeform.settings", "meshdeform.cli.app"]
@@ -113,17 +146,87 @@ def test_the_base_install_is_enough_for_the_client(repository: Path) -> None:
     assert not [line for line in base if line.startswith(tuple(refused))]
 
 
-def test_the_extra_deform_is_enough_to_deform_and_loads_no_compiler(repository: Path, tmp_path: Path) -> None:
+# Makes packages look as if they were not installed, also to who only asks whether they are.
+_MISSING = """
+import importlib.machinery, sys
+class Missing:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        missing = name.partition(".")[0] in %r
+        return None if missing else importlib.machinery.PathFinder.find_spec(name, path, target)
+sys.meta_path[sys.meta_path.index(importlib.machinery.PathFinder)] = Missing
+"""
+# Runs a command, and says at its end what it has loaded.
+_COMMAND = """
+from meshdeform.cli.app import main
+sys.argv[0] = 'meshdeform'
+try: main()
+finally: print("LOADED", *{name.partition(".")[0] for name in sys.modules})
+"""
+_SDS = ["torch", "diffusers", "transformers"]
+
+
+def command(folder: Path, *arguments: str, refused: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run a command of ours in a folder where packages are not installed."""
+    program = [sys.executable, "-c", _MISSING % refused + _COMMAND, *arguments]
+    environment = os.environ | {"MESHDEFORM_CACHE_DIR": str(folder / "cache")}
+    return subprocess.run(program, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_the_extra_deform_is_enough_to_fit_and_to_change_without_torch(repository: Path, tmp_path: Path) -> None:
     packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert [line for line in packages["deform"] if line.startswith("meshdeform")] == ["meshdeform[asset]"]
-    refused = [line.partition(">")[0] for line in packages["stack"]]
-    # What torch's own optimiser loads, a compiler, takes longer than a short run.
-    run = "from meshdeform.cli.app import main\nsys.argv[0] = 'meshdeform'\ntry: main()\n"
-    program = _REFUSE % refused + run + "finally: assert 'torch._dynamo' not in sys.modules, 'a compiler was loaded'"
+    refused = [*_SDS, *(line.partition(">")[0] for line in packages["stack"])]
+    cube, vase = (str(repository / "examples" / name) for name in ("cube.glb", "vase.glb"))
+    # A fit of parts with its morph, a mould, a target, a change, and what comes after a run.
+    for arguments in (
+        ["run", vase, "a bottle", "-o", "bottle.glb", "--morph"],
+        ["run", cube, "a mushroom", "-o", "mushroom.glb"],
+        [
+            "run",
+            cube,
+            "--target",
+            vase,
+            "--guidance",
+            "exemplar",
+            "-o",
+            "t.glb",
+        ],
+        ["run", vase, "twice as tall", "-o", "tall.glb"],
+        ["inspect", vase],
+        ["apply", "bottle.glb", "--source", vase, "--strength", "0.5", "-o", "half.glb"],
+        ["convert", "tall.glb", "-o", "tall.stl"],
+    ):
+        done = command(tmp_path, *arguments, refused=refused)
+        assert done.returncode == 0, done.stderr
+        assert not set(done.stdout.rpartition("LOADED")[2].split()) & {*refused}, arguments
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made >= {"bottle.glb", "bottle.morph.glb", "bottle.preview.png", "t.report.json", "half.glb", "tall.stl"}
+
+
+def test_what_needs_torch_names_its_extra_before_anything_is_read(repository: Path, tmp_path: Path) -> None:
+    cube = str(repository / "examples/cube.glb")
+    for arguments in (
+        ["run", cube, "a vase", "--guidance", "sds"],
+        ["run", cube, "--target", cube, "--guidance", "target"],
+        ["run", cube, "--kind", "surface_fit"],
+    ):
+        done = command(tmp_path, *arguments, "--json", refused=_SDS)
+        assert done.returncode == 4, done.stderr
+        error = json.loads(done.stderr)
+        assert (error["code"], error["extra"]) == ("dependency_missing", "sds")
+        assert "[sds]" in error["advice"]
+
+
+def test_the_extra_sds_is_enough_for_the_papers_method_and_loads_no_compiler(repository: Path, tmp_path: Path) -> None:
+    packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert packages["sds"] == ["meshdeform[deform]", "torch>=2.8"]
+    refused = ["diffusers", "transformers", *(line.partition(">")[0] for line in packages["stack"])]
     arguments = ["run", str(repository / "examples/cube.glb"), "a vase", "--steps", "1", "-o", "vase.glb"]
-    arguments += ["--set", "orientation=keep"]
-    done = subprocess.run(
-        [sys.executable, "-c", program, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = command(tmp_path, *arguments, "--guidance", "sds", "--set", "orientation=keep", refused=refused)
     assert done.returncode == 0, done.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["vase.glb", "vase.preview.png", "vase.report.json"]
+    loaded = set(done.stdout.rpartition("LOADED")[2].split())
+    assert "torch" in loaded
+    # What torch's own optimiser loads, a compiler, takes longer than a short run.
+    assert "sympy" not in loaded
+    assert {path.name for path in tmp_path.iterdir()} >= {"vase.glb", "vase.preview.png", "vase.report.json"}

@@ -81,9 +81,10 @@ backend-path = ["."]
 
 
 def write_clone(folder: Path, script: Path) -> Path:
-    """Write a project that takes no time to build, with what `meshdeform[deform]` requires of torch; its script."""
+    """Write a project that takes no time to build, with what its extras require of torch; its scripts."""
     (folder / "scripts").mkdir(parents=True)
-    name, made = wheel("meshdeform", "0.1", "Provides-Extra: deform", 'Requires-Dist: torch>=2.8; extra == "deform"')
+    extras = ("Provides-Extra: deform", "Provides-Extra: sds", 'Requires-Dist: torch>=2.8; extra == "sds"')
+    name, made = wheel("meshdeform", "0.1", *extras)
     (folder / name).write_bytes(made)
     (folder / "backend.py").write_text(BACKEND.replace("WHEEL", str(folder / name)))
     (folder / "pyproject.toml").write_text(PROJECT)
@@ -139,10 +140,47 @@ def test_setup_takes_the_cpu_build_of_torch_or_says_what_the_other_weighs(
             "PIP_INDEX_URL": index,
             "TORCH_CPU_INDEX": torch_index if torchs else f"http://127.0.0.1:{free_port()}",
         }
-        done = subprocess.run([script, "run"], env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run([script, "sds"], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     (packages,) = (tmp_path / "clone/.venv/lib").glob("python*/site-packages")
     assert [path.name for path in packages.glob("torch-*")] == [f"torch-{version}.dist-info"]
     assert told in done.stderr
     if told == "to download":
         assert environment["TORCH_CPU_INDEX"] in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "torch", "arguments"),
+    [
+        ([], False, "run examples/sphere.glb a mushroom -o mushroom.glb"),
+        (["--sds", "a vase"], True, "run examples/sphere.glb a vase -o mushroom.glb --guidance sds --preset preview"),
+    ],
+    ids=["fit", "sds"],
+)
+def test_the_demo_installs_what_it_needs_and_runs_it(
+    options: list[str], torch: bool, arguments: str, repository: Path, tmp_path: Path
+) -> None:
+    clone, venv = tmp_path / "clone", tmp_path / "venv"
+    write_clone(clone, repository / "scripts/setup")
+    script = shutil.copy(repository / "scripts/demo", clone / "scripts")
+    with package_index(tmp_path / "own", CPU, wheel("pip", "99.0")) as index:
+        environment = {
+            "PATH": no_gpu(tmp_path),
+            "HOME": str(tmp_path),
+            "PYTHON": sys.executable,
+            "VENV": str(venv),
+            "INSTALLER": "pip",
+            "PIP_CONFIG_FILE": os.devnull,
+            "PIP_INDEX_URL": index,
+        }
+        installed = subprocess.run(
+            [clone / "scripts/setup", "sds" if torch else "run"], env=environment, capture_output=True, check=False
+        )
+        assert installed.returncode == 0, installed.stderr
+        (packages,) = (venv / "lib").glob("python*/site-packages")
+        assert bool(list(packages.glob("torch-*"))) is torch
+        program = venv / "bin/meshdeform"
+        program.write_text('#!/bin/sh\necho "$@"\n')
+        program.chmod(0o755)
+        done = subprocess.run([script, *options], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip().replace(f"{clone}/", "") == arguments

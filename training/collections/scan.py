@@ -130,7 +130,7 @@ def shape_of(mesh: TriangleMesh, name: str) -> Part:
         raise AssetEmptyError(f"{name} has {len(mesh.faces)} faces with an area, fewer than {_MIN_FACES}.")
     if len(mesh.faces) > _MAX_FACES:
         mesh = simplified(mesh, _MAX_FACES)
-    part = normalised(Part(mesh.verts.numpy(), mesh.faces.numpy()))
+    part = normalised(Part(mesh.verts, mesh.faces))
     shares = (four_views(part) > 0).any(-1).mean((1, 2))
     if shares.min() < _SMALLEST_SHARE:
         raise AssetEmptyError(

@@ -114,7 +114,7 @@ def _run(given: argparse.Namespace, manifest: dict[str, Any]) -> None:
     _claim(given.out, manifest)
     for name, path in own.items():
         mesh = source_mesh(name)
-        write_files({path: build_glb(mesh.verts.numpy(), mesh.faces.numpy())})
+        write_files({path: build_glb(mesh.verts, mesh.faces)})
     rows = given.out / "rows.jsonl"
     lines = [{"asset": str(paths[each.source].absolute()), "prompt": each.prompt, "name": each.name,
               "seed": each.seed, "params": manifest["params"]} for each in items]  # fmt: skip

@@ -20,6 +20,7 @@ from torch.nn import functional
 
 from meshdeform.errors import DependencyError, ModelError, ParameterError, install_command
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from training.evaluation.retrieval import ranked
@@ -117,11 +118,12 @@ class ClipJudge:
 @torch.no_grad()
 def draw(mesh: TriangleMesh, cameras: Cameras, size: int) -> Tensor:
     """Render views (B, size, size, 3) float32 in [0, 1] of a mesh, centred and scaled to fill them."""
-    used = mesh.verts[mesh.faces.reshape(-1)]
+    verts, faces = verts_of(mesh), faces_of(mesh)
+    used = verts[faces.reshape(-1)]
     centre = (used.amin(0) + used.amax(0)) / 2
-    placed = (mesh.verts - centre) / (used - centre).norm(dim=1).max().clamp_min(1e-12)
+    placed = (verts - centre) / (used - centre).norm(dim=1).max().clamp_min(1e-12)
     style = RenderStyle(view_size=size, supersample=2, shading="lambert", background=_GROUND)
-    return Renderer(mesh.faces, len(mesh.verts), style).render(placed, cameras).clamp(0, 1)
+    return Renderer(faces, len(verts), style).render(placed, cameras).clamp(0, 1)
 
 
 def refuse_the_guides_own(folder: Path, model: str, revision: str = "") -> None:

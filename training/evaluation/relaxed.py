@@ -15,8 +15,9 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from meshdeform.geometry.mesh import TriangleMesh, face_cross, safe_normalize
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.tensors import face_cross, faces_of, safe_normalize, verts_of
 
 Solid = Callable[[Tensor], Tensor]
 """Maps points (N, 3) float64 to values (N,): negative inside, increasing along every ray from the origin."""
@@ -29,7 +30,7 @@ def geodesic_sphere(frequency: int) -> TriangleMesh:
     base, n = icosphere(0), frequency
     points: list[Tensor] = []
     faces: list[tuple[int, int, int]] = []
-    for a, b, c in base.verts[base.faces]:
+    for a, b, c in verts_of(base)[faces_of(base)]:
         first = len(points) * (n + 1) * (n + 2) // 2
         rows = [[first + i * (i + 1) // 2 + j for j in range(i + 1)] for i in range(n + 1)]
         points.append(torch.stack([a * (n - i) + b * (i - j) + c * j for i in range(n + 1) for j in range(i + 1)]) / n)
@@ -39,7 +40,7 @@ def geodesic_sphere(frequency: int) -> TriangleMesh:
     every = torch.cat(points)
     _, inverse = torch.unique((every * 1e6).round().long(), dim=0, return_inverse=True)
     verts = torch.zeros(int(inverse.max()) + 1, 3, dtype=torch.float64).index_copy(0, inverse, every)
-    return TriangleMesh(torch.nn.functional.normalize(verts, dim=1), inverse[torch.tensor(faces)])
+    return TriangleMesh(torch.nn.functional.normalize(verts, dim=1).numpy(), inverse[torch.tensor(faces)].numpy())
 
 
 def capsule(start: tuple[float, float, float], end: tuple[float, float, float], thick: float, thin: float) -> Solid:
@@ -63,8 +64,8 @@ def smooth_union(*solids: Solid, blend: float) -> Solid:
 def relaxed_surface(solid: Solid, frequency: int, *, rounds: int = 100) -> TriangleMesh:
     """Triangulate the surface of `solid` by 20 `frequency`^2 even triangles, counter-clockwise from outside."""
     sphere = geodesic_sphere(frequency)
-    faces = sphere.faces
-    verts = _cast(solid, sphere.verts)
+    faces = faces_of(sphere)
+    verts = _cast(solid, verts_of(sphere))
     corners = faces.reshape(-1)
     for _ in range(rounds):
         cross = face_cross(verts, faces)
@@ -77,7 +78,7 @@ def relaxed_surface(solid: Solid, frequency: int, *, rounds: int = 100) -> Trian
         verts = verts + 0.7 * (step - (step * normal).sum(1, keepdim=True) * normal)
         for _ in range(2):
             verts = _newton(solid, verts)
-    return TriangleMesh(verts, faces)
+    return TriangleMesh(verts.numpy(), sphere.faces)
 
 
 def _cast(solid: Solid, rays: Tensor) -> Tensor:

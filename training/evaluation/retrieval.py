@@ -14,7 +14,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
 
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
@@ -30,7 +31,7 @@ class ShapeJudge(Protocol):
     def identity(self) -> Mapping[str, str]:
         """`id`, `revision` and `sha256` of the judge."""
 
-    def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> Tensor:
+    def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> NDArray[np.floating]:
         """Score how well each prompt fits the mesh: (P,), log p(mesh | prompt) up to a constant of the mesh."""
 
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
@@ -88,7 +89,7 @@ def judgement(judge: ShapeJudge, mesh: TriangleMesh, prompts: Sequence[str], pro
     PromptError, VocabularyError
         The judge does not understand a prompt.
     """
-    scores = dict(zip(prompts, judge.log_likelihoods(mesh, prompts).double().tolist(), strict=True))
+    scores = dict(zip(prompts, judge.log_likelihoods(mesh, prompts).tolist(), strict=True))
     nouns, noun = judge.noun_probabilities(mesh), parse(prompt).noun
     rank = sum(share >= nouns[noun] for share in nouns.values())
     return {

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -73,8 +74,7 @@ def quadruped(frequency: int = _FREQUENCY) -> TriangleMesh:
 def _toy() -> TriangleMesh:
     def ellipsoid(centre: _Point, half: _Point, frequency: int) -> TriangleMesh:
         ball = geodesic_sphere(frequency)
-        size, middle = torch.tensor(half, dtype=torch.float64), torch.tensor(centre, dtype=torch.float64)
-        return TriangleMesh(ball.verts * size + middle, ball.faces)
+        return TriangleMesh(ball.verts * np.array(half) + np.array(centre), ball.faces)
 
     legs = [ellipsoid((0.2 * x, -0.35, 0.33 * z), (0.1, 0.32, 0.1), 3) for x in (-1, 1) for z in (-1, 1)]
     trunk = ellipsoid((0, 0, 0), (0.3, 0.26, 0.55), 6)

@@ -65,7 +65,7 @@ def views_of_assets(folder: Path, assets: Sequence[Listed]) -> ViewSet:
     """Render the assets whose files are in a folder, beside what they refer to; they are found by their SHA-256."""
     found = {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in folder.rglob("*") if path.is_file()}
     here = [each for each in assets if each.sha256 in found and each.noun in NOUNS]
-    images = [pictures(mesh_of(found[each.sha256], each.up), *judging_cameras()) for each in here]
+    images = [pictures(mesh_of(found[each.sha256], each.up), judging_cameras()) for each in here]
     return ViewSet(torch.stack(images), torch.tensor([list(NOUNS).index(each.noun) for each in here]))
 
 
@@ -74,4 +74,4 @@ def mesh_of(path: Path, up: str = "+Y") -> TriangleMesh:
     limits = Limits.unlimited()
     body = loose_body(load_asset(read_with_files(path, limits), path.name, limits))
     points = body.points if up == "+Y" else body.points[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
-    return TriangleMesh(torch.from_numpy(points), torch.from_numpy(body.faces))
+    return TriangleMesh(points, body.faces)

@@ -18,12 +18,13 @@ from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.judge.scoring import WEIGHTS, Judge, JudgeNetwork, read_judge
+from meshdeform.judge import WEIGHTS, Judge
 from meshdeform.vocabulary.nouns import NOUNS
 from training.collections import sources as collections
 from training.collections.members import RealShapes
 from training.judge.assets import listed, views_of_assets
 from training.judge.members import FAMILY, HELD_OUT, OTHER, REAL, ViewSet
+from training.judge.network import JudgeNetwork, read_judge
 from training.shapes import box, cylinder, torus
 
 SHAPES: dict[str, TriangleMesh] = {

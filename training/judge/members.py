@@ -164,8 +164,8 @@ class ViewSet:
                 shape = roughened(shape, rng)
                 if rng.random() < _FACETED:
                     shape = faceted(shape)
-            cameras = (training_cameras(rng),) if split == TRAINING else judging_cameras()
-            images[row] = pictures(TriangleMesh(torch.from_numpy(shape.verts), torch.from_numpy(shape.faces)), *cameras)
+            cameras = training_cameras(rng) if split == TRAINING else judging_cameras()
+            images[row] = pictures(TriangleMesh(shape.verts, shape.faces), cameras)
         return cls(images, torch.full((members,), _number(kind)))
 
     @classmethod
@@ -201,9 +201,9 @@ _EACH = 12
 """Most members that are drawn of one real shape."""
 
 
-def pictures(mesh: TriangleMesh, *cameras: Cameras) -> Tensor:
+def pictures(mesh: TriangleMesh, cameras: Cameras) -> Tensor:
     """Render a mesh for a set: (V, 64, 64) uint8."""
-    return (draw_views(mesh, *cameras)[:, 0] * 255.0).round().to(torch.uint8)
+    return torch.from_numpy(np.rint(draw_views(mesh, cameras) * 255).astype(np.uint8))
 
 
 def counts_of(

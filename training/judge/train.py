@@ -24,7 +24,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional
 
-from meshdeform.judge.scoring import WEIGHTS, JudgeConfig, JudgeNetwork, read_judge
+from meshdeform.judge.network import WEIGHTS, JudgeConfig
 from meshdeform.vocabulary.nouns import NOUNS
 from training.collections.count import packs_of_nouns
 from training.collections.members import RealShapes
@@ -32,6 +32,7 @@ from training.collections.sources import JUDGE, PRIOR
 from training.judge.assets import TUNED, listed, views_of_assets
 from training.judge.augment import augmented
 from training.judge.members import ViewSet, counts_of
+from training.judge.network import JudgeNetwork, read_judge
 
 _log = logging.getLogger(__name__)
 _KEPT_EVERY = 250

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import torch
 
-from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, read_tensors, write_weights
+from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, read_tensors, write_weights
 from meshdeform.priors.builtin.vocabulary import VOCABULARY
+from meshdeform.support.files import file_sha256
 from training.prior.warm_start import warm_start
 
 _WORDS = "text.word.weight"

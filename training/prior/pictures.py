@@ -14,8 +14,8 @@ from torch import Tensor
 
 from meshdeform.nouns.deformed import Part
 from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
-from meshdeform.rendering.cameras import fixed_cameras, sample_orthogonal_cameras
-from meshdeform.rendering.shading import Renderer, combine_views
+from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.shading import Renderer, combine_views, sample_orthogonal_cameras
 from meshdeform.vocabulary.grammar import ATTRIBUTES, Attribute, ParsedPrompt
 from meshdeform.vocabulary.words import OPPOSITES
 

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import torch
 
-from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, file_sha256, write_weights
+from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, write_weights
 from meshdeform.priors.builtin.vocabulary import NOUNS
+from meshdeform.support.files import file_sha256
 from meshdeform.support.threads import keep_freed_memory
 from training.collections.members import RealShapes
 from training.collections.sources import PRIOR

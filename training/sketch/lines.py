@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.kinds.sketch.solids import Floats, Solid
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import rasterize
+from meshdeform.rendering.visibility import nearest_faces
 from training.sketch.suggestive import suggestive_contours
 
 _PIXELS = 160
@@ -66,7 +65,7 @@ def visible_lines(mesh: Solid, view: View, wires: Sequence[Floats] = (), *, cont
     centred = verts - (verts.min(0) + verts.max(0)) / 2
     radius = float(np.linalg.norm(centred, axis=1).max())
     cameras = fixed_cameras((view.azimuth_deg,), view.elevation_deg, view.fov_deg, fitting_radius=radius)
-    eye = cameras.eye[0].double().numpy()
+    eye = cameras.eye[0].astype(np.float64)
     edges = [_drawn_edges(mesh.faces, centred, eye)]
     first = len(mesh.verts)
     for wire in wires:
@@ -77,10 +76,8 @@ def visible_lines(mesh: Solid, view: View, wires: Sequence[Floats] = (), *, cont
         points, segments = suggestive_contours(centred[: len(mesh.verts)], mesh.faces, eye)
         centred = np.concatenate([centred, points])
         edges.append(segments + first)
-    clip = np.concatenate([centred, np.ones((len(centred), 1))], 1) @ cameras.view_proj[0].double().numpy().T
-    depth_picture = (
-        rasterize(torch.from_numpy(clip[None]).float(), torch.from_numpy(mesh.faces), _PIXELS, _PIXELS).depth[0].numpy()
-    )
+    clip = np.concatenate([centred, np.ones((len(centred), 1))], 1) @ cameras.view_proj[0].astype(np.float64).T
+    depth_picture = nearest_faces(clip[None].astype(np.float32), mesh.faces, _PIXELS, _PIXELS)[1][0]
     places = clip[:, :3] / clip[:, 3:]
     page = np.stack([0.5 + 0.5 * places[:, 0], 0.5 - 0.5 * places[:, 1]], 1)
     every = np.concatenate(edges)

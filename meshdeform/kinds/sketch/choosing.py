@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter1d
@@ -17,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 from meshdeform.assets import Asset
 from meshdeform.assets.drawing import prepared, read_drawing
 from meshdeform.rendering.cameras import Frame, fixed_cameras
-from meshdeform.rendering.rasterizer import rasterize
+from meshdeform.rendering.visibility import nearest_faces
 
 _Floats = NDArray[np.float64]
 
@@ -42,24 +41,23 @@ def gradients(pictures: NDArray[np.float32]) -> _Floats:
 
 def line_pictures(asset: Asset) -> NDArray[np.float32]:
     """Return the lines of an asset from many sides as `prepared` returns a drawing (54, SIDE, SIDE)."""
-    verts = torch.from_numpy(np.ascontiguousarray(asset.surface.positions, np.float64))
-    verts = Frame.around(verts).enter(verts)
-    faces = torch.from_numpy(np.ascontiguousarray(asset.surface.triangles, np.int64))
+    positions = asset.surface.positions.astype(np.float64)
+    verts = Frame.around(positions).enter(positions)
+    faces = np.asarray(asset.surface.triangles, np.int64)
     azimuths, elevations = zip(*_VIEWS, strict=True)
     cameras = fixed_cameras(azimuths, elevations, _FOV_DEG)
-    clip = torch.nn.functional.pad(verts, (0, 1), value=1.0).float() @ cameras.view_proj.mT
-    seen = rasterize(clip, faces, _PIXELS, _PIXELS)
+    face, depth = nearest_faces(cameras.project(verts.astype(np.float32)), faces, _PIXELS, _PIXELS)
     corners = verts[faces]
-    normals = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal = torch.nn.functional.normalize(normals, dim=1)[seen.face_ids.clamp_min(0)]
-    there = seen.face_ids >= 0
-    ink = torch.zeros_like(there)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    normal, there = normals[np.maximum(face, 0)], face >= 0
+    ink = np.zeros_like(there)
     for axis in (1, 2):
-        both = there & there.roll(1, axis)
-        bend = both & ((normal * normal.roll(1, axis)).sum(-1) < _BEND_COS)
-        step = seen.depth - seen.depth.roll(1, axis)  # a plane that is seen aslant has even steps
-        ink |= (there != there.roll(1, axis)) | bend | (both & ((step - step.roll(1, axis)).abs() > _JUMP))
-    return np.stack([prepared(Image.fromarray(np.where(page, 0, 255).astype(np.uint8))) for page in ink.numpy()])
+        other = np.roll(there, 1, axis)
+        bend = (normal * np.roll(normal, 1, axis)).sum(-1) < _BEND_COS
+        step = depth - np.roll(depth, 1, axis)  # a plane that is seen aslant has even steps
+        ink |= (there != other) | (there & other & (bend | (np.abs(step - np.roll(step, 1, axis)) > _JUMP)))
+    return np.stack([prepared(Image.fromarray(np.where(page, 0, 255).astype(np.uint8))) for page in ink])
 
 
 def distances(drawing: bytes, assets: Iterable[Asset]) -> _Floats:

@@ -46,7 +46,7 @@ def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
         Neighbouring faces contradict each other, or there are more than 64 separate parts.
     """
     welded = weld(positions, triangles)
-    verts, faces = welded.mesh.verts.numpy(), welded.mesh.faces.numpy()
+    verts, faces = welded.mesh.verts, welded.mesh.faces
     _, kept = np.unique(np.sort(faces, 1), axis=0, return_index=True)
     faces = faces[np.sort(kept)]
     if len(faces) < 4:

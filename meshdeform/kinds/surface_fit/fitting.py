@@ -19,8 +19,9 @@ Source: Noma et al. 2026, section 4; weights and schedule are measured.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -33,6 +34,7 @@ from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.variables import Adam
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.places import SurfaceTree, surface_samples
+from meshdeform.geometry.tensors import arrays_of, tensors_of
 from meshdeform.kinds.surface_fit.base_places import border_places, places_of
 from meshdeform.kinds.surface_fit.gluing import glue
 from meshdeform.kinds.surface_fit.network import START, FieldNetwork, octaves_of, rounded, steps_of
@@ -102,7 +104,7 @@ class FieldFit:
     verts : (V, 3) float64
         The base's vertices in the frame, as the file will hold them.
     faces : (F, 3) int64
-    initial : dict of str to Tensor, optional
+    initial : mapping of str to array, optional
         Tensors of a checkpoint of the same base and network; the fit starts with its field at step 0.
     anchors : ((A, 3), (A, 3)) float64, optional
         Points near the base, and the points near the surface where they go, both in the frame.
@@ -128,7 +130,7 @@ class FieldFit:
         faces: _Index,
         options: FitOptions,
         checkpoint: Checkpoint | None = None,
-        initial: dict[str, Tensor] | None = None,
+        initial: Mapping[str, NDArray[Any]] | None = None,
         anchors: tuple[_Floats, _Floats] | None = None,
     ) -> None:
         self._surface, self._frame, self._options = surface, frame, options
@@ -156,7 +158,7 @@ class FieldFit:
         if checkpoint is not None:
             self._restore(checkpoint)
         elif initial is not None:
-            self._take(initial)
+            self._take(tensors_of(initial))
         for tensor in self._learned.tensors:
             tensor.requires_grad_()
         self._round()
@@ -315,10 +317,10 @@ class FieldFit:
                 tensors |= {f"adam.{i}.{name}": value for name, value in state.items()}
         if self._other:
             tensors |= {f"other.{i}": value for i, value in enumerate(self._other)}
-        return Checkpoint(self.step, {name: value.clone() for name, value in tensors.items()})
+        return Checkpoint(self.step, arrays_of(tensors))
 
     def _restore(self, checkpoint: Checkpoint) -> None:
-        tensors = checkpoint.tensors
+        tensors = tensors_of(checkpoint.tensors)
         self._take(tensors)
         try:
             self._random.set_state(tensors["random"])

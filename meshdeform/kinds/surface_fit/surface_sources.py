@@ -92,7 +92,7 @@ class MeshSurface(_Sampled):
 
     def __init__(self, mesh: CleanMesh) -> None:
         self.reference = mesh
-        self._normals = face_normals(torch.from_numpy(mesh.verts), torch.from_numpy(mesh.faces)).numpy()
+        self._normals = face_normals(mesh.verts, mesh.faces)
         self._tree = SurfaceTree.of(mesh.verts, mesh.faces, slack=0.1)
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
@@ -274,5 +274,5 @@ def _reference(verts: _Floats, faces: _Index, surface: Surface, base_faces: int,
 
 def _largest(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:
     """Return the parts that have at least a hundredth of the faces; others are noise."""
-    label = connected_components(torch.from_numpy(faces), len(verts)).numpy()[faces[:, 0]]
+    label = connected_components(faces, len(verts))[faces[:, 0]]
     return verts, faces[(np.bincount(label) >= 0.01 * len(faces))[label]]

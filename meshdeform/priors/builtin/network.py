@@ -271,12 +271,6 @@ def vocabulary_hash() -> str:
     return hashlib.sha256(" ".join(VOCABULARY).encode()).hexdigest()[:16]
 
 
-def file_sha256(path: Path) -> str:
-    """Return the hexadecimal SHA-256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def write_weights(path: Path, state: Mapping[str, Tensor], config: ModelConfig, provenance: Mapping[str, str]) -> None:
     """Write the weights of a network as float16, atomically; `provenance`: metadata about the training."""
     metadata = {

@@ -33,10 +33,11 @@ import torch
 from torch import Tensor
 
 from meshdeform.errors import ShapeError
-from meshdeform.priors.builtin.network import WEIGHTS, file_sha256, null_tokens, read_network
+from meshdeform.priors.builtin.network import WEIGHTS, null_tokens, read_network
 from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS, tokenise
 from meshdeform.rendering.cameras import NUM_VIEWS, CameraRange, Cameras
 from meshdeform.rendering.shading import RenderStyle
+from meshdeform.support.files import file_sha256
 from meshdeform.vocabulary.grammar import parse, parse_negative
 
 NUM_TIMESTEPS = 1000

@@ -15,8 +15,8 @@ from training.shapes import box
 
 GROWTH = 1.5
 _MESH = box(3, (1.0, 1.4, 0.8))
-VERTS = _MESH.verts.numpy().astype(np.float32)
-FACES = _MESH.faces.numpy().astype(np.uint16)
+VERTS = _MESH.verts.astype(np.float32)
+FACES = _MESH.faces.astype(np.uint16)
 NORMALS = (VERTS / np.linalg.norm(VERTS, axis=1, keepdims=True)).astype(np.float32)
 
 

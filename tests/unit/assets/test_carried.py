@@ -76,7 +76,7 @@ def test_points_that_are_not_finite_stay_as_they_are() -> None:
 
 
 BALL = icosphere(2)
-GROUND = grid(2, 12.0).verts.numpy()[:, [0, 2, 1]] - [0, 1, 0]
+GROUND = grid(2, 12.0).verts[:, [0, 2, 1]] - [0, 1, 0]
 
 
 @each_case(
@@ -86,12 +86,12 @@ GROUND = grid(2, 12.0).verts.numpy()[:, [0, 2, 1]] - [0, 1, 0]
 def test_only_a_flat_backdrop_of_more_than_four_times_the_size_is_left_as_it_is(
     width: float, thickness: float, merged: bool, left: bool
 ) -> None:
-    ball, ground = BALL.verts.numpy(), GROUND * [width, 1, width]
+    ball, ground = BALL.verts, GROUND * [width, 1, width]
     ground[:, 1] += thickness * (np.arange(len(ground)) % 2) - 0.1
-    faces = grid(2, 12.0).faces.numpy()
-    parts = [Primitive(ball, BALL.faces.numpy(), name="ball"), Primitive(ground, faces, name="Ground")]
+    faces = grid(2, 12.0).faces
+    parts = [Primitive(ball, BALL.faces, name="ball"), Primitive(ground, faces, name="Ground")]
     if merged:
-        joined = np.concatenate([ball, ground]), np.concatenate([BALL.faces.numpy(), faces + len(ball)])
+        joined = np.concatenate([ball, ground]), np.concatenate([BALL.faces, faces + len(ball)])
         parts = [Primitive(*joined, name="all")]
     found = load_asset(build_glb(parts)).backdrop
     assert found is not None
@@ -102,8 +102,8 @@ def test_only_a_flat_backdrop_of_more_than_four_times_the_size_is_left_as_it_is(
 
 
 def test_a_pole_is_no_backdrop_and_a_plane_alone_is_an_object() -> None:
-    ball = Primitive(BALL.verts.numpy(), BALL.faces.numpy(), name="ball")
-    pole = Primitive(BALL.verts.numpy() * [0.05, 12, 0.05], BALL.faces.numpy(), name="pole")
+    ball = Primitive(BALL.verts, BALL.faces, name="ball")
+    pole = Primitive(BALL.verts * [0.05, 12, 0.05], BALL.faces, name="pole")
     assert notable(load_asset(build_glb([ball, pole]))) == ()
-    plane = Primitive(GROUND, grid(2, 12.0).faces.numpy())
+    plane = Primitive(GROUND, grid(2, 12.0).faces)
     assert notable(load_asset(build_glb([plane, plane]))) == ()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.assets.document import Document, read_accessor
@@ -93,7 +92,7 @@ def test_the_number_of_triangles_is_limited_and_fine_assets_stay_as_they_are() -
     assert again is fine
     assert not nothing.split
     half = source.subdivided(300)[0].surface  # stops in the middle, with triangles of all patterns
-    edges = edges_of(torch.as_tensor(weld(half.positions, half.triangles).mesh.faces))
+    edges = edges_of(weld(half.positions, half.triangles).mesh.faces)
     assert bool(((edges.counts == 2) & edges.consistent).all())
 
 

@@ -26,7 +26,7 @@ from meshdeform.errors import (
 from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
 
-BALL = icosphere(2).verts.numpy()
+BALL = icosphere(2).verts
 BOUNDS = "[-2,-2,-2,2,2,2]"
 HALVES = np.concatenate([np.eye(3), -np.eye(3)])
 

@@ -32,7 +32,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     mesh = icosphere(2)
     monkeypatch.chdir(tmp_path)
     for name, height in (("sphere", 1.0), ("egg", 1.6)):
-        Path(f"{name}.glb").write_bytes(build_glb(mesh.verts.numpy() * [1, height, 1], mesh.faces.numpy()))
+        Path(f"{name}.glb").write_bytes(build_glb(mesh.verts * [1, height, 1], mesh.faces))
     return tmp_path
 
 

@@ -6,8 +6,8 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
-import torch
 import typer
 
 from meshdeform.assets import build_glb
@@ -37,7 +37,7 @@ def test_parts_are_written_as_place_and_name() -> None:
 def test_inspect_refuses_what_selects_nothing_and_nouns_that_nobody_knows(tmp_path: Path) -> None:
     animal = source_mesh("quadruped")
     path = tmp_path / "animal.glb"
-    path.write_bytes(build_glb(animal.verts.numpy(), animal.faces.numpy()))
+    path.write_bytes(build_glb(animal.verts, animal.faces))
     assert "xyzzy" in refused("inspect --source-noun xyzzy", str(path))
     assert "no node named 'Ear'" in refused(
         "inspect --source-noun dog --front 0 --set", 'parts=[{"name": "ear", "node": "Ear"}]', str(path)
@@ -46,12 +46,12 @@ def test_inspect_refuses_what_selects_nothing_and_nouns_that_nobody_knows(tmp_pa
 
 def test_inspect_proposes_options_that_select_the_wheels(tmp_path: Path) -> None:
     wheels = [
-        TriangleMesh(0.2 * torus(n=16, m=8).verts + torch.tensor([x, -0.6, 0.0]), torus(n=16, m=8).faces)
+        TriangleMesh(0.2 * torus(n=16, m=8).verts + np.array([x, -0.6, 0.0]), torus(n=16, m=8).faces)
         for x in (-0.5, 0.5)
     ]
     cart = join(box(1), *wheels)
     path = tmp_path / "cart.glb"
-    path.write_bytes(build_glb(cart.verts.numpy(), cart.faces.numpy(), material="clay"))
+    path.write_bytes(build_glb(cart.verts, cart.faces, material="clay"))
     shown = done("inspect --source-noun car --front 90", str(path))
     assert "Given: car; front at 90 degrees (0 is +Z, 90 is +X), as given." in shown.output
     assert "2 congruent round components: 1, 2. Keep them with --rigid component=1 --rigid component=2" in shown.output

@@ -21,7 +21,7 @@ from training.shapes import box
 def chair(tmp_path: Path) -> Path:
     """A chair whose parts are nodes with names."""
     solid = box(2)
-    verts, faces = solid.verts.numpy(), solid.faces.numpy()
+    verts, faces = solid.verts, solid.faces
     places = {"Seat": ([1, 0.1, 1], [0, 0.5, 0]), "Back": ([1, 0.9, 0.1], [0, 1.01, -0.45])}
     legs = {f"Leg{x}{z}": ([0.1, 0.5, 0.1], [0.4 * x, 0.19, 0.4 * z]) for x in (-1, 1) for z in (-1, 1)}
     pieces = [
@@ -70,7 +70,7 @@ def test_a_file_is_not_replaced_and_must_be_a_glb(chair: Path, tmp_path: Path) -
 def test_an_asset_without_parts_is_refused(tmp_path: Path) -> None:
     path, output = tmp_path / "box.glb", tmp_path / "parts.glb"
     solid = box(2)
-    path.write_bytes(build_glb(solid.verts.numpy(), solid.faces.numpy()))
+    path.write_bytes(build_glb(solid.verts, solid.faces))
     # A heart is a single part, which is all of it.
     assert "No part" in refused("inspect --source-noun heart --front 0 --parts-glb", str(output), str(path))
     assert not output.exists()

@@ -34,7 +34,7 @@ def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def write(name: str, *scale: float, level: int = 1) -> None:
     mesh = icosphere(level)
-    Path(name).write_bytes(build_glb(mesh.verts.numpy() * scale, mesh.faces.numpy(), name="mesh", material="clay"))
+    Path(name).write_bytes(build_glb(mesh.verts * scale, mesh.faces, name="mesh", material="clay"))
 
 
 def height(path: str) -> float:
@@ -79,7 +79,7 @@ def test_an_stl_is_in_the_chosen_frame_and_reads_as_a_glb_again() -> None:
 
     assert done("convert egg.glb --up z --unit mm -o", "for print/egg.stl").stdout == "for print/egg.stl\n"
     mesh = trimesh.load_mesh("for print/egg.stl")
-    np.testing.assert_allclose(mesh.extents, np.ptp(BALL.verts.numpy(), axis=0)[[0, 2, 1]] * [1e3, 1e3, 2e3], rtol=1e-6)
+    np.testing.assert_allclose(mesh.extents, np.ptp(BALL.verts, axis=0)[[0, 2, 1]] * [1e3, 1e3, 2e3], rtol=1e-6)
     assert json.loads(done("convert egg.glb -o plain.stl --json").stdout)["closed"] is True
     assert json.loads(done("convert plain.stl -o again.glb --json").stdout)["triangles"] == 80
     surface, read = (load_asset(Path(path).read_bytes()).surface for path in ("egg.glb", "again.glb"))
@@ -88,7 +88,7 @@ def test_an_stl_is_in_the_chosen_frame_and_reads_as_a_glb_again() -> None:
     )
     done("convert egg.glb -o same.glb")
     assert Path("same.glb").read_bytes() == Path("egg.glb").read_bytes()
-    Path("shell.glb").write_bytes(build_glb(BALL.verts.numpy(), BALL.faces.numpy()[1:]))
+    Path("shell.glb").write_bytes(build_glb(BALL.verts, BALL.faces[1:]))
     assert json.loads(done("convert shell.glb -o shell.stl --json").stdout)["closed"] is False
 
 

@@ -19,7 +19,7 @@ _FIT = f"surface-fit ball.glb --base-faces 100 {_SMALL}"
 def test_a_fit_is_unfolded_and_nothing_else_is_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     mesh = icosphere(2)
-    Path("ball.glb").write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
+    Path("ball.glb").write_bytes(build_glb(mesh.verts, mesh.faces))
     summary = json.loads(done(f"{_FIT} --json --checkpoint ball.state").stdout)
     assert summary["bytes"] == Path("ball.ndf").stat().st_size
     assert {path.name for path in Path().iterdir()} == {"ball.glb", "ball.ndf", "ball.report.json", "ball.preview.png"}

@@ -29,7 +29,7 @@ def meshes(tmp_path: Path) -> Path:
     folder = tmp_path / "fruit"
     (folder / "more").mkdir(parents=True)
     for name, height in (("a.glb", 1.0), ("more/b.glb", 2.0)):
-        (folder / name).write_bytes(build_glb(BALL.verts.numpy() * [1.0, height, 1.0], BALL.faces.numpy()))
+        (folder / name).write_bytes(build_glb(BALL.verts * [1.0, height, 1.0], BALL.faces))
     (folder / "notes.txt").write_text("no mesh")
     return folder
 

@@ -17,10 +17,12 @@ from meshdeform.deformation.stand_in import chosen_carrier
 from meshdeform.deformation.variables import placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from tests.close import assert_close
+from tests.meshes import mesh_of
 from tests.unit.deformation.worlds import moved, params
 from training.shapes import box, torus
 
@@ -30,7 +32,7 @@ F64 = torch.float64
 def cart() -> TriangleMesh:
     """A body and four wheels a little below it, of very different triangle sizes."""
     wheels = [moved(icosphere(2), 0.44 * x, -0.26, 0.29 * z, scale=0.12) for x in (-1, 1) for z in (-1, 1)]
-    body = TriangleMesh(box(1).verts * torch.tensor([0.9, 0.25, 0.6], dtype=F64), box(1).faces)
+    body = mesh_of(verts_of(box(1)) * torch.tensor([0.9, 0.25, 0.6], dtype=F64), faces_of(box(1)))
     return join(body, *wheels)
 
 
@@ -44,23 +46,23 @@ def random_stretch(count: int, seed: int = 0) -> Tensor:
 
 def test_every_point_follows_an_affine_map_exactly() -> None:
     lattice = Lattice.around(RestMesh.of(CART))
-    weights = lattice.embedding(CART.verts.numpy())
-    np.testing.assert_allclose(weights @ lattice.nodes, CART.verts.numpy(), atol=1e-14)
+    weights = lattice.embedding(CART.verts)
+    np.testing.assert_allclose(weights @ lattice.nodes, CART.verts, atol=1e-14)
     linear = random_stretch(1)[0].numpy()
-    np.testing.assert_allclose(weights @ (lattice.nodes @ linear.T), CART.verts.numpy() @ linear.T, atol=1e-14)
+    np.testing.assert_allclose(weights @ (lattice.nodes @ linear.T), CART.verts @ linear.T, atol=1e-14)
     with pytest.raises(ValueError, match="not inside"):
         lattice.embedding(np.array([[5.0, 0.0, 0.0]]))
 
 
 def test_equal_jacobians_give_their_map_about_the_centre_of_mass_and_have_the_known_energy() -> None:
     field = LatticeField(CART)
-    assert_close(placed(field), CART.verts, atol=1e-12, rtol=0)
+    assert_close(placed(field), verts_of(CART), atol=1e-12, rtol=0)
     linear = random_stretch(1)[0]
     nodes = field.solve().detach()
     with torch.no_grad():
         field.tensors["cell_jacobians"].copy_(linear.expand_as(field.tensors["cell_jacobians"]))
-    centre = RestMesh.of(CART).centre_of_mass()
-    assert_close(placed(field), (CART.verts - centre) @ linear.T + centre, atol=1e-10, rtol=0)
+    centre = torch.from_numpy(RestMesh.of(CART).centre_of_mass())
+    assert_close(placed(field), (verts_of(CART) - centre) @ linear.T + centre, atol=1e-10, rtol=0)
     turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(0), dtype=F64))[0]
     assert float(field.dirichlet_penalty(nodes @ (turn * torch.linalg.det(turn)).T + 3)) == pytest.approx(0, abs=1e-9)
     stretched = nodes * torch.tensor([2.0, 0.5, 1.0], dtype=F64)
@@ -87,7 +89,7 @@ def test_the_gradients_of_the_penalties_are_right() -> None:
 
 def test_solid_blocks_get_a_coarser_lattice_and_flat_things_a_fine_one() -> None:
     assert len(Lattice.around(RestMesh.of(box(4))).cells) <= MAX_CELLS
-    flat = TriangleMesh(box(4).verts * torch.tensor([1.0, 0.001, 1.0], dtype=F64), box(4).faces)
+    flat = mesh_of(verts_of(box(4)) * torch.tensor([1.0, 0.001, 1.0], dtype=F64), faces_of(box(4)))
     lattice = Lattice.around(RestMesh.of(flat))
     assert lattice.spacing == pytest.approx(1 / CELLS)
     assert len(lattice.cells) < MAX_CELLS
@@ -99,14 +101,14 @@ def test_islands_are_joined() -> None:
     with torch.no_grad():
         field.tensors["cell_jacobians"].mul_(2.0)
     gap = placed(field).detach()[-1] - placed(field).detach()[0]
-    assert_close(gap, 2 * (far.verts[-1] - far.verts[0]), atol=1e-9, rtol=0)
+    assert_close(gap, 2 * (verts_of(far)[-1] - verts_of(far)[0]), atol=1e-9, rtol=0)
 
 
 def test_auto_takes_the_lattice_for_several_parts_only() -> None:
     assert chosen_carrier(Carrier.AUTO, RestMesh.of(torus())) is Carrier.SURFACE
     assert chosen_carrier(Carrier.AUTO, RestMesh.of(CART)) is Carrier.LATTICE
     assert chosen_carrier(Carrier.SURFACE, RestMesh.of(CART)) is Carrier.SURFACE
-    unused = TriangleMesh(torch.cat([torus().verts, torch.zeros(3, 3, dtype=F64)]), torus().faces)
+    unused = mesh_of(torch.cat([verts_of(torus()), torch.zeros(3, 3, dtype=F64)]), faces_of(torus()))
     assert chosen_carrier(Carrier.AUTO, RestMesh.of(unused)) is Carrier.SURFACE
 
 
@@ -126,13 +128,13 @@ def test_a_run_that_starts_from_a_shape_keeps_its_carrier() -> None:
 # Details on a large face follow its chord, however the map of space bends; what is far off follows the map.
 
 
-WALL = TriangleMesh(box(1).verts * torch.tensor([1.0, 1.0, 0.1], dtype=torch.float64), box(1).faces)
+WALL = mesh_of(verts_of(box(1)) * torch.tensor([1.0, 1.0, 0.1], dtype=torch.float64), faces_of(box(1)))
 
 
 def beam(height: float, width: float = 0.6) -> TriangleMesh:
     """A beam along x, on the front of the wall at z = 0.05 or farther off."""
     scale, place = (torch.tensor(values, dtype=torch.float64) for values in ([width, 0.05, 0.01], [0.0, 0.1, height]))
-    return TriangleMesh(box(1).verts * scale + place, box(1).faces)
+    return mesh_of(verts_of(box(1)) * scale + place, faces_of(box(1)))
 
 
 def followed(*parts: TriangleMesh) -> tuple[RestMesh, NDArray[np.float64]]:
@@ -141,17 +143,17 @@ def followed(*parts: TriangleMesh) -> tuple[RestMesh, NDArray[np.float64]]:
     lattice = Lattice.around(mesh)
     nodes = lattice.nodes.copy()
     nodes[:, 2] += 0.5 - 2 * (nodes[:, 0] ** 2 + nodes[:, 1] ** 2)
-    weights = lattice.embedding(mesh.verts.numpy()) + pull_of_large_faces(lattice, mesh)
+    weights = lattice.embedding(mesh.verts) + pull_of_large_faces(lattice, mesh)
     return mesh, weights @ nodes
 
 
 def test_a_beam_stays_on_its_wall_whose_chord_leaves_the_map_and_what_is_farther_follows_the_map() -> None:
     mesh, verts = followed(WALL, beam(0.055))
-    rest = mesh.verts.numpy()
+    rest = mesh.verts
     after = verts[-8:, 2] - verts[:8][rest[:8, 2] > 0, 2].mean()
     np.testing.assert_allclose(after, rest[-8:, 2] - 0.05, atol=2e-3)
     mesh, verts = followed(WALL, beam(0.2))
-    x, y, z = mesh.verts.numpy()[-8:].T
+    x, y, z = mesh.verts[-8:].T
     np.testing.assert_allclose(verts[-8:, 2], z + 0.5 - 2 * (x * x + y * y), atol=5e-3)
 
 

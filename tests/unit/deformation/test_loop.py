@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -11,10 +12,12 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from tests.cases import each_case
+from tests.meshes import mesh_of
 from tests.unit.deformation.test_controls import sled
 from tests.unit.deformation.worlds import params
 
@@ -23,7 +26,7 @@ STYLE = RenderStyle(view_size=32, supersample=2)
 
 def ellipsoid() -> TriangleMesh:
     sphere = icosphere(3, 0.6)
-    return TriangleMesh(sphere.verts * torch.tensor([0.6, 1.4, 0.9], dtype=torch.float64), sphere.faces)
+    return mesh_of(verts_of(sphere) * torch.tensor([0.6, 1.4, 0.9], dtype=torch.float64), faces_of(sphere))
 
 
 def run(deformation: Deformation, steps: int | None = None) -> list[dict[str, float]]:
@@ -63,7 +66,7 @@ def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int, preset: s
     assert len(rest) == 20 - stop
     assert torch.equal(second.verts(), whole.verts())
     for name, value in whole.checkpoint().tensors.items():
-        assert torch.equal(second.checkpoint().tensors[name], value), name
+        assert np.array_equal(second.checkpoint().tensors[name], value), name
 
 
 def test_a_checkpoint_is_of_its_mesh_and_does_not_change_with_the_run() -> None:
@@ -71,9 +74,9 @@ def test_a_checkpoint_is_of_its_mesh_and_does_not_change_with_the_run() -> None:
     deformation = Deformation(icosphere(1, 0.6), guidance, params(steps=4))
     run(deformation, 2)
     state: Checkpoint = deformation.checkpoint()
-    kept = {k: v.clone() for k, v in state.tensors.items()}
+    kept = {k: v.copy() for k, v in state.tensors.items()}
     run(deformation)
-    assert all(torch.equal(kept[k], v) for k, v in state.tensors.items())
+    assert all(np.array_equal(kept[k], v) for k, v in state.tensors.items())
     with pytest.raises(CheckpointError, match="mesh"):
         Deformation(icosphere(2, 0.6), guidance, params(steps=4), checkpoint=state)
 
@@ -89,10 +92,10 @@ def test_another_run_begins_with_the_shape_of_a_checkpoint_and_nothing_else_of_i
     fresh = Deformation(icosphere(2, 0.6), guidance, params(steps=3, seed=12)).checkpoint().tensors
     begun = second.checkpoint().tensors
     assert set(begun) == set(fresh), "no moments of the optimiser"
-    assert torch.equal(begun["generator"], fresh["generator"])
+    assert np.array_equal(begun["generator"], fresh["generator"])
     assert len(run(second)) == 3
     assert not torch.equal(second.verts(), first.verts())
-    assert all(torch.equal(shape[name], value) for name, value in first.checkpoint().tensors.items())
+    assert all(np.array_equal(shape[name], value) for name, value in first.checkpoint().tensors.items())
     with pytest.raises(CheckpointError, match="mesh"):
         Deformation(icosphere(1, 0.6), guidance, params(steps=3), initial=shape)
 
@@ -128,8 +131,8 @@ def test_a_step_that_raises_leaves_the_state_as_it_was() -> None:
     run(resumed)
     run(broken)
     for name, value in whole.checkpoint().tensors.items():
-        assert torch.equal(resumed.checkpoint().tensors[name], value), name
-        assert torch.equal(broken.checkpoint().tensors[name], value), name
+        assert np.array_equal(resumed.checkpoint().tensors[name], value), name
+        assert np.array_equal(broken.checkpoint().tensors[name], value), name
 
 
 def test_a_loss_that_is_not_finite_stops_the_run_with_the_step() -> None:

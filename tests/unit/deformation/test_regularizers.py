@@ -10,15 +10,18 @@ import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.deformation.differentiable import identity_jacobians
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.poisson import completed_jacobians, identity_jacobians
+from meshdeform.deformation.poisson import completed_jacobians
 from meshdeform.deformation.regularizers import STRAINED, Pulls, Regularizers
-from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_normals
+from meshdeform.geometry.mesh import TriangleMesh, edges_of
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.tensors import face_normals, faces_of, verts_of
 from meshdeform.priors.builtin.prior import BuiltinPrior
 from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.meshes import mesh_of
 from tests.unit.deformation.worlds import params
 from training.shapes import box, cylinder, grid, torus, uv_sphere
 
@@ -33,7 +36,7 @@ def smooth(verts: Tensor) -> Tensor:
 
 def penalties(mesh: TriangleMesh, verts: Tensor) -> dict[str, float]:
     regularizers = Regularizers(mesh)
-    jacobians = completed_jacobians(mesh, verts)
+    jacobians = torch.from_numpy(completed_jacobians(mesh, verts.numpy()))
     return {
         "jacobian": float(regularizers.jacobian(jacobians)),
         "laplacian": float(regularizers.laplacian(verts)),
@@ -44,10 +47,10 @@ def penalties(mesh: TriangleMesh, verts: Tensor) -> dict[str, float]:
 def test_resolution_and_scale_do_not_matter() -> None:
     sphere = icosphere(2)
     for unit in (1e-3, 50.0):
-        scaled = TriangleMesh(sphere.verts * unit, sphere.faces)
-        found = penalties(scaled, smooth(sphere.verts) * unit)
-        assert found == pytest.approx(penalties(sphere, smooth(sphere.verts)), rel=1e-9)
-    values = [penalties(mesh, smooth(mesh.verts)) for mesh in (icosphere(3), icosphere(4), icosphere(5))]
+        scaled = mesh_of(verts_of(sphere) * unit, faces_of(sphere))
+        found = penalties(scaled, smooth(verts_of(sphere)) * unit)
+        assert found == pytest.approx(penalties(sphere, smooth(verts_of(sphere))), rel=1e-9)
+    values = [penalties(mesh, smooth(verts_of(mesh))) for mesh in (icosphere(3), icosphere(4), icosphere(5))]
     for name in values[0]:
         assert values[0][name] == pytest.approx(values[2][name], rel=0.06), name
         assert values[1][name] == pytest.approx(values[2][name], rel=0.02), name
@@ -55,8 +58,10 @@ def test_resolution_and_scale_do_not_matter() -> None:
 
 @each_case("mesh", [join(box(3), icosphere(2), grid(3)), torus()])
 def test_the_rest_shape_costs_nothing_whatever_detail_and_creases_it_has(mesh: TriangleMesh) -> None:
-    assert max(penalties(mesh, mesh.verts).values()) < 1e-20
-    turned = mesh.verts @ torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(1), dtype=F64))[0]
+    assert max(penalties(mesh, verts_of(mesh)).values()) < 1e-20
+    turned = (
+        verts_of(mesh) @ torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(1), dtype=F64))[0]
+    )
     assert float(Regularizers(mesh).normal(2.5 * turned + 1.0)) < 1e-12
 
 
@@ -65,32 +70,32 @@ def test_the_jacobian_term_of_a_constant_and_the_laplacian_term_of_a_sphere_that
     mesh = icosphere(4)
     stretched = torch.diag(torch.tensor([2.0, 1.0, 0.5], dtype=F64)).expand(len(mesh.faces), 3, 3)
     assert float(Regularizers(mesh).jacobian(stretched)) == pytest.approx(1.25)
-    assert float(Regularizers(mesh).laplacian(1.3 * mesh.verts)) == pytest.approx(4 * 0.09, rel=0.01)
+    assert float(Regularizers(mesh).laplacian(1.3 * verts_of(mesh))) == pytest.approx(4 * 0.09, rel=0.01)
 
 
 def test_the_laplacian_term_does_not_see_a_shear_inside_a_plane() -> None:
     """A linear displacement bends nothing inside: beside it a bump costs what it costs alone."""
     mesh = grid(40, 2.0)
     regularizers = Regularizers(mesh)
-    x, y = mesh.verts[:, 0], mesh.verts[:, 1]
+    x, y = verts_of(mesh)[:, 0], verts_of(mesh)[:, 1]
     height = ((0.81 - x**2) * (0.81 - y**2)).square() * ((x.abs() < 0.9) & (y.abs() < 0.9))
     bump = height[:, None] * torch.tensor([0.0, 0.0, 1.0], dtype=F64)
-    sheared = mesh.verts + torch.stack([0 * x, 0 * x, 0.5 * x + 0.2 * y], 1)
-    alone = regularizers.laplacian(mesh.verts + bump)
+    sheared = verts_of(mesh) + torch.stack([0 * x, 0 * x, 0.5 * x + 0.2 * y], 1)
+    alone = regularizers.laplacian(verts_of(mesh) + bump)
     assert float(alone) > 0.01
     assert_close(regularizers.laplacian(sheared + bump) - regularizers.laplacian(sheared), alone)
 
 
 def rolled(mesh: TriangleMesh, angle: float) -> Tensor:
     """Roll a unit sheet into an arc of this angle, evenly."""
-    x, y = mesh.verts[:, 0], mesh.verts[:, 1]
+    x, y = verts_of(mesh)[:, 0], verts_of(mesh)[:, 1]
     along = (x + 0.5) * angle
     return torch.stack([torch.sin(along) / angle, y, (1 - torch.cos(along)) / angle], 1)
 
 
 def folded(mesh: TriangleMesh, angle: float) -> Tensor:
     """Fold a unit sheet along its middle by this angle."""
-    x, y = mesh.verts[:, 0], mesh.verts[:, 1]
+    x, y = verts_of(mesh)[:, 0], verts_of(mesh)[:, 1]
     beyond = x.clamp_min(0)
     return torch.stack([x - beyond + beyond * math.cos(angle), y, beyond * math.sin(angle)], 1)
 
@@ -107,9 +112,9 @@ def test_a_bend_costs_the_same_at_every_resolution(
 
 def test_a_crease_may_open_and_not_sharpen_or_turn_over() -> None:
     mesh = grid(20)
-    creased = TriangleMesh(folded(mesh, math.pi / 4), mesh.faces)
+    creased = mesh_of(folded(mesh, math.pi / 4), faces_of(mesh))
     regularizers = Regularizers(creased)
-    assert float(regularizers.normal(mesh.verts)) < 1e-20
+    assert float(regularizers.normal(verts_of(mesh))) < 1e-20
     assert float(regularizers.normal(folded(mesh, math.pi / 8))) < 1e-20
     sharper, turned = (float(regularizers.normal(folded(mesh, angle))) for angle in (math.pi / 3, -math.pi / 4))
     flat = Regularizers(mesh)
@@ -125,7 +130,7 @@ def test_at_the_reference_resolution_a_flat_sheet_costs_what_is_published(degree
     regularizers = Regularizers(mesh)
     regularizers._edge_scale = np.ones_like(regularizers._edge_scale)
     edges = edges_of(mesh.faces)
-    normals = face_normals(bent, mesh.faces)[edges.faces[edges.counts == 2]]
+    normals = face_normals(bent, faces_of(mesh))[edges.faces[edges.counts == 2]]
     published = (1 - (normals[:, 0] * normals[:, 1]).sum(1)).square().sum() * 2 / 3 / len(mesh.faces)
     assert float(regularizers.normal(bent)) == pytest.approx(float(published), rel=1e-9)
 
@@ -133,17 +138,17 @@ def test_at_the_reference_resolution_a_flat_sheet_costs_what_is_published(degree
 def test_flat_neighbours_cost_nothing_whichever_way_they_are_wound() -> None:
     flat = grid(3)
     some = torch.arange(len(flat.faces)) % 3 == 0
-    wound = TriangleMesh(flat.verts, torch.where(some[:, None], flat.faces.flip(1), flat.faces))
-    assert float(Regularizers(wound).normal(wound.verts)) < 1e-25
-    doubled = TriangleMesh(flat.verts, torch.cat([flat.faces, flat.faces.flip(1)]))
-    assert float(Regularizers(doubled).normal(doubled.verts)) < 1e-25
+    wound = mesh_of(verts_of(flat), torch.where(some[:, None], faces_of(flat).flip(1), faces_of(flat)))
+    assert float(Regularizers(wound).normal(verts_of(wound))) < 1e-25
+    doubled = mesh_of(verts_of(flat), torch.cat([faces_of(flat), faces_of(flat).flip(1)]))
+    assert float(Regularizers(doubled).normal(verts_of(doubled))) < 1e-25
 
 
 @each_case("mesh", [icosphere(0), grid(2), box(1)])
 def test_gradients_are_right(mesh: TriangleMesh) -> None:
     generator = torch.Generator().manual_seed(0)
     regularizers = Regularizers(mesh)
-    verts = (mesh.verts + 0.1 * torch.randn(mesh.verts.shape, generator=generator, dtype=F64)).requires_grad_()
+    verts = (verts_of(mesh) + 0.1 * torch.randn(verts_of(mesh).shape, generator=generator, dtype=F64)).requires_grad_()
     jacobians = torch.randn(len(mesh.faces), 3, 3, generator=generator, dtype=F64).requires_grad_()
     assert torch.autograd.gradcheck(regularizers.jacobian, (jacobians,))
     for penalty in (regularizers.laplacian, regularizers.dirichlet):
@@ -153,7 +158,7 @@ def test_gradients_are_right(mesh: TriangleMesh) -> None:
 
 
 def shaken(mesh: TriangleMesh) -> tuple[TriangleMesh, Tensor]:
-    return mesh, mesh.verts + 0.1 * torch.sin(5 * mesh.verts.flip(1))
+    return mesh, verts_of(mesh) + 0.1 * torch.sin(5 * verts_of(mesh).flip(1))
 
 
 SPHERE = icosphere(1)
@@ -162,13 +167,13 @@ SPHERE = icosphere(1)
 @each_case(
     "mesh, verts",
     [
-        (SPHERE, torch.zeros_like(SPHERE.verts)),
-        (SPHERE, SPHERE.verts * torch.tensor([1.0, 0.0, 0.0], dtype=F64)),
+        (SPHERE, torch.zeros_like(verts_of(SPHERE))),
+        (SPHERE, verts_of(SPHERE) * torch.tensor([1.0, 0.0, 0.0], dtype=F64)),
         shaken(uv_sphere(6, 300)),
-        shaken(TriangleMesh(torch.tensor([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], dtype=F64), torch.tensor([[0, 1, 2]]))),
-        shaken(TriangleMesh(torch.zeros(4, 3, dtype=F64), torch.tensor([[0, 1, 2], [1, 2, 3]]))),
-        shaken(TriangleMesh(torch.zeros(1, 3, dtype=F64), torch.zeros(0, 3, dtype=torch.int64))),
-        shaken(TriangleMesh(SPHERE.verts, torch.cat([SPHERE.faces, torch.tensor([[0, 0, 5], [0, 1, 2]])]))),
+        shaken(mesh_of(torch.tensor([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], dtype=F64), torch.tensor([[0, 1, 2]]))),
+        shaken(mesh_of(torch.zeros(4, 3, dtype=F64), torch.tensor([[0, 1, 2], [1, 2, 3]]))),
+        shaken(mesh_of(torch.zeros(1, 3, dtype=F64), torch.zeros(0, 3, dtype=torch.int64))),
+        shaken(mesh_of(verts_of(SPHERE), torch.cat([faces_of(SPHERE), torch.tensor([[0, 0, 5], [0, 1, 2]])]))),
     ],
     ids=["a point", "a line", "needles", "a collapsed face", "no area", "no face", "faces that fold"],
 )
@@ -191,15 +196,15 @@ def test_what_collapses_or_is_collapsed_at_rest_has_finite_values_and_gradients(
 def test_the_dirichlet_term_is_known_in_every_unit_free_for_motions_and_finite_at_a_collapse() -> None:
     turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(0), dtype=F64))[0]
     for n, unit in ((2, 1.0), (9, 1e-6)):
-        mesh = TriangleMesh(unit * grid(n).verts, grid(n).faces)
+        mesh = mesh_of(unit * verts_of(grid(n)), faces_of(grid(n)))
         energy = Regularizers(mesh).dirichlet
-        assert float(energy(mesh.verts @ turn + 5 * unit)) == pytest.approx(0.0, abs=1e-9)
-        found = float(energy(mesh.verts * torch.tensor([2.0, 0.5, 1.0])))
+        assert float(energy(verts_of(mesh) @ turn + 5 * unit)) == pytest.approx(0.0, abs=1e-9)
+        found = float(energy(verts_of(mesh) * torch.tensor([2.0, 0.5, 1.0])))
         assert found == pytest.approx(logarithm(4 + 0.25 + 0.25 + 4 - 4))
         for width in (1e-1, 1e-2, 1e-3):
-            thin = float(energy(mesh.verts * torch.tensor([1.0, width, 1.0])))
+            thin = float(energy(verts_of(mesh) * torch.tensor([1.0, width, 1.0])))
             assert thin == pytest.approx(logarithm(1 / width**2), rel=0.02)
-        flat = (mesh.verts * torch.tensor([1.0, 0.0, 1.0])).requires_grad_()
+        flat = (verts_of(mesh) * torch.tensor([1.0, 0.0, 1.0])).requires_grad_()
         energy(flat).backward()
         assert math.isfinite(energy(flat).item())
         assert flat.grad is not None

@@ -7,18 +7,21 @@ import pytest
 import torch
 from torch import Tensor
 
+from meshdeform.deformation.constraints import Body
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.rigid_bodies import Body, RigidBodies
+from meshdeform.deformation.rigid_bodies import RigidBodies
 from meshdeform.deformation.stand_in import carry, chosen_carrier
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Adam, placed
 from meshdeform.geometry.intersections import cutting_pairs
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.tensors import verts_of
 from meshdeform.requests.choices import Carrier, Rigidity
 from meshdeform.requests.document import Safeguard
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.meshes import mesh_of
 from tests.unit.deformation.worlds import moved
 from training.shapes import box, torus
 
@@ -28,7 +31,7 @@ RIGID, SIMILARITY = Rigidity.RIGID, Rigidity.SIMILARITY
 
 WHEELS = [moved(torus(n=12, m=8), 0.5 * x, -0.3, 0.0, scale=0.15) for x in (-1, 1)]
 CART = RestMesh.of(join(moved(icosphere(2), 0, 0.3, 0, scale=0.5), *WHEELS))
-FREE, LEFT, RIGHT = (np.flatnonzero(CART.components.numpy() == number) for number in range(3))
+FREE, LEFT, RIGHT = (np.flatnonzero(CART.components == number) for number in range(3))
 BODIES = [Body(LEFT, RIGID), Body(RIGHT, SIMILARITY)]
 
 
@@ -49,7 +52,7 @@ def bent(field: LatticeField, seed: int = 0) -> LatticeField:
 
 def test_bodies_keep_their_shape_and_everything_else_is_as_without_them() -> None:
     plain, held = placed(bent(LatticeField(CART))).detach(), placed(bent(LatticeField(CART, bodies=BODIES))).detach()
-    rest = CART.verts
+    rest = verts_of(CART)
     assert float((lengths(plain[LEFT]) - lengths(rest[LEFT])).abs().max()) > 0.01
     assert_close(lengths(held[LEFT]), lengths(rest[LEFT]), atol=1e-12, rtol=0)
     ratio = lengths(held[RIGHT])[0, 1:] / lengths(rest[RIGHT])[0, 1:]
@@ -76,15 +79,15 @@ def test_the_gradient_is_that_of_finite_differences(mode: Rigidity, shape: str) 
     ring = torch.linspace(0, 2 * torch.pi, 13, dtype=F64)[:-1]
     flat = torch.stack([ring.cos(), ring.sin(), 0 * ring], 1)
     line = torch.stack([ring, 0 * ring, 0 * ring], 1)
-    points = {"round": torus(n=12, m=8).verts, "flat": flat, "line": line, "point": flat[:1]}[shape]
+    points = {"round": verts_of(torus(n=12, m=8)), "flat": flat, "line": line, "point": flat[:1]}[shape]
     faces = torch.arange(len(points) // 3 * 3).view(-1, 3)
-    mesh = RestMesh(torch.cat([points, torch.ones(3, 3, dtype=F64)]), faces)
+    mesh = RestMesh.of(mesh_of(torch.cat([points, torch.ones(3, 3, dtype=F64)]), faces))
     bodies = RigidBodies(mesh, [Body(np.arange(len(points)), mode)])
     generator = torch.Generator().manual_seed(3)
-    start, step, probe = (torch.randn(mesh.verts.shape, generator=generator, dtype=F64) for _ in range(3))
+    start, step, probe = (torch.randn(verts_of(mesh).shape, generator=generator, dtype=F64) for _ in range(3))
     if shape == "line":  # across a line nothing is determined but by the tie-break, which is stiff
         start, step = start * torch.tensor([1.0, 0, 0]), step * torch.tensor([1.0, 0, 0])
-    at = (mesh.verts + 0.1 * start).requires_grad_()
+    at = (verts_of(mesh) + 0.1 * start).requires_grad_()
     (found,) = torch.autograd.grad((bodies.place(at) * probe).sum(), at)
 
     def value(by: float) -> float:
@@ -95,9 +98,9 @@ def test_the_gradient_is_that_of_finite_differences(mode: Rigidity, shape: str) 
 
 
 def test_a_body_is_not_mirrored_and_bodies_do_not_share_vertices() -> None:
-    mirrored = CART.verts * torch.tensor([-1.0, 1, 1])
+    mirrored = verts_of(CART) * torch.tensor([-1.0, 1, 1])
     placed_there = RigidBodies(CART, BODIES[:1]).place(mirrored)
-    before, after = (points[LEFT[[0, 5, 30, 50]]] for points in (CART.verts, placed_there))
+    before, after = (points[LEFT[[0, 5, 30, 50]]] for points in (verts_of(CART), placed_there))
     assert float(torch.linalg.det(before[1:] - before[0]) * torch.linalg.det(after[1:] - after[0])) > 0
     with pytest.raises(ValueError, match="share"):
         RigidBodies(CART, [Body(LEFT), Body(LEFT[:1])])
@@ -115,11 +118,11 @@ def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:
     """Space is pressed to half its height, and a ball below a box is not: it runs into the box."""
     for gap, free in ((0.01, True), (0.06, False)):
         mesh = RestMesh.of(join(box(4), moved(icosphere(2), 0, -0.6 - gap, 0, scale=0.1)))
-        ball = np.flatnonzero(mesh.components.numpy() == 1)
+        ball = np.flatnonzero(mesh.components == 1)
         field = LatticeField(mesh, bodies=[Body(ball, RIGID)])
         guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, field)
         jacobians = field.tensors["cell_jacobians"]
         with torch.no_grad():
             jacobians[:, 1, 1] = 0.5
-        assert len(cutting_pairs(placed(field).detach().numpy(), mesh.faces.numpy())) > 0
+        assert len(cutting_pairs(placed(field).detach().numpy(), mesh.faces)) > 0
         assert (guard.correct(Adam([{"params": [jacobians], "lr": 1.0}])) == 0) == free

@@ -14,13 +14,15 @@ from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.stand_in import StandIn, stand_in_of
 from meshdeform.deformation.variables import placed
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import join
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from tests.cases import each_case
+from tests.meshes import mesh_of
 from tests.unit.deformation.worlds import moved, params
 from training.shapes import box, grid, torus
 
@@ -52,30 +54,32 @@ def bent(verts: Tensor) -> Tensor:
 
 def test_vertices_follow_the_simplified_surface() -> None:
     simple = stand_in_of(TORUS)
-    assert simple.faces.shape[0] == 800
+    assert faces_of(simple).shape[0] == 800
     binding = Binding(simple, TORUS)
-    assert np.array_equal(binding.move(simple.verts), TORUS.verts.numpy())
-    np.testing.assert_allclose(binding.move(turned(simple.verts)), turned(TORUS.verts).numpy(), atol=1e-12)
-    followed = binding.move(bent(simple.verts))
-    expected = bent(TORUS.verts).numpy()
-    assert float((bent(TORUS.verts) - TORUS.verts).abs().max()) > 0.1
+    assert np.array_equal(binding.move(simple.verts), TORUS.verts)
+    np.testing.assert_allclose(
+        binding.move(turned(verts_of(simple)).numpy()), turned(verts_of(TORUS)).numpy(), atol=1e-12
+    )
+    followed = binding.move(bent(verts_of(simple)).numpy())
+    expected = bent(verts_of(TORUS)).numpy()
+    assert float((bent(verts_of(TORUS)) - verts_of(TORUS)).abs().max()) > 0.1
     assert np.linalg.norm(followed - expected, axis=1).max() < 0.01
-    quality = measure(TORUS.verts.numpy(), TORUS.faces.numpy(), followed)
+    quality = measure(TORUS.verts, TORUS.faces, followed)
     assert (quality.flipped_faces, quality.self_intersecting_faces_after) == (0, 0)
 
 
 def test_the_sides_of_a_thin_wall_follow_their_own_sides() -> None:
     """Each side stretches its own way, which is no map of space: vertices must find the side that they are on."""
-    wall = RestMesh.of(TriangleMesh(box(30).verts * torch.tensor([1.0, 1.0, 0.1], dtype=F64), box(30).faces))
+    wall = RestMesh.of(mesh_of(verts_of(box(30)) * torch.tensor([1.0, 1.0, 0.1], dtype=F64), faces_of(box(30))))
     simple = stand_in_of(wall)
-    assert simple.faces.shape[0] < wall.faces.shape[0] / 2
+    assert faces_of(simple).shape[0] < faces_of(wall).shape[0] / 2
 
     def parted(verts: Tensor) -> Tensor:
         return verts + torch.tensor([0.0, 0.0, 1.0], dtype=F64) * verts[:, 2:].sign()
 
-    followed = Binding(simple, wall).move(parted(simple.verts))
-    middle = (wall.verts[:, :2].abs() < 0.3).all(1).numpy()
-    assert (np.sign(followed[middle, 2]) == np.sign(wall.verts.numpy()[middle, 2])).all()
+    followed = Binding(simple, wall).move(parted(verts_of(simple)).numpy())
+    middle = (verts_of(wall)[:, :2].abs() < 0.3).all(1).numpy()
+    assert (np.sign(followed[middle, 2]) == np.sign(wall.verts[middle, 2])).all()
     assert np.abs(followed[middle, 2]).min() > 0.5
 
 
@@ -84,21 +88,21 @@ def test_a_lattice_carries_the_whole_mesh_as_if_there_were_no_stand_in() -> None
     stands = StandIn(whole)
     field = stands.carry(Carrier.AUTO)
     assert isinstance(field, LatticeField)
-    np.testing.assert_allclose(stands.follow(field), whole.verts, atol=1e-12)
+    np.testing.assert_allclose(stands.follow(field), verts_of(whole), atol=1e-12)
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():
         field.tensors["cell_jacobians"] += 0.1 * torch.randn(
             field.tensors["cell_jacobians"].shape, generator=generator, dtype=F64
         )
-    expected = field.lattice.embedding(whole.verts.numpy()) @ field.solve().detach().numpy()
+    expected = field.lattice.embedding(whole.verts) @ field.solve().detach().numpy()
     np.testing.assert_array_equal(stands.follow(field), expected)
-    assert len(placed(field)) < whole.verts.shape[0] / 4
+    assert len(placed(field)) < verts_of(whole).shape[0] / 4
 
 
 def test_a_stand_in_loses_no_part() -> None:
     """A thousand separate leaves: edges of theirs can collapse only with the whole leaf."""
     places = torch.rand(1000, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
-    leaf = TriangleMesh(grid(1).verts * 0.02, grid(1).faces)
+    leaf = mesh_of(verts_of(grid(1)) * 0.02, faces_of(grid(1)))
     leaves = RestMesh.of(join(*(moved(leaf, *place.tolist()) for place in places)))
     simple = stand_in_of(leaves)
     assert float(simple.areas.sum()) > 0.5 * float(leaves.areas.sum())
@@ -106,7 +110,7 @@ def test_a_stand_in_loses_no_part() -> None:
 
 @each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: Carrier) -> None:
-    goal = TriangleMesh(TORUS.verts * torch.tensor([0.7, 1.6, 0.9], dtype=F64), TORUS.faces)
+    goal = mesh_of(verts_of(TORUS) * torch.tensor([0.7, 1.6, 0.9], dtype=F64), faces_of(TORUS))
     guidance = TargetGuidance(goal, style=RenderStyle(view_size=32, supersample=1))
     given = params(steps=24, learning_rate=0.02, carrier=carrier)
     whole = Deformation(TORUS, guidance, given)
@@ -122,9 +126,9 @@ def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: 
         for _ in run:
             pass
     assert torch.equal(whole.verts(), resumed.verts())
-    assert whole.verts().shape == TORUS.verts.shape
-    way = whole.verts() - TORUS.verts
-    wanted = goal.verts - TORUS.verts
+    assert whole.verts().shape == verts_of(TORUS).shape
+    way = whole.verts() - verts_of(TORUS)
+    wanted = verts_of(goal) - verts_of(TORUS)
     assert float((way * wanted).sum() / (way.norm() * wanted.norm())) > 0.5
-    quality = measure(TORUS.verts.numpy(), TORUS.faces.numpy(), whole.verts().numpy())
+    quality = measure(TORUS.verts, TORUS.faces, whole.verts().numpy())
     assert (quality.flipped_faces, quality.self_intersecting_faces_after) == (0, 0)

@@ -12,6 +12,7 @@ from meshdeform.deformation.variables import Adam, JacobianField, Variables, cop
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.tensors import verts_of
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.displacements import VertexDisplacements
@@ -26,12 +27,12 @@ def test_a_stretch_is_measured_alike(kind: Callable[[TriangleMesh], Variables]) 
     stretch = torch.tensor([1.0, 1.5, 1.0], dtype=torch.float64)
     state = {
         "jacobians": torch.diag(stretch).repeat(len(MESH.faces), 1, 1),
-        "displacements": MESH.verts * (stretch - 1),
+        "displacements": verts_of(MESH) * (stretch - 1),
     }
     copy_into(variables, state)
     with pytest.raises(CheckpointError):
-        copy_into(variables, {"others": MESH.verts})
-    assert_close(placed(variables), MESH.verts * stretch, atol=1e-9, rtol=0)
+        copy_into(variables, {"others": verts_of(MESH)})
+    assert_close(placed(variables), verts_of(MESH) * stretch, atol=1e-9, rtol=0)
     # Along a normal there is no edge that could say how it is stretched; what there is, is bounded by the whole.
     strain = float(variables.jacobian_penalty().detach())
     assert 0.5 * 0.25 < strain <= 0.25 + 1e-9
@@ -41,7 +42,9 @@ def test_a_stretch_is_measured_alike(kind: Callable[[TriangleMesh], Variables]) 
 def test_any_shape_of_one_part_can_be_adopted(kind: Callable[[TriangleMesh], Variables]) -> None:
     variables = kind(MESH)
     generator = torch.Generator().manual_seed(0)
-    wished = MESH.verts * torch.tensor([1.0, 2.0, 0.7]) + 0.1 * torch.randn(MESH.verts.shape, generator=generator)
+    wished = verts_of(MESH) * torch.tensor([1.0, 2.0, 0.7]) + 0.1 * torch.randn(
+        verts_of(MESH).shape, generator=generator
+    )
     variables.adopt(wished)
     found = placed(variables).detach()
     shift = (wished - found).mean(0)
@@ -51,8 +54,8 @@ def test_any_shape_of_one_part_can_be_adopted(kind: Callable[[TriangleMesh], Var
 def test_jacobians_that_have_not_changed_are_solved_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """A step places its shape for the loss, for its limit and for the guard: one solve serves all three."""
     solved: list[int] = []
-    forward = PoissonSystem._forward
-    monkeypatch.setattr(PoissonSystem, "_forward", lambda self, field: (solved.append(1), forward(self, field))[1])
+    solve = PoissonSystem.solve
+    monkeypatch.setattr(PoissonSystem, "solve", lambda self, field: (solved.append(1), solve(self, field))[1])
     variables = JacobianField(icosphere(1))
     first = placed(variables)
     again = placed(variables)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import torch
+import numpy as np
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
@@ -18,4 +18,4 @@ def params(**given: Any) -> ResolvedParams:
 
 def moved(mesh: TriangleMesh, *by: float, scale: float = 1.0) -> TriangleMesh:
     """Return a copy that is scaled first."""
-    return TriangleMesh(mesh.verts * scale + torch.tensor(by, dtype=torch.float64), mesh.faces)
+    return TriangleMesh(mesh.verts * scale + np.array(by, np.float64), mesh.faces)

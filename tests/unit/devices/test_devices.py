@@ -21,6 +21,7 @@ from meshdeform.deformation.loop import Deformation
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
@@ -29,7 +30,7 @@ from meshdeform.priors import load_prior
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering import rasterizer
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
+from meshdeform.rendering.rasterizer import projected, rasterize_compiled, rasterize_spans
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 from tests.cases import each_case
@@ -42,7 +43,7 @@ MESHES = {
     "torus": TriangleMesh(0.6 * torus().verts, torus().faces),
     "small faces": icosphere(5, 0.6),
     # Reaches through the near plane and beyond the far one.
-    "far": TriangleMesh(icosphere(3).verts * torch.tensor([0.4, 0.4, 6.0], dtype=torch.float64), icosphere(3).faces),
+    "far": TriangleMesh(icosphere(3).verts * [0.4, 0.4, 6.0], icosphere(3).faces),
 }
 SIZE = 96
 
@@ -56,15 +57,15 @@ def torch_path() -> Iterator[None]:
 
 
 def clip_of(mesh: TriangleMesh, cameras: Cameras) -> Tensor:
-    return mesh.verts.float() @ cameras.view_proj[:, :, :3].mT + cameras.view_proj[:, None, :, 3]
+    return projected(verts_of(mesh).float(), cameras)
 
 
 @each_case("name", MESHES)
 def test_the_rasterizer_sees_the_same_faces(device: str, name: str) -> None:
     mesh = MESHES[name]
     clip = clip_of(mesh, fixed_cameras(20.0, 15.0))
-    expected, depth = rasterize_compiled(clip, mesh.faces, SIZE, SIZE)
-    found, found_depth = rasterize_spans(clip.to(device), mesh.faces.to(device), SIZE, SIZE)
+    expected, depth = rasterize_compiled(clip, faces_of(mesh), SIZE, SIZE)
+    found, found_depth = rasterize_spans(clip.to(device), faces_of(mesh).to(device), SIZE, SIZE)
     other = found.cpu() != expected
     # Ties in depth at shared edges are broken by the order of faces, or not.
     assert int(other.sum()) <= 1e-3 * int((expected >= 0).sum())
@@ -75,9 +76,9 @@ def test_the_rasterizer_sees_the_same_faces(device: str, name: str) -> None:
 def painted(mesh: TriangleMesh) -> Appearance:
     """Return the look of a mesh with a texture that is laid on from the front and has holes."""
     pixels = np.random.default_rng(0).integers(0, 256, (16, 16, 4), np.uint8)
-    look = plain_appearance(len(mesh.verts), mesh.faces.numpy())
+    look = plain_appearance(len(mesh.verts), mesh.faces)
     paint = Paint((1.0, 1.0, 1.0, 1.0), Texture(pixels), "MASK")
-    return replace(look, texcoords=mesh.verts[:, :2].numpy().astype(np.float32), paints=(paint,))
+    return replace(look, texcoords=mesh.verts[:, :2].astype(np.float32), paints=(paint,))
 
 
 SHADINGS = ["normals", "lambert", "textured"]
@@ -91,9 +92,9 @@ def test_pictures_and_their_gradients_agree(device: str, name: str, shading: str
     weights = torch.rand(4, SIZE, SIZE, 3, generator=torch.Generator().manual_seed(0))
 
     def drawn(where: str) -> tuple[Tensor, Tensor]:
-        verts = mesh.verts.clone().to(where).requires_grad_()
-        renderer = Renderer(mesh.faces, len(mesh.verts), style, where, appearance=painted(mesh))
-        image = renderer.render(verts, cameras.to(where))
+        verts = verts_of(mesh).clone().to(where).requires_grad_()
+        renderer = Renderer(faces_of(mesh), len(mesh.verts), style, where, appearance=painted(mesh))
+        image = renderer.render(verts, cameras)
         (image * weights.to(where)).sum().backward()
         assert verts.grad is not None
         return image.detach().cpu(), verts.grad.cpu()
@@ -113,7 +114,7 @@ def test_score_distillation_gives_the_same_gradient(device: str) -> None:
         prior = load_prior("builtin", device=where, dtype="float32")
         guidance = ScoreDistillation(prior, "a mushroom", guidance_scale=7.5)
         drawn = image.clone().to(where).requires_grad_()
-        context = StepContext(0, 10, fixed_cameras(0.0, 15.0).to(where), torch.Generator().manual_seed(3))
+        context = StepContext(0, 10, fixed_cameras(0.0, 15.0), torch.Generator().manual_seed(3))
         guidance.loss(drawn, context)[0].backward()
         assert drawn.grad is not None
         return drawn.grad.cpu()

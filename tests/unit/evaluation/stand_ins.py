@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import torch
+import numpy as np
+from numpy.typing import NDArray
 
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.priors.builtin.vocabulary import NOUNS
@@ -16,12 +17,12 @@ class HeightJudge:
 
     identity = {"id": "height", "revision": "1", "sha256": "0" * 64}  # noqa: RUF012
 
-    def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> torch.Tensor:
+    def log_likelihoods(self, mesh: TriangleMesh, prompts: Sequence[str]) -> NDArray[np.float32]:
         for prompt in prompts:
             parse(prompt)
-        extent = mesh.verts.amax(0) - mesh.verts.amin(0)
-        wanted = 1 + torch.arange(len(prompts), dtype=torch.float64) / len(prompts)
-        return (-20 * (extent[1] / extent[0] - wanted) ** 2).float()
+        extent = np.ptp(mesh.verts, axis=0)
+        wanted = 1 + np.arange(len(prompts)) / len(prompts)
+        return np.asarray(-20 * (extent[1] / extent[0] - wanted) ** 2, np.float32)
 
     def noun_probabilities(self, mesh: TriangleMesh) -> dict[str, float]:
         return {noun: 0.5 if noun == "mushroom" else 0.5 / (len(NOUNS) - 1) for noun in NOUNS}

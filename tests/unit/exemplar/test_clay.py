@@ -18,7 +18,7 @@ def _shape(part) -> Shape:
 
 def _ball(subdivisions: int) -> Shape:
     mesh = icosphere(subdivisions, 0.3)
-    return Shape("", mesh.verts.numpy(), mesh.faces.numpy(), np.zeros(len(mesh.faces), np.int64))
+    return Shape("", mesh.verts, mesh.faces, np.zeros(len(mesh.faces), np.int64))
 
 
 def _member(noun: str) -> Shape:

@@ -24,7 +24,7 @@ def test_areas_and_the_share_of_a_way() -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_faults_are_counted_as_in_the_report_of_a_run(seed: int) -> None:
     mesh = icosphere(3)
-    rest, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    rest, faces = mesh.verts, mesh.faces
     verts = rest + 0.06 * np.random.default_rng(seed).normal(size=rest.shape)
     found, report = Faults(rest, faces).find(verts), measure(rest, faces, verts)
     assert (found.folded.sum(), found.cutting.sum()) == (report.flipped_faces, report.self_intersections_added)

@@ -12,7 +12,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.nouns.labels import Floats
 
 _BALL = icosphere(3)
-_VERTS, _FACES = _BALL.verts.numpy(), _BALL.faces.numpy()
+_VERTS, _FACES = _BALL.verts, _BALL.faces
 _FINE = icosphere(4)
 
 
@@ -32,13 +32,13 @@ def test_a_surface_that_is_its_goal_stays() -> None:
 
 def test_it_slides_back_along_the_goal() -> None:
     start = _slid(_VERTS, 0.5)
-    moved = relaxed(_VERTS, start, _FACES, _FINE.verts.numpy(), _FINE.faces.numpy(), stiffness=0.01)
+    moved = relaxed(_VERTS, start, _FACES, _FINE.verts, _FINE.faces, stiffness=0.01)
     assert _distortion(moved) - 1 < 0.5 * (_distortion(start) - 1)
     assert np.abs(np.linalg.norm(moved, axis=1) - 1).max() < 0.02
 
 
 def test_a_stiffer_surface_slides_less() -> None:
-    start, goal = _slid(_VERTS, 0.5), (_FINE.verts.numpy(), _FINE.faces.numpy())
+    start, goal = _slid(_VERTS, 0.5), (_FINE.verts, _FINE.faces)
     soft, stiff = (relaxed(_VERTS, start, _FACES, *goal, stiffness=each) for each in (1.0, 1e4))
     assert np.abs(stiff - start).max() < np.abs(soft - start).max()
 
@@ -52,7 +52,7 @@ def test_many_vertices_move_by_fewer_nodes(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(surface_fit, "_MOST_VERTICES", 100)
     monkeypatch.setattr(surface_fit, "_NODES", 200)
     start = _slid(_VERTS, 0.5)
-    moved = relaxed(_VERTS, start, _FACES, _FINE.verts.numpy(), _FINE.faces.numpy())
+    moved = relaxed(_VERTS, start, _FACES, _FINE.verts, _FINE.faces)
     assert _distortion(moved) < _distortion(start)
 
 
@@ -68,7 +68,7 @@ def test_a_slit_stays_closed() -> None:
     faces = np.where(right, _FACES, _FACES + len(_VERTS))
     seam = np.intersect1d(_FACES[right[:, 0]], _FACES[~right[:, 0]])
     start = np.concatenate([_slid(_VERTS, 0.3), _slid(_VERTS, 0.3)])
-    moved = relaxed(halves, start, faces, _FINE.verts.numpy(), _FINE.faces.numpy(), stiffness=0.01)
+    moved = relaxed(halves, start, faces, _FINE.verts, _FINE.faces, stiffness=0.01)
     step = moved - start
     assert np.linalg.norm(step[seam], axis=1).max() > 1e-3
     assert np.linalg.norm(step[seam] - step[seam + len(_VERTS)], axis=1).max() < 5e-3

@@ -33,9 +33,9 @@ MIB = 1 << 20
 def boxes(offsets: NDArray[np.float64]) -> TriangleMesh:
     """One box at each of the offsets (N, 3)."""
     one = box(1)
-    verts = (one.verts.numpy() + offsets[:, None]).reshape(-1, 3)
-    faces = one.faces.numpy() + len(one.verts) * np.arange(len(offsets))[:, None, None]
-    return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces.reshape(-1, 3)))
+    verts = (one.verts + offsets[:, None]).reshape(-1, 3)
+    faces = one.faces + len(one.verts) * np.arange(len(offsets))[:, None, None]
+    return TriangleMesh(verts, faces.reshape(-1, 3))
 
 
 CROWD = boxes(np.random.default_rng(0).normal(0, 0.05, (2000, 3)))
@@ -54,7 +54,7 @@ def memory_below(most: int) -> Iterator[None]:
 
 @pytest.mark.parametrize("mesh", [CROWD, COPIES], ids=["through each other", "in one place"])
 def test_searches_for_pairs_give_up(mesh: TriangleMesh) -> None:
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     with memory_below(256 * MIB):
         for search in (intersecting_faces, cutting_pairs):
             with pytest.raises(TooManyPairsError):
@@ -66,7 +66,7 @@ def test_searches_for_pairs_give_up(mesh: TriangleMesh) -> None:
 def test_a_block_of_boxes_that_touch_is_searched() -> None:
     """512 boxes: the 3 * 64 * 7 pairs that share a side have the two triangles of each on each other."""
     mesh = boxes(np.stack(np.meshgrid(*[np.arange(8.0)] * 3), -1).reshape(-1, 3))
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     assert not intersecting_faces(verts, faces).any()
     pairs = np.unique(touching_pairs(verts, faces, np.full(len(faces), 1e-4)) // 12, axis=0)
     offset = np.abs(np.diff(verts.reshape(512, -1, 3)[pairs].mean(2), axis=1))[:, 0]
@@ -75,7 +75,7 @@ def test_a_block_of_boxes_that_touch_is_searched() -> None:
 
 
 def test_too_many_pairs_are_counted_as_unknown() -> None:
-    verts, faces = CROWD.verts.numpy(), CROWD.faces.numpy()
+    verts, faces = CROWD.verts, CROWD.faces
     quality = measure(verts, faces, 2 * verts)
     assert quality.self_intersecting_faces_before is None
     assert quality.self_intersecting_faces_after is None
@@ -83,16 +83,16 @@ def test_too_many_pairs_are_counted_as_unknown() -> None:
     assert (quality.flipped_faces, quality.collapsed_faces) == (0, 0)
     assert "not counted" in quality.warnings(len(faces))[0]
     ball = icosphere(2)
-    assert measure(ball.verts.numpy(), ball.faces.numpy(), ball.verts.numpy()).warnings(len(ball.faces)) == []
+    assert measure(ball.verts, ball.faces, ball.verts).warnings(len(ball.faces)) == []
 
 
 def dented(variables: VertexDisplacements, depth: float) -> None:
     """Push the top of a sphere down through its bottom, without a fold for a depth of 2.6."""
     verts = variables.rest.verts
-    near = torch.exp(-8 * (verts - verts[verts[:, 1].argmax()]).square().sum(1))
+    near = np.exp(-8 * ((verts - verts[verts[:, 1].argmax()]) ** 2).sum(1))
     with torch.no_grad():
         variables.tensors["displacements"].zero_()
-        variables.tensors["displacements"][:, 1] = -depth * near
+        variables.tensors["displacements"][:, 1] = torch.from_numpy(-depth * near)
 
 
 def test_the_guard_finds_only_folds_from_then_on_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,7 +130,7 @@ def test_the_guard_finds_only_folds_from_then_on_and_says_so(monkeypatch: pytest
 
 def test_elements_spread_to_all_that_share_a_control_point() -> None:
     mesh = RestMesh.of(torus())
-    elements, faces = Elements.faces_of(mesh), mesh.faces.numpy()
+    elements, faces = Elements.faces_of(mesh), mesh.faces
     beside = (faces[:, None, :, None] == faces[None, :, None, :]).any((2, 3))
     flags = np.zeros(len(faces), bool)
     flags[[3, 200]] = True
@@ -139,7 +139,7 @@ def test_elements_spread_to_all_that_share_a_control_point() -> None:
     assert count == 2
     assert set(group[np.isin(np.flatnonzero(beside[3] | beside[200]), np.flatnonzero(beside[3]))]) == {group[0]}
     # Around one vertex, the pairs would take gigabytes.
-    rest = RestMesh.of(TriangleMesh(box(1).verts, box(1).faces.repeat(2000, 1)))
+    rest = RestMesh.of(TriangleMesh(box(1).verts, np.tile(box(1).faces, (2000, 1))))
     with memory_below(64 * MIB):
         assert Elements.faces_of(rest).spread(np.arange(len(rest.faces)) == 0).sum() > 12_000
 
@@ -150,16 +150,16 @@ def test_the_way_of_many_faces_around_one_vertex_takes_little_memory() -> None:
     verts = np.random.default_rng(1).normal(size=(2 * count + 1, 3))
     verts[0] = 0
     faces = np.stack([np.zeros(count, int), 1 + 2 * np.arange(count), 2 + 2 * np.arange(count)], 1)
-    mesh = TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces))
+    mesh = TriangleMesh(verts, faces)
     whole, half = (Rotation.from_rotvec([0, np.radians(degrees), 0]).as_matrix() for degrees in (100, 50))
     with memory_below(256 * MIB):
-        found = ShapePath(mesh, torch.from_numpy(verts @ whole.T)).at(0.5).numpy()
+        found = ShapePath(mesh, verts @ whole.T).at(0.5)
     moved = verts @ half.T
     np.testing.assert_allclose(found - found[0], moved - moved[0], atol=1e-6)
 
 
 def test_a_mesh_with_too_many_faces_around_its_vertices_is_not_simplified() -> None:
-    crowded = TriangleMesh(box(1).verts, box(1).faces.repeat(2000, 1))
+    crowded = TriangleMesh(box(1).verts, np.tile(box(1).faces, (2000, 1)))
     assert simplified(crowded, 8000) is crowded
     ball = icosphere(4)
     assert len(simplified(ball, 1000).faces) < 1100 < len(ball.faces)
@@ -167,7 +167,7 @@ def test_a_mesh_with_too_many_faces_around_its_vertices_is_not_simplified() -> N
 
 def test_samples_come_in_blocks_with_all_of_a_face(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = icosphere(2)
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     points, owners = samples_of(verts, faces, 0.05)
     assert count_samples(verts, faces, 0.05) == len(points)
     monkeypatch.setattr("meshdeform.geometry.places._BLOCK", 100)
@@ -184,7 +184,7 @@ def test_a_lattice_around_large_faces_is_coarser_and_says_so() -> None:
         found = Lattice.around(RestMesh.of(CROWD))
     assert found.coarse
     assert "coarser" in found.warnings[0]
-    assert count_samples(CROWD.verts.numpy(), CROWD.faces.numpy(), found.spacing / 2) <= lattice_field.MAX_SAMPLES
+    assert count_samples(CROWD.verts, CROWD.faces, found.spacing / 2) <= lattice_field.MAX_SAMPLES
     usual = Lattice.around(RestMesh.of(icosphere(3)))
     assert (usual.coarse, usual.warnings) == (False, [])
 
@@ -201,7 +201,7 @@ def test_the_nearest_place_is_found_with_fewer_samples(monkeypatch: pytest.Monke
     # Needles, whose samples at the mean edge's distance would be ten million, with six coordinates each.
     needles = np.zeros((2000, 3, 3))
     needles[:, 1, 0], needles[:, 2, 0], needles[:, 2, 1] = 1.0, 1.0, 1e-4
-    rest = RestMesh.of(TriangleMesh(torch.from_numpy(needles.reshape(-1, 3)), torch.arange(6000).reshape(-1, 3)))
+    rest = RestMesh.of(TriangleMesh(needles.reshape(-1, 3), np.arange(6000).reshape(-1, 3)))
     above = np.array([[0.5, 0.0, 2.0]])
     with memory_below(400 * MIB):
         distance = NearestPlaces(rest, above, np.zeros((1, 3))).distances(above)

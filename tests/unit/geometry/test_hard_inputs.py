@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from bench.input_meshes import INPUTS
 from bench.inputs import glb, outcome
@@ -45,13 +46,13 @@ def guarded(
     return variables, guard, Adam(groups)
 
 
-def first_part(mesh: TriangleMesh) -> torch.Tensor:
+def first_part(mesh: TriangleMesh) -> NDArray[np.bool_]:
     labels = connected_components(mesh.faces, len(mesh.verts))
     return labels == labels[0]
 
 
 def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
+    return TriangleMesh(mesh.verts + np.array(by), mesh.faces)
 
 
 @pytest.mark.timeout(900)
@@ -64,9 +65,8 @@ def test_every_input_keeps_what_it_must(name: str) -> None:
 HARDEST = ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched", "walled"]
 
 
-@pytest.mark.timeout(900)
-@each_case("name", [*INPUTS.keys() - {"large"}])
-def test_the_dirichlet_energy_takes_every_input(name: str) -> None:
+@each_case("name", HARDEST)
+def test_the_dirichlet_energy_takes_the_hardest_inputs(name: str) -> None:
     assert outcome(INPUTS[name](SIZE), FakePrior(), 3, learning_rate=0.05, dirichlet_weight=1.0).broken == []
 
 
@@ -81,23 +81,23 @@ def test_the_guard_holds_what_a_much_too_great_rate_would_break(name: str) -> No
 @each_case("name", ["moebius", "moebius-narrow", "winding", "double-sided", "book", "walled", "repeated"])
 def test_what_cannot_be_wound_alike_is_not_folded(name: str) -> None:
     mesh = shape(name, 1.0)
-    assert not FaceNeighbours(mesh.faces.numpy()).folded(mesh.verts.numpy()).any()
+    assert not FaceNeighbours(mesh.faces).folded(mesh.verts).any()
 
 
 @each_case("turned", [False, True])
 def test_a_fold_is_seen_whichever_way_faces_are_wound(turned: bool) -> None:
     mesh = grid(6)
-    verts = mesh.verts.clone()
-    verts[int(verts.norm(dim=1).argmin()), :2] += 0.3
-    usual = FaceNeighbours(mesh.faces.numpy()).folded(verts.numpy())
+    verts = mesh.verts.copy()
+    verts[int(np.linalg.norm(verts, axis=1).argmin()), :2] += 0.3
+    usual = FaceNeighbours(mesh.faces).folded(verts)
     assert 1 <= usual.sum() <= 6
-    faces = mesh.faces.clone()
-    faces[::3] = faces[::3].flip(1) if turned else faces[::3].roll(1, 1)
-    beside = FaceNeighbours(faces.numpy())
-    assert np.array_equal(beside.folded(verts.numpy()), usual)
-    assert not beside.folded(mesh.verts.numpy()).any()
-    both = FaceNeighbours(torch.cat([faces, faces.flip(1)]).numpy())
-    assert np.array_equal(both.folded(verts.numpy()), np.tile(usual, 2))
+    faces = mesh.faces.copy()
+    faces[::3] = faces[::3, ::-1] if turned else np.roll(faces[::3], 1, axis=1)
+    beside = FaceNeighbours(faces)
+    assert np.array_equal(beside.folded(verts), usual)
+    assert not beside.folded(mesh.verts).any()
+    both = FaceNeighbours(np.concatenate([faces, faces[:, ::-1]]))
+    assert np.array_equal(both.folded(verts), np.tile(usual, 2))
 
 
 def test_parts_that_meet_at_rest_may_move_through_each_other() -> None:
@@ -107,7 +107,7 @@ def test_parts_that_meet_at_rest_may_move_through_each_other() -> None:
         variables, guard, optimizer = guarded(mesh, VertexDisplacements)
         with torch.no_grad():
             variables.tensors["displacements"][first_part(mesh), :2] -= 0.04
-        assert len(cutting_pairs(placed(variables).detach().numpy(), mesh.faces.numpy()))
+        assert len(cutting_pairs(placed(variables).detach().numpy(), mesh.faces))
         assert guard.correct(optimizer) == 0
 
 
@@ -122,7 +122,7 @@ def test_parts_that_are_apart_at_rest_may_not_and_hold_nobody_else_back(monkeypa
     parts[0, :, 0] += 0.8  # into the second
     parts[2, :, 2] += 0.2  # along the fourth, which it cuts at rest
     assert guard.correct(optimizer) == 0.5
-    pairs = cutting_pairs(placed(variables).detach().numpy(), mesh.faces.numpy()) // len(ball.faces)
+    pairs = cutting_pairs(placed(variables).detach().numpy(), mesh.faces) // len(ball.faces)
     assert (pairs.min(1) == 2).all()
     assert float(parts[0, 0, 0]) in (pytest.approx(0.4), pytest.approx(0.2), pytest.approx(0.08))
     assert (parts[2, :, 2] == 0.2).all()
@@ -143,7 +143,7 @@ def test_as_many_faces_as_vertices_are_not_mistaken_for_each_other() -> None:
     assert 0 < guard.correct(optimizer) < 1
     assert torch.equal(jacobians[crushed].detach(), torch.eye(3, dtype=torch.float64))
     assert (optimizer.state[jacobians]["exp_avg"][crushed] == 0).all()
-    assert not FaceNeighbours(mesh.faces.numpy()).folded(placed(variables).detach().numpy()).any()
+    assert not FaceNeighbours(mesh.faces).folded(placed(variables).detach().numpy()).any()
 
 
 def test_a_guard_that_goes_on_excuses_what_it_did_before() -> None:

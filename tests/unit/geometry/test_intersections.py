@@ -5,23 +5,31 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import torch
+import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from meshdeform.geometry.intersections import cutting_pairs, intersecting_faces, touching_pairs
+from meshdeform.geometry import intersections
+from meshdeform.geometry.cuts import cut, touch
+from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from training.shapes import box, cylinder, grid, torus, uv_sphere
 
 
+@pytest.fixture(autouse=True, params=[True, False], ids=["numba", "numpy"])
+def _both_searches(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Search for cuts by what large meshes take, and by what small ones do."""
+    monkeypatch.setattr(intersections, "_compiles", lambda _count: request.param)
+
+
 def moved(mesh: TriangleMesh, *by: float) -> TriangleMesh:
-    return TriangleMesh(mesh.verts + torch.tensor(by, dtype=torch.float64), mesh.faces)
+    return TriangleMesh(mesh.verts + np.array(by, np.float64), mesh.faces)
 
 
 def hits(mesh: TriangleMesh) -> NDArray[np.bool_]:
-    return intersecting_faces(mesh.verts.numpy(), mesh.faces.numpy())
+    return intersecting_faces(mesh.verts, mesh.faces)
 
 
 @each_case(
@@ -43,9 +51,9 @@ def test_clean_meshes_have_none(mesh: TriangleMesh) -> None:
 def pair(second: list[list[float]], share: int = 0) -> TriangleMesh:
     """The triangle (0 0 0) (2 0 0) (0 2 0) and another one; the other's first `share` corners are the first's."""
     first = [[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]
-    verts = torch.tensor([*first, *second], dtype=torch.float64)
+    verts = np.array([*first, *second], np.float64)
     corners = [*range(share), *range(3, 6 - share)]
-    return TriangleMesh(verts, torch.tensor([[0, 1, 2], corners]))
+    return TriangleMesh(verts, np.array([[0, 1, 2], corners]))
 
 
 @each_case(
@@ -74,7 +82,7 @@ def test_two_triangles(mesh: TriangleMesh, cut: bool) -> None:
     expected = [cut, cut]
     assert hits(mesh).tolist() == expected
     for order in ([1, 2, 0], [2, 1, 0]):
-        turned = TriangleMesh(mesh.verts, mesh.faces.flip(0)[:, order])
+        turned = TriangleMesh(mesh.verts, mesh.faces[::-1, order])
         assert hits(turned).tolist() == expected
 
 
@@ -116,9 +124,9 @@ def test_a_flat_sheet_does_not_cut_itself_however_it_is_turned() -> None:
     sheet = grid(20)
     for seed in range(30):
         generator = np.random.default_rng(seed)
-        flat = sheet.verts.numpy() + np.pad(generator.uniform(-0.01, 0.01, (len(sheet.verts), 2)), ((0, 0), (0, 1)))
+        flat = sheet.verts + np.pad(generator.uniform(-0.01, 0.01, (len(sheet.verts), 2)), ((0, 0), (0, 1)))
         turned = (flat + [0, 0, 1]) @ Rotation.random(random_state=seed).as_matrix()
-        assert not intersecting_faces(turned, sheet.faces.numpy()).any(), seed
+        assert not intersecting_faces(turned, sheet.faces).any(), seed
 
 
 def test_who_cuts_whom() -> None:
@@ -176,7 +184,7 @@ def test_triangles_touch_from_their_distance_on(other: NDArray[np.float64], dist
 
 def test_faces_around_a_vertex_touch_only_where_they_lie_on_each_other() -> None:
     fan, flat = icosphere(2), np.full(320, 1e-6)
-    assert len(touching_pairs(fan.verts.numpy(), fan.faces.numpy(), flat)) == 0
+    assert len(touching_pairs(fan.verts, fan.faces, flat)) == 0
     # Two triangles with a common corner, the second one within the first.
     verts = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0], [0.5, 0.1, 0], [0.1, 0.5, 0]], np.float64)
     pair = np.array([[0, 1, 2], [0, 3, 4]])
@@ -198,3 +206,22 @@ def test_pairs_that_touch_agree_with_all_pairs() -> None:
             near, far = squared < 0.3**2, squared > 0.45**2  # the samples are up to 0.15 apart
             if near or far:
                 assert ((first, second) in found) == near
+    pairs = np.stack(np.triu_indices(40, 1))
+    touching = touch(corners.reshape(-1, 3).T, faces.T, *pairs, 0.3)
+    assert {tuple(pair) for pair in pairs[:, touching].T.tolist()} == found
+
+
+def test_a_sweep_gives_up_after_so_many_tests_and_finds_the_same_pairs_until_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    generator = np.random.default_rng(7)
+    verts = (generator.normal(size=(300, 1, 3)) + generator.normal(size=(300, 3, 3))).reshape(-1, 3)
+    faces = np.concatenate([np.arange(900).reshape(300, 3), generator.integers(0, 900, (60, 3))])
+    found = cutting_pairs(verts, faces)
+    everything = np.stack(np.triu_indices(len(faces), 1))
+    assert np.array_equal(found, everything[:, cut(verts.T.copy(), faces.T, *everything)].T)
+    assert 1000 < len(found) < everything.shape[1] / 4
+    monkeypatch.setattr(intersections, "_TESTS", 0)
+    monkeypatch.setattr(intersections, "_TESTS_OF_FACE", 1)
+    with pytest.raises(TooManyPairsError):
+        cutting_pairs(verts, faces)

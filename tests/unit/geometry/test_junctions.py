@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.geometry import junctions
@@ -20,15 +19,15 @@ Floats = NDArray[np.float64]
 
 def mesh_of(points: list[tuple[float, ...]], faces: list[tuple[int, int, int]]) -> TriangleMesh:
     verts = np.array([(*point, 0.0)[:3] for point in points], np.float64)
-    return TriangleMesh(torch.from_numpy(verts), torch.tensor(faces))
+    return TriangleMesh(verts, np.array(faces))
 
 
 def found(mesh: TriangleMesh) -> Junctions:
-    return Junctions.of(mesh.verts.numpy(), mesh.faces.numpy())
+    return Junctions.of(mesh.verts, mesh.faces)
 
 
 def moved(mesh: TriangleMesh, x: float, y: float, z: float = 0.0) -> TriangleMesh:
-    return TriangleMesh(mesh.verts + torch.tensor([x, y, z], dtype=torch.float64), mesh.faces)
+    return TriangleMesh(mesh.verts + np.array([x, y, z], np.float64), mesh.faces)
 
 
 # An edge from 0 to 1 with a triangle above, and below it triangles that divide it at 3 and 4.
@@ -49,7 +48,7 @@ def test_vertices_on_an_edge_follow_it_in_proportion() -> None:
     carried = seen.carried(shifts)
     np.testing.assert_array_equal(carried[[0, 1, 2, 5]], shifts[[0, 1, 2, 5]])
     np.testing.assert_allclose(carried[3], 0.75 * shifts[0] + 0.25 * shifts[1])
-    np.testing.assert_array_equal(seen.closed(PLATE.verts.numpy(), PLATE.verts.numpy()), PLATE.verts.numpy())
+    np.testing.assert_array_equal(seen.closed(PLATE.verts, PLATE.verts), PLATE.verts)
 
 
 def test_a_chain_is_followed_to_its_end() -> None:
@@ -107,7 +106,7 @@ def beside(mesh: TriangleMesh, x: float, y: float) -> TriangleMesh:
         beside(mesh_of([(0, 0), (-1, -1), (1, -1)], [(0, 1, 2)]), 0.0, -1.0),  # a corner that touches a border
         beside(mesh_of([(0, 0), (1, 0), (0.5, 0, 1)], [(0, 1, 2)]), -0.5, 0.0),  # a sheet that stands on a face
         beside(moved(box(1), -0.5, -0.5), 0.0, -1.5),  # a closed box along a border
-        TriangleMesh(PLATE.verts, torch.cat([PLATE.faces[:1], PLATE.faces[:1].flip(1)])),
+        TriangleMesh(PLATE.verts, np.concatenate([PLATE.faces[:1], PLATE.faces[:1][:, ::-1]])),
     ],
 )
 def test_what_is_no_crack_has_none(mesh: TriangleMesh) -> None:
@@ -123,7 +122,7 @@ def test_sheets_along_each_other_are_tied_whatever_they_belong_to() -> None:
 
 
 def test_copies_of_a_sheet_have_the_same() -> None:
-    doubled = TriangleMesh(PLATE.verts, torch.cat([PLATE.faces, PLATE.faces.flip(1)]))
+    doubled = TriangleMesh(PLATE.verts, np.concatenate([PLATE.faces, PLATE.faces[:, ::-1]]))
     assert found(doubled).verts.tolist() == [3, 4]
 
 
@@ -131,18 +130,18 @@ def test_copies_of_a_sheet_have_the_same() -> None:
 def test_scale_and_rotation_and_small_offsets_find_the_same(scale: float) -> None:
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     noise = np.random.default_rng(2).normal(size=(6, 3)) * 1e-7
-    points = scale * ((PLATE.verts.numpy() + noise) @ turn.T + 3.0)
-    seen = Junctions.of(points, PLATE.faces.numpy())
+    points = scale * ((PLATE.verts + noise) @ turn.T + 3.0)
+    seen = Junctions.of(points, PLATE.faces)
     assert seen.verts.tolist() == [3, 4]
     np.testing.assert_allclose(seen.shares, [0.25, 0.75], atol=1e-6)
     points[3] += scale * 1e-3
-    assert Junctions.of(points, PLATE.faces.numpy()).verts.tolist() == [4]
+    assert Junctions.of(points, PLATE.faces).verts.tolist() == [4]
 
 
 def test_a_search_that_would_list_too_many_pairs_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(junctions, "_MOST", 1)
     monkeypatch.setattr(junctions, "_MOST_OF_EDGE", 0)
-    points, faces = PLATE.verts.numpy(), PLATE.faces.numpy()
+    points, faces = PLATE.verts, PLATE.faces
     assert len(found(PLATE)) == 0
     assert opened(points, faces, points) is None
 
@@ -177,7 +176,7 @@ def test_ends_of_edges_are_held_with_what_lies_on_them() -> None:
 
 
 def test_vertices_that_came_off_their_edge_are_counted() -> None:
-    points, faces = PLATE.verts.numpy(), PLATE.faces.numpy()
+    points, faces = PLATE.verts, PLATE.faces
     assert measure(points, faces, points).opened_junctions == 0
     assert measure(points, faces, 3 * points + 1).opened_junctions == 0
     off = points.copy()

@@ -7,10 +7,11 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy import sparse
 
 from meshdeform.errors import ShapeError
-from meshdeform.geometry import COLLAPSED_SHAPE
+from meshdeform.geometry import COLLAPSED_SHAPE, tensors
 from meshdeform.geometry.coincidence import interpolate
 from meshdeform.geometry.mesh import (
     TriangleMesh,
@@ -22,8 +23,6 @@ from meshdeform.geometry.mesh import (
     face_normals,
     gradient_operator,
     mass_matrix,
-    safe_normalize,
-    sparse_product,
     vertex_areas,
 )
 from meshdeform.geometry.shapes import icosphere, join
@@ -32,21 +31,17 @@ from tests.close import assert_close
 from training.shapes import box, grid, torus, uv_sphere
 
 
-def tensor(rows: list[list[float]]) -> torch.Tensor:
-    return torch.tensor(rows, dtype=torch.float64)
-
-
 @each_case(
     ("verts", "faces"),
     [
-        (torch.zeros(3, 3), torch.zeros(1, 3, dtype=torch.int64)),
-        (torch.zeros(3, 2, dtype=torch.float64), torch.zeros(1, 3, dtype=torch.int64)),
-        (torch.zeros(3, 3, dtype=torch.float64), torch.zeros(1, 3, dtype=torch.int32)),
-        (torch.zeros(3, 3, dtype=torch.float64), torch.tensor([[0, 1, 3]])),
-        (torch.zeros(3, 3, dtype=torch.float64), torch.tensor([[0, 1, -1]])),
+        (np.zeros((3, 3), np.float32), np.zeros((1, 3), np.int64)),
+        (np.zeros((3, 2)), np.zeros((1, 3), np.int64)),
+        (np.zeros((3, 3)), np.zeros((1, 3), np.int32)),
+        (np.zeros((3, 3)), np.array([[0, 1, 3]])),
+        (np.zeros((3, 3)), np.array([[0, 1, -1]])),
     ],
 )
-def test_what_is_no_mesh_is_refused(verts: torch.Tensor, faces: torch.Tensor) -> None:
+def test_what_is_no_mesh_is_refused(verts: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
     with pytest.raises(ShapeError):
         TriangleMesh(verts, faces)
 
@@ -63,9 +58,9 @@ def test_each_edge_knows_its_faces() -> None:
     edges = edges_of(mesh.faces)
     assert bool(edges.consistent.all())
     for side in (0, 1):
-        corners = torch.cat([edges.edges, edges.opposite[:, side : side + 1]], 1).sort(1).values
-        assert torch.equal(corners, mesh.faces[edges.faces[:, side]].sort(1).values)
-    edges = edges_of(torch.tensor([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))
+        corners = np.sort(np.concatenate([edges.edges, edges.opposite[:, side : side + 1]], 1), axis=1)
+        assert np.array_equal(corners, np.sort(mesh.faces[edges.faces[:, side]], axis=1))
+    edges = edges_of(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))
     assert edges.edges[0].tolist() == [0, 1]
     assert edges.counts.tolist() == [3, 1, 1, 1, 1, 1, 1]
     assert edges.faces[0].tolist() == [0, 1]
@@ -73,40 +68,46 @@ def test_each_edge_knows_its_faces() -> None:
     assert edges.opposite[1:, 1].tolist() == [-1] * 6
     assert edges.consistent.tolist() == [True] + [False] * 6
     # Neighbours that are wound against each other.
-    assert not bool(edges_of(torch.tensor([[0, 1, 2], [0, 1, 3]])).consistent.any())
-    edges = edges_of(torch.zeros(0, 3, dtype=torch.int64))
+    assert not bool(edges_of(np.array([[0, 1, 2], [0, 1, 3]])).consistent.any())
+    edges = edges_of(np.zeros((0, 3), np.int64))
     assert edges.edges.shape == edges.faces.shape == edges.opposite.shape == (0, 2)
     assert edges.counts.shape == edges.consistent.shape == (0,)
 
 
 def test_areas_and_normals_of_faces() -> None:
-    verts = tensor([[0, 0, 0], [2, 0, 0], [0, 3, 0]])
-    faces = torch.tensor([[0, 1, 2], [0, 2, 1]])
-    assert face_areas(verts, faces).tolist() == [3.0, 3.0]
-    assert face_normals(verts, faces).tolist() == [[0, 0, 1], [0, 0, -1]]
-    # Collapsed faces have zero normals and zero gradients.
-    verts = tensor([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0]]).requires_grad_()
+    verts = np.array([[0.0, 0, 0], [2, 0, 0], [0, 3, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 1], [1, 1, 2]])
+    assert face_areas(verts, faces).tolist() == [3.0, 3.0, 0.0]
+    assert face_normals(verts, faces).tolist() == [[0, 0, 1], [0, 0, -1], [0, 0, 0]]
+    mesh = icosphere(2)
+    given = tensors.verts_of(mesh), tensors.faces_of(mesh)
+    assert_close(tensors.face_areas(*given), face_areas(mesh.verts, mesh.faces), rtol=1e-14, atol=0)
+    assert_close(tensors.face_normals(*given), face_normals(mesh.verts, mesh.faces), rtol=0, atol=1e-15)
+
+
+def test_collapsed_faces_have_zero_normals_and_zero_gradients() -> None:
+    verts = torch.tensor([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0]], dtype=torch.float64).requires_grad_()
     faces = torch.tensor([[0, 1, 2], [0, 3, 0]])
-    (face_normals(verts, faces).sum() + face_areas(verts, faces).sum()).backward()
-    assert face_normals(verts, faces).abs().max() == 0
+    (tensors.face_normals(verts, faces).sum() + tensors.face_areas(verts, faces).sum()).backward()
+    assert tensors.face_normals(verts, faces).abs().max() == 0
     assert verts.grad is not None
     assert verts.grad.abs().max() == 0
     vectors = torch.randn(5, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).requires_grad_()
-    assert_close(safe_normalize(vectors).norm(dim=1), torch.ones(5, dtype=torch.float64))
-    assert torch.autograd.gradcheck(safe_normalize, (vectors,))
+    assert_close(tensors.safe_normalize(vectors).norm(dim=1), torch.ones(5, dtype=torch.float64))
+    assert torch.autograd.gradcheck(tensors.safe_normalize, (vectors,))
 
 
 def test_components_are_what_faces_connect() -> None:
     mesh = join(icosphere(0), torus(n=4, m=3), grid(1))
     labels = connected_components(mesh.faces, mesh.verts.shape[0] + 2)
-    assert torch.bincount(labels).tolist() == [12, 12, 4, 1, 1]
+    assert np.bincount(labels).tolist() == [12, 12, 4, 1, 1]
     assert bool((labels[mesh.faces] == labels[mesh.faces[:, :1]]).all())
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.tuples(*[st.integers(0, 7)] * 3), max_size=20))
 def test_any_soup_has_edges(rows: list[tuple[int, int, int]]) -> None:
-    faces = torch.tensor(rows, dtype=torch.int64).reshape(-1, 3)
+    faces = np.array(rows, np.int64).reshape(-1, 3)
     edges = edges_of(faces)
     assert int(edges.counts.sum()) == 3 * len(rows)
     assert bool(((edges.counts > 1) == (edges.faces[:, 1] >= 0)).all())
@@ -119,7 +120,7 @@ MESHES = [icosphere(2), box(2), grid(4), torus(n=12, m=8), uv_sphere(6, 8), join
 
 
 def mesh_of(verts: list[list[float]], faces: list[list[int]]) -> TriangleMesh:
-    return TriangleMesh(torch.tensor(verts, dtype=torch.float64), torch.tensor(faces, dtype=torch.int64).reshape(-1, 3))
+    return TriangleMesh(np.array(verts, np.float64), np.array(faces, np.int64).reshape(-1, 3))
 
 
 @each_case("mesh", MESHES)
@@ -129,8 +130,8 @@ def test_the_operators_agree(mesh: TriangleMesh) -> None:
     np.testing.assert_allclose(cotangent_laplacian(mesh).toarray(), product.toarray(), atol=1e-12)
     assert vertex_areas(mesh).sum() == pytest.approx(effective_face_areas(mesh).sum())
     # The gradient of a linear function is the part of its slope that lies in the face.
-    slope, normal = np.array([0.3, -1.2, 0.7]), face_normals(mesh.verts, mesh.faces).numpy()
-    found = (gradient @ (mesh.verts.numpy() @ slope)).reshape(-1, 3)
+    slope, normal = np.array([0.3, -1.2, 0.7]), face_normals(mesh.verts, mesh.faces)
+    found = (gradient @ (mesh.verts @ slope)).reshape(-1, 3)
     np.testing.assert_allclose(found, slope - (normal @ slope)[:, None] * normal, atol=1e-12)
 
 
@@ -168,9 +169,9 @@ def test_the_sparse_product_has_the_transposed_as_its_gradient() -> None:
     matrix = sparse.random(6, 4, 0.5, format="csr", random_state=0, dtype=np.float64)
     dense = torch.randn(4, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).requires_grad_()
     np.testing.assert_allclose(
-        sparse_product(matrix, dense).detach().numpy(), matrix.toarray() @ dense.detach().numpy()
+        tensors.sparse_product(matrix, dense).detach().numpy(), matrix.toarray() @ dense.detach().numpy()
     )
-    assert torch.autograd.gradcheck(lambda x: sparse_product(matrix, x), (dense,))
+    assert torch.autograd.gradcheck(lambda x: tensors.sparse_product(matrix, x), (dense,))
 
 
 # Interpolation between scattered points by inverse squared distance, against values by hand.

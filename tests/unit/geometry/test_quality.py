@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -23,14 +22,14 @@ from tests.creased import creased
 from training.shapes import box, grid, torus, uv_sphere
 
 
-def compare(mesh: TriangleMesh, verts: torch.Tensor) -> MeshQuality:
-    return measure(mesh.verts.numpy(), mesh.faces.numpy(), verts.numpy())
+def compare(mesh: TriangleMesh, verts: NDArray[np.float64]) -> MeshQuality:
+    return measure(mesh.verts, mesh.faces, verts)
 
 
 @each_case("mesh", [icosphere(2), torus()])
 def test_a_similarity_changes_nothing_but_size(mesh: TriangleMesh) -> None:
     q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
-    turn = torch.from_numpy(q * np.linalg.det(q))
+    turn = q * np.linalg.det(q)
     found = compare(mesh, 3 * mesh.verts @ turn.T + 5)
     assert found.flipped_faces == found.collapsed_faces == 0
     assert found.self_intersecting_faces_before == found.self_intersecting_faces_after == 0
@@ -41,14 +40,14 @@ def test_a_similarity_changes_nothing_but_size(mesh: TriangleMesh) -> None:
     assert found.area_ratio == pytest.approx(9.0)
     assert found.area_ratio_spread == pytest.approx(0.0, abs=1e-9)
     assert found.kept_share == pytest.approx(1.0)
-    inside_out = compare(mesh, mesh.verts * torch.tensor([-1.0, 1, 1], dtype=torch.float64))
+    inside_out = compare(mesh, mesh.verts * np.array([-1.0, 1, 1], np.float64))
     assert inside_out.volume_ratio == pytest.approx(-1)
 
 
 def test_a_stretched_plane_by_hand() -> None:
     """Singular values 4 and 1; after the area scale of 4 they are 2 and 1/2: (4 + 1/4 + 1/4 + 4) / 4."""
     mesh = grid(4)
-    found = compare(mesh, mesh.verts * torch.tensor([4.0, 1.0, 1.0], dtype=torch.float64))
+    found = compare(mesh, mesh.verts * np.array([4.0, 1.0, 1.0], np.float64))
     assert found.symmetric_dirichlet_mean == pytest.approx(8.5 / 4)
     assert found.area_ratio == pytest.approx(4.0)
     assert found.min_angle_p1_deg_before == pytest.approx(45.0)
@@ -86,13 +85,13 @@ def test_a_crease_is_folded_once_it_bends_by_a_right_angle(before: float, after:
 
 def test_faces_that_collapse_are_counted_and_kept_out_of_the_rest() -> None:
     mesh = icosphere(2)
-    verts = mesh.verts.clone()
-    verts[mesh.faces[0]] = verts[mesh.faces[0, 0]].clone()
+    verts = mesh.verts.copy()
+    verts[mesh.faces[0]] = verts[mesh.faces[0, 0]].copy()
     found = compare(mesh, verts)
     # The face itself, and the three that had two of its corners.
     assert found.collapsed_faces == 4
     assert math.isfinite(found.symmetric_dirichlet_p99)
-    line = compare(mesh, mesh.verts * torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64))
+    line = compare(mesh, mesh.verts * np.array([1.0, 0.0, 0.0], np.float64))
     assert line.collapsed_faces == len(mesh.faces)
 
 
@@ -118,18 +117,18 @@ def test_any_soup_has_finite_figures(
 def meeting_sheets() -> TriangleMesh:
     """Return boxes that touch, a box through both, and a fan of needles, all far from the origin."""
     boxes = [
-        TriangleMesh(box(4).verts + torch.tensor([x, y, y / 2], dtype=torch.float64), box(4).faces)
+        TriangleMesh(box(4).verts + np.array([x, y, y / 2], np.float64), box(4).faces)
         for x, y in ((0.0, 0.0), (1.0, 0.0), (0.45, 0.2))
     ]
     fan = uv_sphere(3, 400)
-    mesh = join(*boxes, TriangleMesh(fan.verts * torch.tensor([1.0, 1e-7, 1.0], dtype=torch.float64) + 3.0, fan.faces))
+    mesh = join(*boxes, TriangleMesh(fan.verts * np.array([1.0, 1e-7, 1.0], np.float64) + 3.0, fan.faces))
     return TriangleMesh(mesh.verts * 0.37 + 1000.0, mesh.faces)
 
 
 def test_a_result_equal_to_its_source_up_to_rounding_has_no_new_flip_and_no_new_cut() -> None:
     mesh = meeting_sheets()
     assert compare(mesh, mesh.verts).self_intersecting_faces_before > 0
-    noise = torch.randn(mesh.verts.shape, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    noise = np.random.default_rng(0).normal(size=mesh.verts.shape)
     for verts in (mesh.verts, (mesh.verts - 3.1) / 0.7 * 0.7 + 3.1, mesh.verts + 1e-8 * noise):
         found = compare(mesh, verts)
         assert (found.flipped_faces, found.self_intersections_added, found.collapsed_faces) == (0, 0, 0)
@@ -138,23 +137,23 @@ def test_a_result_equal_to_its_source_up_to_rounding_has_no_new_flip_and_no_new_
 
 def test_turning_faces_that_touch_adds_no_cut() -> None:
     """A wall of boxes: their faces lie on each other, and rounding moves them out of their common planes."""
-    places = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0.3, 1, 0], [1.3, 1, 0.2]], dtype=torch.float64)
+    places = np.array([[0.0, 0, 0], [1, 0, 0], [0.3, 1, 0], [1.3, 1, 0.2]], np.float64)
     wall = join(*(TriangleMesh(box(1).verts + place, box(1).faces) for place in places))
     for seed in range(4):
         turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
-        found = compare(wall, 1.1 * wall.verts @ torch.from_numpy(turn))
+        found = compare(wall, 1.1 * wall.verts @ turn)
         assert found.self_intersections_added == 0
     row = join(box(1), TriangleMesh(box(1).verts + places[1] * 1.1, box(1).faces))
-    pushed = row.verts.clone()
+    pushed = row.verts.copy()
     pushed[8:] -= places[1] * 0.2
     assert compare(row, pushed).self_intersections_added > 0
 
 
 def test_cuts_are_counted_against_rest_by_pairs() -> None:
     """A box that cuts one box moves on and cuts another: as many faces as before, but other pairs."""
-    spot = torch.tensor([[0.0, 0, 0], [4.0, 0, 0], [0.5, 0.25, 0.25]], dtype=torch.float64)
+    spot = np.array([[0.0, 0, 0], [4.0, 0, 0], [0.5, 0.25, 0.25]], np.float64)
     mesh = join(*(TriangleMesh(box(1).verts + at, box(1).faces) for at in spot))
-    verts = mesh.verts.clone()
+    verts = mesh.verts.copy()
     verts[-len(box(1).verts) :, 0] += 4.0
     found = compare(mesh, verts)
     assert found.self_intersecting_faces_after == found.self_intersecting_faces_before > 0
@@ -166,7 +165,7 @@ def test_cuts_are_counted_against_rest_by_pairs() -> None:
 
 
 def arrays(mesh: TriangleMesh, scale: float = 1.0):
-    return mesh.verts.numpy() * scale, mesh.faces.numpy()
+    return mesh.verts * scale, mesh.faces
 
 
 @each_case(

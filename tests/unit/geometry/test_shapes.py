@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
-import torch
 
 from meshdeform.geometry.mesh import TriangleMesh, edges_of, face_areas
 from meshdeform.geometry.shapes import icosphere, join
@@ -14,8 +14,8 @@ from training.shapes import box, cylinder, lathe, torus, uv_sphere
 
 
 def volume(mesh: TriangleMesh) -> float:
-    a, b, c = mesh.verts[mesh.faces].unbind(1)
-    return float((a * torch.linalg.cross(b, c)).sum() / 6)
+    a, b, c = mesh.verts[mesh.faces].transpose(1, 0, 2)
+    return float((a * np.cross(b, c)).sum() / 6)
 
 
 @each_case(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets.notices import looks_z_up
@@ -19,12 +18,12 @@ from training.shapes import box, lathe, torus
 Floats = NDArray[np.float64]
 
 
-def moved(mesh: TriangleMesh, verts: Floats | torch.Tensor) -> TriangleMesh:
-    return TriangleMesh(torch.as_tensor(verts, dtype=torch.float64), mesh.faces)
+def moved(mesh: TriangleMesh, verts: Floats | NDArray[np.float64]) -> TriangleMesh:
+    return TriangleMesh(verts, mesh.faces)
 
 
 def placed(mesh: TriangleMesh, size: tuple[float, float, float], at: tuple[float, float, float]) -> TriangleMesh:
-    return moved(mesh, mesh.verts * torch.tensor(size, dtype=torch.float64) + torch.tensor(at, dtype=torch.float64))
+    return moved(mesh, mesh.verts * np.array(size, np.float64) + np.array(at, np.float64))
 
 
 def sled() -> TriangleMesh:
@@ -44,12 +43,12 @@ def test_scaling_along_the_axes_keeps_symmetry_and_flatness(factors: tuple[float
 
 def test_a_shear_across_the_mirror_plane_is_measured() -> None:
     source = sled()
-    verts = source.verts.numpy().copy()
+    verts = source.verts.copy()
     verts[:, 0] += 0.4 * verts[:, 1]
     kept = measure_structure(source, moved(source, verts))
     # Mirror images at height y end up 2 |0.4 y - c| apart, with c the median of 0.4 y.
     rng = np.random.default_rng(1)
-    a, b, c = source.verts.numpy()[source.faces.numpy()].transpose(1, 0, 2)
+    a, b, c = source.verts[source.faces].transpose(1, 0, 2)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     face = rng.choice(len(areas), 100_000, p=areas / areas.sum())
     root, second = np.sqrt(rng.random(100_000))[:, None], rng.random(100_000)[:, None]
@@ -61,10 +60,10 @@ def test_a_shear_across_the_mirror_plane_is_measured() -> None:
 
 def test_a_bent_plate_has_lost_its_flatness() -> None:
     plate = placed(box(12), (2, 0.01, 2), (0, 0, 0))
-    verts = plate.verts.numpy().copy()
+    verts = plate.verts.copy()
     verts[:, 1] += 0.1 * verts[:, 0] ** 2
     kept = measure_structure(plate, moved(plate, verts))
-    heights = plate.verts.numpy()[:, 1]
+    heights = plate.verts[:, 1]
     top = np.flatnonzero(heights == heights.max())
     rms = verts[top, 1].std()
     expected = rms / np.linalg.norm(np.ptp(verts[top], axis=0))
@@ -73,7 +72,7 @@ def test_a_bent_plate_has_lost_its_flatness() -> None:
 
 def test_parts_that_come_apart_leave_a_gap() -> None:
     source = join(placed(box(10), (1, 1, 1), (0, 0, 0)), placed(box(10), (1, 1, 1), (0, 1, 0)))
-    verts = source.verts.numpy().copy()
+    verts = source.verts.copy()
     verts[verts.shape[0] // 2 :, 1] += 0.5
     kept = measure_structure(source, moved(source, verts))
     # Places that touched were up to a hundredth of the diagonal apart.
@@ -83,7 +82,7 @@ def test_parts_that_come_apart_leave_a_gap() -> None:
 def test_what_a_source_does_not_have_is_not_measured() -> None:
     blob = icosphere(4)
     rng = np.random.default_rng(0)
-    lumpy = moved(blob, blob.verts.numpy() * (1 + 0.3 * np.sin(blob.verts.numpy() @ rng.normal(size=(3, 1)) * 2)))
+    lumpy = moved(blob, blob.verts * (1 + 0.3 * np.sin(blob.verts @ rng.normal(size=(3, 1)) * 2)))
     kept = measure_structure(lumpy, lumpy)
     assert (kept.asymmetry, kept.flatness, kept.contacts, kept.components) == (None, None, None, 1)
 
@@ -92,12 +91,12 @@ def test_what_a_source_does_not_have_is_not_measured() -> None:
 
 
 def answer(mesh: TriangleMesh) -> bool:
-    return looks_z_up(mesh.verts.numpy(), mesh.faces.numpy())
+    return looks_z_up(mesh.verts, mesh.faces)
 
 
 def with_z_up(mesh: TriangleMesh) -> TriangleMesh:
     """The mesh as a program with Z up exports it: X, -Z, Y."""
-    return TriangleMesh(mesh.verts[:, [0, 2, 1]] * torch.tensor([1.0, -1.0, 1.0], dtype=torch.float64), mesh.faces)
+    return TriangleMesh(mesh.verts[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0], np.float64), mesh.faces)
 
 
 STATUE = lathe([(0.0, 0.0), (0.5, 0.0), (0.4, 0.3), (0.1, 0.6), (0.3, 1.2), (0.0, 1.6)])
@@ -121,9 +120,9 @@ TURN = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
 def changed(mesh: TriangleMesh, linear: np.ndarray, *, shuffled: bool = False, at: float = 0.0) -> TriangleMesh:
     """Map the vertices, and renumber them if asked."""
     order = RANDOM.permutation(len(mesh.verts)) if shuffled else np.arange(len(mesh.verts))
-    verts = (mesh.verts.numpy() @ linear.T + at)[order]
-    faces = np.argsort(order)[mesh.faces.numpy()]
-    return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces))
+    verts = (mesh.verts @ linear.T + at)[order]
+    faces = np.argsort(order)[mesh.faces]
+    return TriangleMesh(verts, faces)
 
 
 def prism(sides: int, height: float) -> TriangleMesh:
@@ -136,12 +135,12 @@ def prism(sides: int, height: float) -> TriangleMesh:
     corners = [(first, second, second + sides), (first, second + sides, first + sides)]
     corners += [(second, first, low), (first + sides, second + sides, high)]
     faces = np.concatenate([np.stack(corner, 1) for corner in corners])
-    return TriangleMesh(torch.from_numpy(verts), torch.from_numpy(faces))
+    return TriangleMesh(verts, faces)
 
 
 def test_congruent_components_are_found_in_any_pose_order_and_mirrored() -> None:
     brick = changed(box(2), np.diag([1.0, 2.0, 3.0]))
-    dented = TriangleMesh(brick.verts.clone(), brick.faces)
+    dented = TriangleMesh(brick.verts.copy(), brick.faces)
     dented.verts[0] *= 0.98
     mesh = RestMesh.of(
         join(

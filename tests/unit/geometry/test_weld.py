@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -18,9 +17,9 @@ from tests.cases import each_case
 from training.shapes import box
 
 
-def split(mesh_verts: torch.Tensor, faces: torch.Tensor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def split(mesh_verts: NDArray[np.float64], faces: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The same surface with three vertices of its own for every face, as flat shading exports it."""
-    return mesh_verts[faces].reshape(-1, 3).numpy(), np.arange(faces.numel()).reshape(-1, 3)
+    return mesh_verts[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
 
 
 @each_case("mesh", [icosphere(2), box(3), join(icosphere(1), box(2))])
@@ -29,9 +28,9 @@ def test_a_split_mesh_is_welded_to_what_it_was(mesh) -> None:  # type: ignore[no
     welded = weld(positions, triangles)
     assert welded.mesh.verts.shape == mesh.verts.shape
     assert bool((edges_of(welded.mesh.faces).counts == 2).all())
-    assert torch.equal(welded.mesh.verts[welded.mesh.faces], mesh.verts[mesh.faces])
+    assert np.array_equal(welded.mesh.verts[welded.mesh.faces], mesh.verts[mesh.faces])
     assert np.array_equal(welded.face_source, np.arange(len(triangles)))
-    assert np.array_equal(welded.mesh.verts.numpy()[welded.vertex_map], positions)
+    assert np.array_equal(welded.mesh.verts[welded.vertex_map], positions)
     assert set(welded.skipped.values()) == {0}
     assert np.array_equal(welded.scatter(welded.mesh.verts, positions), positions)
 
@@ -77,7 +76,7 @@ def test_a_chain_of_near_vertices_does_not_become_one_point() -> None:
     scale = np.array([[0.0, 0, 0], [0.5, 0.5, 0.7]])
     welded = weld(np.concatenate([ribbon, scale]), np.concatenate([triangles, [[0, 1, 2 * n + 1]]]))
     kept = welded.mesh.verts[welded.vertex_map[: 2 * n]][::2, 0]
-    np.testing.assert_allclose(kept.numpy(), ribbon[::2, 0], atol=1.5 * WELD_TOLERANCE)
+    np.testing.assert_allclose(kept, ribbon[::2, 0], atol=1.5 * WELD_TOLERANCE)
     assert welded.mesh.verts.shape[0] > n // 2
 
 
@@ -111,8 +110,8 @@ def test_any_soup_welds_or_says_that_it_is_empty(
         return
     reach = 2 * WELD_TOLERANCE * np.linalg.norm(np.ptp(positions, axis=0))
     used = welded.vertex_map >= 0
-    gap = np.linalg.norm(welded.mesh.verts.numpy()[welded.vertex_map[used]] - positions[used], axis=1)
+    gap = np.linalg.norm(welded.mesh.verts[welded.vertex_map[used]] - positions[used], axis=1)
     assert (gap <= reach).all()
     assert len(welded.face_source) == len(triangles) - welded.skipped["degenerate_faces"]
     corners = welded.vertex_map[triangles[welded.face_source]]
-    assert np.array_equal(corners, welded.mesh.faces.numpy())
+    assert np.array_equal(corners, welded.mesh.faces)

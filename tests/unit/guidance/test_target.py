@@ -13,15 +13,18 @@ from meshdeform.errors import AlignmentError, NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_fit
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.tensors import face_cross, faces_of, verts_of
 from meshdeform.guidance.alignment import aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.points import Landmark, PointTerm, diagonal_of
+from meshdeform.guidance.landmarks import Landmark, diagonal_of
+from meshdeform.guidance.points import PointTerm
 from meshdeform.guidance.target import TargetGuidance
 from meshdeform.rendering.cameras import Frame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 from meshdeform.requests.choices import Carrier
 from tests.cases import each_case
 from tests.close import assert_close
+from tests.meshes import mesh_of
 from tests.unit.deformation.worlds import params
 from training.shapes import box, grid, lathe
 
@@ -31,12 +34,12 @@ SPHERE = icosphere(3)
 
 
 def picture(scale: torch.Tensor) -> torch.Tensor:
-    renderer = Renderer(SPHERE.faces, SPHERE.verts.shape[0], STYLE)
-    return combine_views(renderer.render(SPHERE.verts * scale, CONTEXT.cameras))
+    renderer = Renderer(faces_of(SPHERE), verts_of(SPHERE).shape[0], STYLE)
+    return combine_views(renderer.render(verts_of(SPHERE) * scale, CONTEXT.cameras))
 
 
 def scaled(*factors: float) -> TriangleMesh:
-    return TriangleMesh(SPHERE.verts * torch.tensor(factors, dtype=torch.float64), SPHERE.faces)
+    return mesh_of(verts_of(SPHERE) * torch.tensor(factors, dtype=torch.float64), faces_of(SPHERE))
 
 
 def test_a_difference_of_a_tenth_costs_one() -> None:
@@ -71,13 +74,13 @@ def framed(mesh: TriangleMesh) -> TriangleMesh:
 def moved(mesh: TriangleMesh, scale: float, turn_deg: float, shift: tuple[float, float, float]) -> TriangleMesh:
     c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
     about_y = torch.tensor([[c, 0, s], [0, 1, 0], [-s, 0, c]], dtype=torch.float64)
-    return TriangleMesh(scale * mesh.verts @ about_y.T + torch.tensor(shift, dtype=torch.float64), mesh.faces)
+    return mesh_of(scale * verts_of(mesh) @ about_y.T + torch.tensor(shift, dtype=torch.float64), faces_of(mesh))
 
 
 def wedge() -> TriangleMesh:
     """A body without symmetry: a large box, and a small one in front of it to one side."""
     small = box(2, (0.4, 0.3, 0.9))
-    return join(box(3), TriangleMesh(small.verts + torch.tensor([0.3, 0.4, 0.8], dtype=torch.float64), small.faces))
+    return join(box(3), mesh_of(verts_of(small) + torch.tensor([0.3, 0.4, 0.8], dtype=torch.float64), faces_of(small)))
 
 
 def cone() -> TriangleMesh:
@@ -99,7 +102,7 @@ def test_a_turned_and_scaled_copy_is_aligned_to_a_thousandth_of_the_diagonal(tur
     rest = framed(wedge())
     target = moved(wedge(), 3.7, turn, (5.0, -2.0, 1.0))
     found = aligned(target, rest)
-    apart = (found.place_mesh(target).verts - rest.verts).norm(dim=1).max()
+    apart = (verts_of(found.place_mesh(target)) - verts_of(rest)).norm(dim=1).max()
     assert float(apart) < 1e-3 * diagonal_of(rest)
     assert found.overlap == 1.0
 
@@ -120,8 +123,8 @@ def test_a_target_far_away_is_refused_with_its_overlap() -> None:
 def test_equal_surfaces_do_not_pull() -> None:
     term = PointTerm(SPHERE, samples=500)
     term.begin(SPHERE)
-    assert float(term.pair(SPHERE.verts, NOWHERE, 0.0).norm()) < 1e-12
-    verts = SPHERE.verts.clone().requires_grad_()
+    assert float(term.pair(verts_of(SPHERE), NOWHERE, 0.0).norm()) < 1e-12
+    verts = verts_of(SPHERE).clone().requires_grad_()
     loss, share = term.loss(verts, NOWHERE)
     loss.backward()
     assert (loss.item(), share) == (pytest.approx(0.0, abs=1e-12), 1.0)
@@ -131,13 +134,13 @@ def test_equal_surfaces_do_not_pull() -> None:
 def test_the_loss_of_a_translation_has_its_value_in_closed_form() -> None:
     """Two parallel squares a hundredth of the diagonal apart: e = 1 for all samples, in both directions."""
     sheet = grid(4)
-    up = torch.linalg.cross(*(sheet.verts[sheet.faces[0, k]] - sheet.verts[sheet.faces[0, 0]] for k in (1, 2)))
+    up = face_cross(verts_of(sheet), faces_of(sheet))[0]
     step = 0.01 * diagonal_of(sheet) * up / up.norm()
     term = PointTerm(sheet, samples=400)
     term.begin(sheet)
-    pull = term.pair(sheet.verts + step, NOWHERE, 0.0)
+    pull = term.pair(verts_of(sheet) + step, NOWHERE, 0.0)
     assert_close(pull, -step, atol=1e-9, rtol=0)
-    loss, share = term.loss(sheet.verts + step, NOWHERE)
+    loss, share = term.loss(verts_of(sheet) + step, NOWHERE)
     assert share == 1.0
     assert loss.item() == pytest.approx(4 * (math.sqrt(2) - 1))
 
@@ -145,15 +148,15 @@ def test_the_loss_of_a_translation_has_its_value_in_closed_form() -> None:
 @each_case("reason", ["distance", "normals", "border"])
 def test_gated_pairs_do_not_pull(reason: str) -> None:
     sheet = grid(4)
-    up = torch.linalg.cross(*(sheet.verts[sheet.faces[0, k]] - sheet.verts[sheet.faces[0, 0]] for k in (1, 2)))
-    span = (sheet.verts[sheet.faces[0, 1]] - sheet.verts[sheet.faces[0, 0]]) / 0.25
-    target, verts, fraction = sheet, sheet.verts, 0.0
+    up = face_cross(verts_of(sheet), faces_of(sheet))[0]
+    span = (verts_of(sheet)[faces_of(sheet)[0, 1]] - verts_of(sheet)[faces_of(sheet)[0, 0]]) / 0.25
+    target, verts, fraction = sheet, verts_of(sheet), 0.0
     if reason == "distance":
-        verts, fraction = sheet.verts + 0.05 * diagonal_of(sheet) * up / up.norm(), 1.0
+        verts, fraction = verts_of(sheet) + 0.05 * diagonal_of(sheet) * up / up.norm(), 1.0
     elif reason == "normals":
-        target = TriangleMesh(sheet.verts, sheet.faces.flip(1))
+        target = mesh_of(verts_of(sheet), faces_of(sheet).flip(1))
     else:
-        verts = sheet.verts + 5 * span
+        verts = verts_of(sheet) + 5 * span
     term = PointTerm(target, samples=400)
     term.begin(sheet)
     term.pair(verts, NOWHERE, fraction)
@@ -166,9 +169,9 @@ def test_gated_pairs_do_not_pull(reason: str) -> None:
 @each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_a_sphere_becomes_an_ellipsoid(carrier: Carrier) -> None:
     rest = framed(SPHERE)
-    target = TriangleMesh(rest.verts * torch.tensor([0.7, 1.3, 1.0], dtype=torch.float64), rest.faces)
+    target = mesh_of(verts_of(rest) * torch.tensor([0.7, 1.3, 1.0], dtype=torch.float64), faces_of(rest))
     run = fit(rest, target, carrier=carrier, steps=50)
-    found = measure_fit(TriangleMesh(run.verts(), rest.faces), target)
+    found = measure_fit(mesh_of(run.verts(), faces_of(rest)), target)
     assert found.within > 0.99
     assert max(found.to_target, found.from_target) < 0.003
 
@@ -178,8 +181,8 @@ def test_a_cone_is_reached_without_distortion() -> None:
     rest = framed(SPHERE)
     target = aligned(cone(), rest).place_mesh(cone())
     verts = fit(rest, target).verts()
-    quality = measure(rest.verts.numpy(), rest.faces.numpy(), verts.numpy())
-    assert measure_fit(TriangleMesh(verts, rest.faces), target).within > 0.95
+    quality = measure(rest.verts, rest.faces, verts.numpy())
+    assert measure_fit(mesh_of(verts, faces_of(rest)), target).within > 0.95
     assert quality.symmetric_dirichlet_mean < 1.3
     assert quality.flipped_faces == 0
 
@@ -188,15 +191,15 @@ def test_the_result_goes_where_the_target_is() -> None:
     """The solve keeps the centre of mass, so the translation is found beside it."""
     rest = framed(SPHERE)
     shift = torch.tensor([0.03, 0.0, -0.02], dtype=torch.float64)
-    run = fit(rest, TriangleMesh(rest.verts + shift, rest.faces), steps=20)
-    assert_close(run.verts().mean(0), rest.verts.mean(0) + shift, atol=6e-3, rtol=0)
+    run = fit(rest, mesh_of(verts_of(rest) + shift, faces_of(rest)), steps=20)
+    assert_close(run.verts().mean(0), verts_of(rest).mean(0) + shift, atol=6e-3, rtol=0)
 
 
 def test_a_landmark_is_honoured() -> None:
     rest = framed(SPHERE)
-    top = rest.verts[rest.verts[:, 1].argmax()].numpy()
+    top = verts_of(rest)[verts_of(rest)[:, 1].argmax()].numpy()
     goal = np.array([0.25, math.sqrt(0.6**2 - 0.25**2), 0.0])
-    index = int(rest.verts[:, 1].argmax())
+    index = int(verts_of(rest)[:, 1].argmax())
     free, led = (fit(rest, rest, marks, steps=40) for marks in ((), (Landmark(top, goal),)))
     apart = [float(np.linalg.norm(run.verts()[index].numpy() - goal)) / diagonal_of(rest) for run in (free, led)]
     assert apart[0] > 0.1

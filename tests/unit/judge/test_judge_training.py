@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from meshdeform.judge.scoring import JudgeConfig, JudgeNetwork
+from meshdeform.judge.network import JudgeConfig
 from meshdeform.vocabulary.nouns import NOUNS
 from training.judge.assets import OTHERS, TUNED, listed
 from training.judge.measure import calibration_error, line
 from training.judge.members import HELD_OUT, NOTHING, TRAINING, ViewSet, counts_of, draw_shape, seeded
+from training.judge.network import JudgeNetwork
 from training.judge.train import TrainConfig, Trainer, calibrate, targets
 
 pytestmark = pytest.mark.training

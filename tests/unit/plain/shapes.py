@@ -17,8 +17,8 @@ HIP = 1.0
 def _box(low: tuple[float, float, float], high: tuple[float, float, float], n: int = 4) -> TriangleMesh:
     size = np.subtract(high, low)
     mesh = box(n, tuple(size.tolist()))
-    middle = (mesh.verts.amin(0) + mesh.verts.amax(0)) / 2
-    moved = mesh.verts - middle + mesh.verts.new_tensor((np.add(low, high) / 2).tolist())
+    middle = (mesh.verts.min(0) + mesh.verts.max(0)) / 2
+    moved = mesh.verts - middle + np.add(low, high) / 2
     return TriangleMesh(moved, mesh.faces)
 
 
@@ -40,8 +40,8 @@ def chair() -> TriangleMesh:
 
 def plain_glb(mesh: TriangleMesh, name: str = "", **more: object) -> bytes:
     builder = Builder()
-    faces = mesh.faces.numpy().astype(np.uint16)
-    builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name=name, **more)
+    faces = mesh.faces.astype(np.uint16)
+    builder.node(builder.mesh(builder.primitive(mesh.verts, faces)), name=name, **more)
     return builder.glb()
 
 
@@ -50,8 +50,8 @@ def rigged_dog(*, turned: bool = False) -> bytes:
     builder, parts = Builder(), dog()
     verts, faces, owner, start = [], [], [], 0
     for number, mesh in enumerate(parts.values()):
-        verts.append(mesh.verts.numpy())
-        faces.append(mesh.faces.numpy() + start)
+        verts.append(mesh.verts)
+        faces.append(mesh.faces + start)
         owner += [number] * len(mesh.verts)
         start += len(mesh.verts)
     places, joints = np.concatenate(verts), np.zeros((start, 4), np.uint8)
@@ -83,7 +83,7 @@ def rigged_dog(*, turned: bool = False) -> bytes:
 
 
 def _joint_place(name: str, mesh: TriangleMesh) -> tuple[float, float, float]:
-    low, high = mesh.verts.amin(0).tolist(), mesh.verts.amax(0).tolist()
+    low, high = mesh.verts.min(0).tolist(), mesh.verts.max(0).tolist()
     x, z = (low[0] + high[0]) / 2, (low[2] + high[2]) / 2
     if name == "trunk":
         return 0.0, 1.4, 0.0

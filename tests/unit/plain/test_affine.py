@@ -21,14 +21,14 @@ Floats = NDArray[np.float64]
 def ball_with_needles() -> bytes:
     """A ball, and a fan of triangles whose corner is a ten-thousandth from the opposite edge."""
     mesh = icosphere(2)
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     a, b = verts[faces[:40, 0]], verts[faces[:40, 1]]
     tips = (a + b) / 2 * (1 + 1e-4)
     needles = np.column_stack([faces[:40, 0], faces[:40, 1], len(verts) + np.arange(40)])
     return plain_glb(
         type(mesh)(
-            mesh.verts.new_tensor(np.concatenate([verts, tips])),
-            mesh.faces.new_tensor(np.concatenate([faces, needles])),
+            np.concatenate([verts, tips]),
+            np.concatenate([faces, needles]).astype(np.int64),
         )
     )
 

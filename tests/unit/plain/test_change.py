@@ -137,8 +137,8 @@ def two_nodes(*names: str) -> bytes:
     """A slab and a rod that do not touch, as nodes with these names and as many triangles as each has."""
     builder = Builder()
     for name, mesh in zip(names, (_box((-1, 0, -1), (1, 0.2, 1)), _box((0, 0.5, 0), (0.1, 1.5, 0.1))), strict=True):
-        faces = mesh.faces.numpy().astype(np.uint16)
-        builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name=name)
+        faces = mesh.faces.astype(np.uint16)
+        builder.node(builder.mesh(builder.primitive(mesh.verts, faces)), name=name)
     return builder.glb()
 
 
@@ -221,8 +221,8 @@ def test_the_animation_of_a_rigged_file_plays_as_before_at_the_new_height(turned
 
 def test_an_animated_node_goes_along_unless_it_is_to_be_kept() -> None:
     builder, mesh = Builder(), chair()
-    faces = mesh.faces.numpy().astype(np.uint16)
-    builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name="Swivel")
+    faces = mesh.faces.astype(np.uint16)
+    builder.node(builder.mesh(builder.primitive(mesh.verts, faces)), name="Swivel")
     times = builder.accessor(np.array([0, 1], np.float32), bounds=True)
     turn = builder.accessor(np.array([[0, 0, 0, 1], [0, 1, 0, 0]], np.float32))
     channel = {"sampler": 0, "target": {"node": 0, "path": "rotation"}}
@@ -287,11 +287,11 @@ def test_a_noun_that_is_the_name_of_a_part_means_that_part() -> None:
 
 def test_morph_targets_follow_and_quantised_positions_are_read() -> None:
     builder, mesh = Builder(), chair()
-    places = mesh.verts.numpy()
+    places = mesh.verts
     steps = np.round(places * 20_000).astype(np.int16)
     raised = np.zeros_like(steps)
     raised[:, 1] = 1000
-    primitive = builder.primitive(steps, mesh.faces.numpy().astype(np.uint16))
+    primitive = builder.primitive(steps, mesh.faces.astype(np.uint16))
     primitive["targets"] = [{"POSITION": builder.accessor(raised, bounds=True)}]
     builder.node(builder.mesh(primitive), scale=[1 / 20_000] * 3)
     builder.root["extensionsUsed"] = builder.root["extensionsRequired"] = ["KHR_mesh_quantization"]

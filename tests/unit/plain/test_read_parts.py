@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from meshdeform.assets import load_asset
 from meshdeform.geometry.mesh import TriangleMesh
@@ -110,7 +109,7 @@ def test_a_part_carries_what_would_fall_without_it(part: tuple[str, ...], carrie
 def test_a_handle_stays_on_the_pot_at_both_ends() -> None:
     """Half a ring that begins and ends inside a box."""
     ring = torus(0.5, 0.08, 32, 12)
-    verts = ring.verts[:, [0, 2, 1]] + ring.verts.new_tensor([0.9, 1.0, 0.0])
+    verts = ring.verts[:, [0, 2, 1]] + [0.9, 1.0, 0.0]
     pot, handle = _box((-0.9, 0.0, -0.9), (0.9, 2.0, 0.9), 12), TriangleMesh(verts, ring.faces)
     body = body_of(plain_glb(join(pot, handle)))
     own = np.arange(len(body.faces)) >= len(pot.faces)
@@ -159,7 +158,7 @@ def test_rows_that_are_not_there_are_missing() -> None:
 @each_case("noun, part", [("lamp", "shade"), ("teapot", "spout"), ("castle", "tower"), ("rabbit", "ear")])
 def test_a_part_of_a_member_grows_and_the_rest_stays(noun: str, part: str) -> None:
     member = labelled_member(noun, (), np.random.default_rng(11))
-    glb = plain_glb(TriangleMesh(torch.from_numpy(member.verts), torch.from_numpy(member.faces)))
+    glb = plain_glb(TriangleMesh(member.verts, member.faces))
     body = body_of(glb, noun, front_azimuth_deg=0.0)
     after, done = changed(body, f"a bigger {part}")
     assert (done.found_by, done.flips) == ("shapes", 0)

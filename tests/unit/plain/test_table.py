@@ -35,16 +35,16 @@ def nodes(parts: dict[str, TriangleMesh]) -> bytes:
     """A file with a node for each part."""
     builder = Builder()
     for name, mesh in parts.items():
-        faces = mesh.faces.numpy().astype(np.uint16)
-        builder.node(builder.mesh(builder.primitive(mesh.verts.numpy(), faces)), name=name)
+        faces = mesh.faces.astype(np.uint16)
+        builder.node(builder.mesh(builder.primitive(mesh.verts, faces)), name=name)
     return builder.glb()
 
 
 def wheel(x: float, z: float) -> TriangleMesh:
     """A wheel of radius 0.25 whose axle is along X."""
     mesh = lathe([(0, -0.08), (0.25, -0.08), (0.25, 0.08), (0, 0.08)], 24)
-    turned = mesh.verts[:, [1, 0, 2]] * mesh.verts.new_tensor([1, -1, 1])
-    return TriangleMesh(turned + turned.new_tensor([x, 0.25, z]), mesh.faces)
+    turned = mesh.verts[:, [1, 0, 2]] * [1, -1, 1]
+    return TriangleMesh(turned + [x, 0.25, z], mesh.faces)
 
 
 def car(front: int = 1) -> bytes:
@@ -118,7 +118,7 @@ def test_a_side_is_the_only_one_that_changes(rigged: bool, text: str, kept: set[
 
 def test_the_front_of_a_chair_is_away_from_its_back() -> None:
     assert Parts(body_of(plain_glb(chair()), "chair")).forward == 1
-    turned = TriangleMesh(chair().verts * chair().verts.new_tensor([-1, 1, -1]), chair().faces)
+    turned = TriangleMesh(chair().verts * [-1, 1, -1], chair().faces)
     assert Parts(body_of(plain_glb(turned), "chair")).forward == -1
 
 

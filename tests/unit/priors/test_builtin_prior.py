@@ -12,7 +12,6 @@ from meshdeform.priors.builtin.network import (
     ModelConfig,
     PriorNetwork,
     camera_map,
-    file_sha256,
     null_tokens,
     write_weights,
 )
@@ -29,6 +28,7 @@ from meshdeform.priors.builtin.prior import (
 from meshdeform.priors.builtin.vocabulary import VOCABULARY, tokenise
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views
+from meshdeform.support.files import file_sha256
 from meshdeform.vocabulary.grammar import parse
 from tests.cases import each_case
 from tests.close import assert_close

@@ -88,7 +88,7 @@ def layouts(tiny_stable_diffusion: Path, tmp_path_factory: pytest.TempPathFactor
 def ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mesh = icosphere(1)
     path = tmp_path_factory.mktemp("ball") / "ball.glb"
-    path.write_bytes(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))
+    path.write_bytes(build_glb(mesh.verts, mesh.faces))
     return path
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.judge.scoring import JudgeNetwork, read_judge
 from meshdeform.priors.builtin import network as weights_network
 from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork
 from training.judge import train as judge_training
 from training.judge.members import HELD_OUT, ViewSet
+from training.judge.network import JudgeNetwork, read_judge
 from training.prior import train
 
 

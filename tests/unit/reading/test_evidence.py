@@ -23,7 +23,7 @@ def test_a_name_means_a_part_or_nothing(name: str, part: str | None) -> None:
 
 def test_joints_and_names_move_probabilities_where_they_stand() -> None:
     mesh = box()
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     cells = cells_of(verts, faces)
     parts = np.array(sorted(code(name) for name in ("body", "head", "wheel")))
     even = np.full((len(cells), 3), 1 / 3)
@@ -45,7 +45,7 @@ def test_joints_and_names_move_probabilities_where_they_stand() -> None:
 @pytest.mark.filterwarnings("error")
 def test_a_joint_that_moves_a_single_vertex_says_nothing_of_any_face() -> None:
     mesh = box()
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     cells, areas = cells_of(verts, faces), np.ones(len(faces))
     parts = np.array(sorted(code(name) for name in ("body", "head")))
     even = np.full((len(cells), 2), 0.5)
@@ -70,7 +70,7 @@ def test_what_most_of_an_asset_is_named_after_is_its_noun(
     name: str, nouns: tuple[str, ...], near: tuple[str, ...]
 ) -> None:
     mesh = box()
-    faces, everything = mesh.faces.numpy(), np.ones(len(mesh.verts), bool)
+    faces, everything = mesh.faces, np.ones(len(mesh.verts), bool)
     areas = np.ones(len(faces))
     assert nouns_named(Evidence(names={name: everything}), faces, areas) == (nouns, near)
     corner = Evidence(names={name: np.arange(len(mesh.verts)) < 3})
@@ -79,7 +79,7 @@ def test_what_most_of_an_asset_is_named_after_is_its_noun(
 
 def test_what_joints_and_names_tell_is_found_although_no_member_has_it() -> None:
     mesh = box()
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy()
+    verts, faces = mesh.verts, mesh.faces
     cells = cells_of(verts, faces)
     top, low = verts[:, 1] > 0, verts[:, 1] < 0
     evidence = Evidence(joints={"neck": top.astype(float)}, names={"Foot": low, "Wheel.L": low})

@@ -20,9 +20,9 @@ from tests.fakes import plain_appearance
 @pytest.fixture
 def red_ball() -> tuple[Appearance, Pose, Pose]:
     ball = icosphere(2)
-    look = plain_appearance(len(ball.verts), ball.faces.numpy())
+    look = plain_appearance(len(ball.verts), ball.faces)
     red = dataclasses.replace(look, paints=(Paint((1, 0, 0, 1)),))
-    verts = ball.verts.numpy()
+    verts = ball.verts
     return red, Pose(verts, verts), Pose(verts * [1.0, 0.4, 1.0], verts)
 
 

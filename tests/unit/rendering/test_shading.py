@@ -16,9 +16,11 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
-from meshdeform.rendering.studio import PaintedRenderer, PaintedStyle, Pose, preview_png
+from meshdeform.rendering.studio import Pose, preview_png
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.fakes import plain_appearance
@@ -29,8 +31,8 @@ from training.shapes import box, grid
 
 def test_a_square_that_faces_the_camera_has_the_colour_of_its_normal() -> None:
     mesh = grid(2)
-    renderer = Renderer(mesh.faces, 9, RenderStyle(view_size=32, supersample=1))
-    images = renderer.render(mesh.verts, fixed_cameras(0.0, 0.0))
+    renderer = Renderer(faces_of(mesh), 9, RenderStyle(view_size=32, supersample=1))
+    images = renderer.render(verts_of(mesh), fixed_cameras(0.0, 0.0))
     assert_close(images[0, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
     # From behind, the other side of the surface faces the camera just as well.
     assert_close(images[2, 16, 16], torch.tensor([0.5, 0.5, 1.0]), atol=1e-5, rtol=0)
@@ -45,8 +47,8 @@ def test_pictures_are_upright_and_not_mirrored(shading) -> None:
         ([0.0, 0.6, 0.0], slice(0, 32), slice(16, 48)),
         ([0.6, 0.0, 0.0], slice(16, 48), slice(32, 64)),
     ):
-        verts = ball.verts + torch.tensor(offset, dtype=torch.float64)
-        renderer = Renderer(ball.faces, verts.shape[0], RenderStyle(view_size=64, shading=shading))
+        verts = verts_of(ball) + torch.tensor(offset, dtype=torch.float64)
+        renderer = Renderer(faces_of(ball), verts.shape[0], RenderStyle(view_size=64, shading=shading))
         front = renderer.render(verts, fixed_cameras(0.0, 0.0))[0].sum(-1)
         inside = front[rows, columns].sum().item()
         assert inside > 1
@@ -55,11 +57,11 @@ def test_pictures_are_upright_and_not_mirrored(shading) -> None:
 
 def test_normals_point_right_and_up_and_light_comes_from_the_upper_left() -> None:
     mesh, front = icosphere(4, 0.8), fixed_cameras(0.0, 0.0)
-    image = Renderer(mesh.faces, mesh.verts.shape[0], RenderStyle()).render(mesh.verts, front)[0]
+    image = Renderer(faces_of(mesh), len(mesh.verts), RenderStyle()).render(verts_of(mesh), front)[0]
     assert image[32, 50, 0] > 0.7 > 0.3 > image[32, 14, 0]
     assert image[14, 32, 1] > 0.7 > 0.3 > image[50, 32, 1]
     style = RenderStyle(view_size=64, shading="lambert", background=(1.0, 1.0, 1.0))
-    images = Renderer(mesh.faces, mesh.verts.shape[0], style).render(mesh.verts, front)
+    images = Renderer(faces_of(mesh), len(mesh.verts), style).render(verts_of(mesh), front)
     assert (images[:, 22, 24, 0] > images[:, 42, 40, 0] + 0.2).all()
     assert torch.equal(images[0, 0, 0], torch.ones(3))
 
@@ -70,7 +72,7 @@ def test_gradients_agree_with_finite_differences(shading) -> None:
     mesh = icosphere(3, 0.7)
     weights = torch.rand(4, 8, 8, 3, generator=torch.Generator().manual_seed(0))
     cameras = fixed_cameras(25.0, 12.0)
-    v = mesh.verts
+    v = verts_of(mesh)
     directions = [
         torch.stack([v[:, 0], 0 * v[:, 0], 0 * v[:, 0]], 1),
         torch.stack([0 * v[:, 0], torch.sin(3 * v[:, 0]), 0 * v[:, 0]], 1),
@@ -79,7 +81,7 @@ def test_gradients_agree_with_finite_differences(shading) -> None:
 
     def value(verts: Tensor, size: int) -> Tensor:
         style = RenderStyle(view_size=size, supersample=2, shading=shading)
-        image = Renderer(mesh.faces, v.shape[0], style).render(verts, cameras)
+        image = Renderer(faces_of(mesh), v.shape[0], style).render(verts, cameras)
         pooled = torch.nn.functional.adaptive_avg_pool2d(image.permute(0, 3, 1, 2), 8).permute(0, 2, 3, 1)
         return (pooled * weights).sum()
 
@@ -96,9 +98,9 @@ def test_gradients_agree_with_finite_differences(shading) -> None:
 def test_shading_alone_is_exact() -> None:
     """With a silhouette outside of the picture only the shading is left, and there the derivative is exact."""
     side = grid(6, 6.0)
-    bent = side.verts.clone()
+    bent = verts_of(side).clone()
     bent[:, 2] = 0.2 * torch.sin(2 * bent[:, 0]) * torch.cos(bent[:, 1])
-    renderer = Renderer(side.faces, side.verts.shape[0], RenderStyle(view_size=16, supersample=1, shading="lambert"))
+    renderer = Renderer(faces_of(side), len(side.verts), RenderStyle(view_size=16, supersample=1, shading="lambert"))
     cameras = fixed_cameras(0.0, 0.0, views=1)
     direction = torch.zeros_like(bent)
     direction[:, 2] = torch.cos(bent[:, 0])
@@ -119,13 +121,13 @@ def with_slivers(mesh: TriangleMesh, height: float) -> TriangleMesh:
 
     `height` is that of the sliver, as a share of the face that it was cut from.
     """
-    a, b, c = mesh.faces[::6].unbind(1)
+    a, b, c = mesh.faces[::6].T
     middle = (mesh.verts[a] + mesh.verts[b]) / 2
     middle = middle + height * (mesh.verts[c] - middle)
-    m = len(mesh.verts) + torch.arange(len(a))
-    kept = torch.arange(len(mesh.faces)) % 6 != 0
-    pieces = [torch.stack(corners, 1) for corners in ([a, m, c], [m, b, c], [a, b, m])]
-    return TriangleMesh(torch.cat([mesh.verts, middle]), torch.cat([mesh.faces[kept], *pieces]))
+    m = len(mesh.verts) + np.arange(len(a))
+    kept = np.arange(len(mesh.faces)) % 6 != 0
+    pieces = [np.stack(corners, 1) for corners in ([a, m, c], [m, b, c], [a, b, m])]
+    return TriangleMesh(np.concatenate([mesh.verts, middle]), np.concatenate([mesh.faces[kept], *pieces]))
 
 
 @each_case("shading", ["normals", "lambert"])
@@ -136,8 +138,10 @@ def test_pixels_on_slivers_do_not_drown_the_gradient(shading, height: float) -> 
     weights = torch.rand(4, 64, 64, 3, generator=torch.Generator().manual_seed(0))
 
     def drawn(mesh: TriangleMesh, azimuth: float) -> tuple[Tensor, Tensor]:
-        leaf = (0.8 * mesh.verts).requires_grad_()
-        image = Renderer(mesh.faces, len(leaf), RenderStyle(shading=shading)).render(leaf, fixed_cameras(azimuth, 12.0))
+        leaf = (0.8 * verts_of(mesh)).requires_grad_()
+        image = Renderer(faces_of(mesh), len(leaf), RenderStyle(shading=shading)).render(
+            leaf, fixed_cameras(azimuth, 12.0)
+        )
         (image * weights).sum().backward()
         assert leaf.grad is not None
         return image.detach(), leaf.grad
@@ -154,8 +158,8 @@ def test_pixels_on_slivers_do_not_drown_the_gradient(shading, height: float) -> 
 def test_pixels_on_faces_whose_area_rounds_to_zero_are_drawn(shading) -> None:
     """Snapped to the grid of the rasteriser such a face has an area, in clip space none to divide by."""
     mesh = with_slivers(geodesic_sphere(40), 0.0)
-    renderer = Renderer(mesh.faces, len(mesh.verts), RenderStyle(shading=shading))
-    leaf = (0.8 * mesh.verts).requires_grad_()
+    renderer = Renderer(faces_of(mesh), len(mesh.verts), RenderStyle(shading=shading))
+    leaf = (0.8 * verts_of(mesh)).requires_grad_()
     image = renderer.render(leaf, fixed_cameras(25.0, 12.0))
     image.square().sum().backward()
     assert torch.isfinite(image).all()
@@ -164,21 +168,20 @@ def test_pixels_on_faces_whose_area_rounds_to_zero_are_drawn(shading) -> None:
 
 
 def test_wrong_shapes_are_refused() -> None:
-    mesh = TriangleMesh(torch.zeros(3, 3, dtype=torch.float64), torch.tensor([[0, 1, 2]]))
     with pytest.raises(ShapeError):
-        Renderer(mesh.faces, 3, RenderStyle()).render(torch.zeros(4, 3), fixed_cameras(0.0, 0.0))
+        Renderer(torch.tensor([[0, 1, 2]]), 3, RenderStyle()).render(torch.zeros(4, 3), fixed_cameras(0.0, 0.0))
     with pytest.raises(ShapeError):
         combine_views(torch.zeros(3, 2, 2, 3))
 
 
 def _ribbon(height: float) -> TriangleMesh:
     """Two faces of length 1 and this height, in a square, on a row of pixel centres of a front view of 32 pixels."""
-    distance = float(fixed_cameras(0.0, 0.0).eye[0].norm())
+    distance = float(np.linalg.norm(fixed_cameras(0.0, 0.0).eye[0]))
     y = distance * float(torch.tan(torch.deg2rad(torch.tensor(37.5 / 2)))) / 32
     rows = [-0.5, y - height / 2, y + height / 2, 0.5]
-    verts = torch.tensor([[x, row, 0.0] for row in rows for x in (-0.5, 0.5)], dtype=torch.float64)
+    verts = np.array([[x, row, 0.0] for row in rows for x in (-0.5, 0.5)])
     faces = [[2 * r + a, 2 * r + b, 2 * r + c] for r in range(3) for a, b, c in ((0, 1, 2), (1, 3, 2))]
-    return TriangleMesh(verts, torch.tensor(faces))
+    return TriangleMesh(verts, np.array(faces))
 
 
 @each_case("shading", ["normals", "lambert"])
@@ -188,8 +191,8 @@ def test_a_needle_that_fills_a_row_of_pixels_does_not_drown_the_rest(shading) ->
     largest = []
     for height in (0.02, 5e-4):
         mesh = _ribbon(height)
-        renderer = Renderer(mesh.faces, len(mesh.verts), RenderStyle(view_size=32, supersample=1, shading=shading))
-        verts = mesh.verts.clone().requires_grad_()
+        renderer = Renderer(faces_of(mesh), len(mesh.verts), RenderStyle(view_size=32, supersample=1, shading=shading))
+        verts = verts_of(mesh).clone().requires_grad_()
         front = renderer.render(verts, fixed_cameras(0.0, 0.0))[0]
         weights = torch.rand(front.shape, generator=torch.Generator().manual_seed(0))
         (front * weights).sum().backward()
@@ -201,11 +204,11 @@ def test_a_needle_that_fills_a_row_of_pixels_does_not_drown_the_rest(shading) ->
 @each_case("shading", ["normals", "lambert"])
 def test_several_threads_draw_the_same_bits(shading, monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = join(icosphere(4, 0.6), box(3))
-    renderer = Renderer(mesh.faces, mesh.verts.shape[0], RenderStyle(shading=shading))
+    renderer = Renderer(faces_of(mesh), len(mesh.verts), RenderStyle(shading=shading))
     drawn = []
     for threads in (1, 2, 3):
         monkeypatch.setattr("meshdeform.support.threads._chosen", threads)
-        verts = mesh.verts.clone().requires_grad_()
+        verts = verts_of(mesh).clone().requires_grad_()
         image = renderer.render(verts, fixed_cameras(20.0, 10.0))
         image.square().sum().backward()
         assert verts.grad is not None
@@ -258,9 +261,9 @@ def drawn(asset: bytes, size: int = 64) -> Any:
     loaded = load_asset(asset)
     appearance = loaded.appearance()
     renderer = PaintedRenderer(appearance, PaintedStyle(size, 1, (1.0, 0.0, 1.0)))
-    positions, normals = (torch.from_numpy(a) for a in (loaded.surface.positions, loaded.surface.normals))
-    picture = renderer.render(positions, normals, fixed_cameras(0.0, 0.0, 20.0, views=1))[0]
-    return (picture * 255).round().byte().numpy(), appearance.left_out
+    cameras = fixed_cameras(0.0, 0.0, 20.0, views=1)
+    picture = renderer.render(loaded.surface.positions, loaded.surface.normals, cameras)[0]
+    return np.rint(picture * 255).astype(np.uint8), appearance.left_out
 
 
 def quarters(picture: Any) -> list[tuple[int, ...]]:
@@ -348,13 +351,18 @@ def test_hard_edges_are_hard_and_soft_ones_are_soft() -> None:
     assert columns(NORMAL=soft) > 8
 
 
-def test_both_backends_find_the_next_layer() -> None:
+def test_all_backends_find_the_next_layer() -> None:
     from meshdeform.rendering.rasterizer import rasterize_compiled, rasterize_spans
+    from meshdeform.rendering.visibility import nearest_faces
 
     corners = torch.from_numpy(np.concatenate([SQUARE, SQUARE * 0.5 + [0, 0, 0.3], SQUARE + [0.2, 0, 0.6]])).float()
     clip = torch.cat([corners, torch.ones(12, 1)], 1)[None]
     faces = torch.from_numpy(np.concatenate([FACES, FACES + 4, FACES + 8]).astype(np.int64))
-    for backend in (rasterize_compiled, rasterize_spans):
+
+    def arrays(clip, faces, height, width, behind):
+        return nearest_faces(clip.numpy(), faces.numpy(), height, width, behind)
+
+    for backend in (rasterize_compiled, rasterize_spans, arrays):
         layers, behind = [], None
         for _ in range(4):
             found, depth = backend(clip, faces, 32, 32, behind)

@@ -49,7 +49,7 @@ def renderer(look: Appearance, size: int = 24, supersample: int = 1) -> Renderer
 
 
 def linear(look: Appearance, verts: Tensor, size: int = 24) -> Tensor:
-    return linear_from_srgb(renderer(look, size).render(verts, FRONT)[0])
+    return linear_from_srgb(renderer(look, size).render(verts, FRONT)[0], torch)
 
 
 def test_colours_are_lit_like_clay_in_linear_light() -> None:
@@ -98,7 +98,7 @@ def test_the_edge_of_a_cut_out_moves_with_its_texture() -> None:
     picture = Renderer(torch.from_numpy(look.triangles), 4, style, appearance=look, dtype=F64)
 
     def area(verts: Tensor) -> Tensor:
-        return linear_from_srgb(picture.render(verts, FRONT)[0])[..., 0].sum() / LIT
+        return linear_from_srgb(picture.render(verts, FRONT)[0], torch)[..., 0].sum() / LIT
 
     # Twice as high as wide, so that a texel is no square of pixels.
     verts = (torch.tensor([1.5, 3.0, 0], dtype=F64) * SQUARE + torch.tensor([0.011, 0, 0])).requires_grad_()

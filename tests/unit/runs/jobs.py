@@ -9,7 +9,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
-from meshdeform.runs.text_deform import TextDeformRun
+from meshdeform.runs.optimised import TextDeformRun
 from tests.fakes import FakePrior
 
 GIVEN = ("prior", "target", "pictures", "checkpoint", "initial", "resolved")

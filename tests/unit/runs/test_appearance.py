@@ -14,14 +14,14 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere, simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.rendering.base_colours import BaseColours
-from meshdeform.runs.text_deform import TextDeformRun
+from meshdeform.runs.optimised import TextDeformRun
 from tests.fakes import FakePrior
 from tests.unit.assets.builders import Builder
 from tests.unit.runs.jobs import finished, started
 
 BALL = icosphere(3, 0.5)
-CORNERS = BALL.faces.numpy().reshape(-1)
-POINTS = BALL.verts.numpy()[CORNERS].astype(np.float32)
+CORNERS = BALL.faces.reshape(-1)
+POINTS = BALL.verts[CORNERS].astype(np.float32)
 """Every face has vertices of its own: all edges are seams."""
 
 
@@ -35,7 +35,7 @@ def asset(*, coloured: bool = True) -> bytes:
 
 
 def drawn(*, coloured: bool = True, **params: object) -> TextDeformRun:
-    target = torch.tensor([1.2, 0.8, 1.0], dtype=torch.float64) * BALL.verts
+    target = [1.2, 0.8, 1.0] * BALL.verts
     prior = FakePrior(type(BALL)(target, BALL.faces), view_size=24)
     run: TextDeformRun = started(asset(coloured=coloured), model="some/model", steps=4, prior=prior, **params)
     return run
@@ -83,10 +83,10 @@ def test_a_stand_in_takes_the_colours_of_the_nearest_places() -> None:
     pixels = np.full((64, 64, 4), 255, np.uint8)
     pixels[..., 0], pixels[..., 1], pixels[..., 2] = ramp[None, :], ramp[::-1, None], 0
     pixels[:8, :, 3] = 0
-    points = whole.verts.numpy().astype(np.float32)
+    points = whole.verts.astype(np.float32)
     look = Appearance(
         np.arange(len(points)),
-        whole.faces.numpy(),
+        whole.faces,
         np.stack([points[:, 0] + 0.5, 0.5 - points[:, 1]], 1),
         np.ones((len(points), 4), np.float32),
         np.zeros(len(whole.faces), np.int64),
@@ -94,18 +94,18 @@ def test_a_stand_in_takes_the_colours_of_the_nearest_places() -> None:
     )
     simple = RestMesh.of(simplified(whole, 1000))
     found = baked_appearance(look, whole, simple)
-    assert np.array_equal(found.rows[found.triangles], simple.faces.numpy())
+    assert np.array_equal(found.rows[found.triangles], simple.faces)
     assert found.paints[0].alpha_mode == "MASK"
     # At the corners and between them, where no vertex is.
     colours = BaseColours(found)
     for weights in ([1.0, 0, 0], [0, 0.5, 0.5], [0.2, 0.5, 0.3]):
-        values = (colours.values[colours.faces] * torch.tensor(weights)[:, None]).sum(1)
-        seen = colours.colours(colours.paint, values, torch.zeros(len(values)))
-        place = np.einsum("fkd,k->fd", simple.verts.numpy()[simple.faces.numpy()], weights)
+        values = (colours.values[:, colours.faces] * np.array(weights, np.float32)).sum(-1)
+        seen = colours.colours(colours.paint, values, np.zeros(len(colours.paint), np.float32))
+        place = np.einsum("fkd,k->fd", simple.verts[simple.faces], weights)
         inside = np.abs(place[:, 1]) < 0.33
-        shown = seen[inside, :2].numpy() ** (1 / 2.2)
+        shown = seen[:2, inside].T ** (1 / 2.2)
         assert np.abs(shown - np.clip(place[inside, :2] + 0.5, 0, 1)).max() < 0.06
-        opacity = colours.opacity(colours.paint, seen).numpy()
+        opacity = colours.opacity(colours.paint, seen)
         assert opacity[place[:, 1] > 0.42].max() == 0
         assert opacity[place[:, 1] < 0.33].min() == 1
 
@@ -121,6 +121,6 @@ def test_seams_and_dropped_faces_keep_each_face_its_colours() -> None:
     look = Appearance(np.arange(count), triangles, np.zeros((count, 2), np.float32), colors, paint, (Paint(),))
     found = welded_appearance(look, welded)
     assert found is not None
-    assert np.array_equal(found.rows[found.triangles], welded.mesh.faces.numpy())
-    drawn = welded.mesh.verts.numpy()[welded.mesh.faces.numpy()] + 0.5
+    assert np.array_equal(found.rows[found.triangles], welded.mesh.faces)
+    drawn = welded.mesh.verts[welded.mesh.faces] + 0.5
     np.testing.assert_allclose(found.colors[found.triangles][..., :3], drawn, atol=1e-5)

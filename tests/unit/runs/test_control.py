@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.errors import ParameterError
@@ -23,8 +22,8 @@ from tests.unit.assets.builders import Builder
 from tests.unit.runs.jobs import finished, started
 
 BALL = icosphere(3)
-POINTS = BALL.verts.numpy()
-FACES = BALL.faces.numpy()
+POINTS = BALL.verts
+FACES = BALL.faces
 
 
 def figure() -> bytes:
@@ -55,11 +54,11 @@ def selected(**where: Any) -> np.ndarray[Any, np.dtype[np.bool_]]:
 
 def corners_where(flags: Any) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Flags of the faces of which all corners have a property."""
-    return np.asarray(flags)[SURFACE.mesh.faces.numpy()].all(1)
+    return np.asarray(flags)[SURFACE.mesh.faces].all(1)
 
 
 def test_every_kind_of_selection_selects_what_it_says() -> None:
-    verts, count = SURFACE.mesh.verts.numpy(), len(FACES)
+    verts, count = SURFACE.mesh.verts, len(FACES)
     big = verts[:, 0] < 1.5
     assert np.array_equal(selected(node="Body"), corners_where(big))
     assert np.array_equal(selected(mesh="lamp"), corners_where(~big))
@@ -119,7 +118,7 @@ def controlled(asset: Asset = ASSET, **params: Any) -> Control:
 
 def test_only_keeps_its_complement_and_keep_wins() -> None:
     upper, lower = ({"box": {"min": [-3, y, -3], "max": [3, y + 3, 3]}} for y in (0, -3))
-    faces = SURFACE.mesh.faces.numpy()
+    faces = SURFACE.mesh.faces
     outside = np.unique(faces[~selected(**upper)])
     only = controlled(regions=[{**upper, "action": "only"}])
     assert np.flatnonzero(only.constraints.kept).tolist() == outside.tolist()
@@ -190,8 +189,8 @@ def test_symmetry_is_found_and_what_is_kept_is_kept_on_both_sides() -> None:
     kept = POINTS[np.asarray(found.constraints.kept)]
     assert (kept[:, 0] < 0).sum() == (kept[:, 0] > 0).sum() > 5
     assert controlled(symmetry="auto").partners is not None  # a second ball along x leaves z
-    lopsided = TriangleMesh(BALL.verts + 0.05 * torch.rand(BALL.verts.shape, dtype=torch.float64), BALL.faces)
-    none = controlled(load_asset(build_glb(lopsided.verts.numpy(), FACES)), symmetry="auto")
+    lopsided = TriangleMesh(BALL.verts + 0.05 * np.random.default_rng(0).random(BALL.verts.shape), BALL.faces)
+    none = controlled(load_asset(build_glb(lopsided.verts, FACES)), symmetry="auto")
     assert none.partners is None
     assert none.constraints.mirror is None
 

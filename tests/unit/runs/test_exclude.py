@@ -22,9 +22,9 @@ BALL = icosphere(2)
 def scene(cells: int, *, half_width: float = 5000.0) -> bytes:
     """Return a ball of two units that stands on a square ground."""
     flat = grid(cells)
-    points = (flat.verts.numpy()[:, [0, 2, 1]] - flat.verts.numpy()[:, [0, 2, 1]].mean(0)) * half_width
-    ball = Primitive(BALL.verts.numpy() / np.linalg.norm(BALL.verts[0]) + [0, 1, 0], BALL.faces.numpy(), name="ball")
-    return build_glb([ball, Primitive(points, flat.faces.numpy()[:, ::-1], name="Ground")])
+    points = (flat.verts[:, [0, 2, 1]] - flat.verts[:, [0, 2, 1]].mean(0)) * half_width
+    ball = Primitive(BALL.verts / np.linalg.norm(BALL.verts[0]) + [0, 1, 0], BALL.faces, name="ball")
+    return build_glb([ball, Primitive(points, flat.faces[:, ::-1], name="Ground")])
 
 
 def height_above(positions: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:

@@ -21,7 +21,7 @@ from tests.fake_exemplars import FACTORS, FakeFit, install
 from tests.unit.runs.jobs import started
 
 BALL = icosphere(2)
-ASSET = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
+ASSET = build_glb(BALL.verts, BALL.faces)
 GIRAFFE, SNAKE = np.array(FACTORS["giraffe"]), np.array(FACTORS["snake"])
 TOP = {"box": {"min": [-2, 0, -2], "max": [2, 2, 2]}}
 PROPOSED = {None: {"pumpkin": 0.6, "giraffe": 0.3}, "giraffe": {"giraffe": 1.0}}
@@ -274,7 +274,7 @@ def test_a_change_in_plain_words_stays_one() -> None:
 
 
 def test_a_target_is_placed_on_the_asset_and_measured() -> None:
-    goal = build_glb(BALL.verts.numpy() * [5.0, 4.0, 4.0] + 3.0, BALL.faces.numpy())
+    goal = build_glb(BALL.verts * [5.0, 4.0, 4.0] + 3.0, BALL.faces)
     files = finished(run_of("", target=goal, landmarks=[{"source": 0, "target": 0}]))
     told = json.loads(files["report.json"])
     wish = FakeFit.made[-1].wish

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from meshdeform.assets import build_glb, load_asset
@@ -27,11 +26,11 @@ def tower() -> bytes:
     walls = []
     for turn in range(4):
         wall = grid(1 if turn % 2 else 8, 1.0)
-        upright = torch.stack([wall.verts[:, 0], 3 * wall.verts[:, 1] + 1.5, torch.full_like(wall.verts[:, 0], 0.5)], 1)
-        quarter = torch.tensor([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]], dtype=torch.float64)
-        walls.append(TriangleMesh(upright @ torch.matrix_power(quarter, turn), wall.faces))
+        upright = np.stack([wall.verts[:, 0], 3 * wall.verts[:, 1] + 1.5, np.full_like(wall.verts[:, 0], 0.5)], 1)
+        quarter = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]], np.float64)
+        walls.append(TriangleMesh(upright @ np.linalg.matrix_power(quarter, turn), wall.faces))
     mesh = join(*walls)
-    return build_glb(mesh.verts.numpy(), mesh.faces.numpy())
+    return build_glb(mesh.verts, mesh.faces)
 
 
 TOWER = tower()
@@ -42,9 +41,9 @@ def gap(result: bytes | Asset) -> float:
     """The greatest distance of a vertex from the edge on which it lay, in the file of a result."""
     before, after = SOURCE.surface, load_asset(result).surface if isinstance(result, bytes) else result.surface
     welded = weld(before.positions, before.triangles)
-    verts, ends = border_contacts(welded.mesh.verts.numpy(), welded.mesh.faces.numpy())
+    verts, ends = border_contacts(welded.mesh.verts, welded.mesh.faces)
     assert len(np.unique(verts)) == 28
-    points = welded.gather(after.positions).verts.numpy()
+    points = welded.gather(after.positions).verts
     line, arm = points[ends[:, 1]] - points[ends[:, 0]], points[verts] - points[ends[:, 0]]
     share = np.clip((arm * line).sum(1) / (line**2).sum(1), 0, 1)[:, None]
     return float(np.linalg.norm(arm - share * line, axis=1).max())
@@ -53,7 +52,7 @@ def gap(result: bytes | Asset) -> float:
 def bulged() -> bytes:
     """A target that no straight corner fits."""
     ball = icosphere(3)
-    return build_glb(ball.verts.numpy() * [1.2, 1.8, 1.2] + [0.0, 1.5, 0.0], ball.faces.numpy())
+    return build_glb(ball.verts * [1.2, 1.8, 1.2] + [0.0, 1.5, 0.0], ball.faces)
 
 
 @each_case(
@@ -97,10 +96,8 @@ def test_strengths_and_shapes_from_other_files_leave_it_closed() -> None:
     for strength in (0.3, 1.5):
         assert gap(with_strength(SOURCE, result, strength)) < 1e-6
     fine = grid(12, 8.0)
-    sheets = join(
-        *(TriangleMesh(fine.verts + torch.tensor([0.0, 1.5, z], dtype=torch.float64), fine.faces) for z in (-0.5, 0.5))
-    )
-    around = load_asset(build_glb(sheets.verts.numpy(), sheets.faces.numpy()))
+    sheets = join(*(TriangleMesh(fine.verts + np.array([0.0, 1.5, z], np.float64), fine.faces) for z in (-0.5, 0.5)))
+    around = load_asset(build_glb(sheets.verts, sheets.faces))
     carried = with_edit(SOURCE, edit_of(around, around.replace(twisted(around.surface.positions))))
     assert gap(carried) < 1e-6
     assert with_strength(SOURCE, result, 0.0) == SOURCE.replace(SOURCE.surface.positions)

@@ -26,7 +26,7 @@ from tests.unit.assets.test_rig import arm
 from tests.unit.runs.jobs import finished, started
 
 SPHERE = icosphere(2)
-GLB = build_glb(SPHERE.verts.numpy(), SPHERE.faces.numpy())
+GLB = build_glb(SPHERE.verts, SPHERE.faces)
 BOTH = [{"azimuth": 0}, {"azimuth": 90}]
 ALONE: dict[str, Any] = {"guidance": "silhouettes", "prior": None}
 

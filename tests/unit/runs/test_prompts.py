@@ -27,10 +27,10 @@ from tests.unit.guidance.pictures import PicturesPrior
 from tests.unit.runs.jobs import started
 
 BALL = icosphere(2)
-MIDDLES = BALL.verts[BALL.faces].mean(1).numpy()
+MIDDLES = BALL.verts[BALL.faces].mean(1)
 ABOVE = {"box": {"min": [-2, 0, -2], "max": [2, 2, 2]}}
 ALL = {"box": {"min": [-2, -2, -2], "max": [2, 2, 2]}}
-IN_BOX = (BALL.verts[BALL.faces][:, :, 1] >= 0).all(1).numpy()
+IN_BOX = (BALL.verts[BALL.faces][:, :, 1] >= 0).all(1)
 PEAR, VASE = {"prompt": "a pear"}, {"prompt": "a vase"}
 BARE = dict.fromkeys(("jacobian_reg_weight", "laplacian_weight", "normal_weight", "dirichlet_weight"), 0.0)
 
@@ -48,7 +48,7 @@ def request_of(prompt: str, *prompts: dict[str, Any], **params: Any) -> JobReque
 
 
 def start(prompt: str, *prompts: dict[str, Any], **params: Any) -> Any:
-    asset = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
+    asset = build_glb(BALL.verts, BALL.faces)
     return started(asset, prompt, prior=prior(), prompts=prompts, **{**QUICK, **params})
 
 
@@ -142,7 +142,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one_and_the_report_names_each_pro
 
 def test_the_likeness_of_a_region_is_that_of_the_region_alone_now_and_before() -> None:
     run = start("a pear", {**VASE, "regions": [ABOVE]})
-    high = TriangleMesh(BALL.verts + torch.tensor([0.0, 5.0, 0.0]), BALL.faces)
+    high = TriangleMesh(BALL.verts + np.array([0.0, 5.0, 0.0]), BALL.faces)
 
     def lowest(mesh: TriangleMesh, prompt: str) -> dict[str, Any]:
         return {"noun": prompt, "probability": float(mesh.verts[:, 1].min()), "rank": len(mesh.faces)}

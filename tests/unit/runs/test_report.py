@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
-import torch
 
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere
@@ -36,7 +36,7 @@ REST = RestMesh.of(box(2))
 
 
 def test_the_figure_is_a_share_of_the_diagonal() -> None:
-    moved = measure_movement(REST, REST.verts + torch.tensor([0.3, 0.0, 0.4]), Held())
+    moved = measure_movement(REST, REST.verts + np.array([0.3, 0.0, 0.4]), Held())
     assert moved.rms == pytest.approx(0.5 / 3**0.5)
     assert moved.stalled_by is None
     assert moved.warnings == []
@@ -56,7 +56,7 @@ def test_what_held_it_back_is_named_with_its_remedy(held: float, cause: str, rem
 
 
 def test_what_is_held_back_in_the_end_is_told_though_the_rest_moved() -> None:
-    shift = torch.tensor([0.3, 0.0, 0.4])
+    shift = np.array([0.3, 0.0, 0.4])
     early, late = Held.of({5: 0.9, 10: 0.9, 15: 0.5, 20: 0.1}, 20), Held.of({20: 0.4}, 20)
     assert (early.at_end, late.at_end) == (0.1, 0.4)
     assert measure_movement(REST, REST.verts + shift, early).warnings == []

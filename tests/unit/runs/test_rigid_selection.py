@@ -25,19 +25,15 @@ def cart() -> bytes:
     builder.root["materials"] = [{"name": "paint"}, {"name": "rubber"}, {"name": "never used"}]
     ball, pair = icosphere(2), join(*(moved(torus(n=12, m=8), 0.5 * x, 0, 0, scale=0.15) for x in (-1, 1)))
     half = len(ball.faces) // 2
-    faces = ball.faces.numpy().astype(np.uint16)
+    faces = ball.faces.astype(np.uint16)
     upper, lower = ({**builder.primitive(ball.verts, part), "material": 0} for part in (faces[:half], faces[half:]))
     lower["attributes"], lower["material"] = upper["attributes"], 1
     body = builder.mesh(upper, lower, name="hull")
-    axle = builder.mesh(
-        {**builder.primitive(pair.verts, pair.faces.numpy().astype(np.uint16)), "material": 1}, name="axle"
-    )
+    axle = builder.mesh({**builder.primitive(pair.verts, pair.faces.astype(np.uint16)), "material": 1}, name="axle")
     builder.node(body, name="Body")
     builder.node(axle, translation=[0, -1, 0.5])
     builder.node(axle, translation=[0, -1, -0.5])
-    hub = builder.mesh(
-        builder.primitive(0.2 * box(1).verts.numpy() + [2.0, 0, 0], box(1).faces.numpy().astype(np.uint16))
-    )
+    hub = builder.mesh(builder.primitive(0.2 * box(1).verts + [2.0, 0, 0], box(1).faces.astype(np.uint16)))
     builder.node(children=[builder.node(hub, in_scene=False, name="hub")], name="Group")
     return builder.glb()
 

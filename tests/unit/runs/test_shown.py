@@ -6,7 +6,6 @@ import json
 from typing import Any
 
 import numpy as np
-import torch
 
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.geometry.quality import measure
@@ -28,9 +27,9 @@ LYING = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 def tower(*, skinned: bool) -> bytes:
     """A tower of two boxes; with a skin whose bind pose lies on its side, and which the file's nodes show standing."""
-    lower, upper = box(2).verts.numpy() * 0.5, box(2).verts.numpy() * 0.3 + [0.0, 0.8, 0.0]
+    lower, upper = box(2).verts * 0.5, box(2).verts * 0.3 + [0.0, 0.8, 0.0]
     verts = np.concatenate([lower, upper]) + [2.0, 0.5, 0.0]
-    faces = np.concatenate([box(2).faces.numpy(), box(2).faces.numpy() + len(lower)]).astype(np.uint16)
+    faces = np.concatenate([box(2).faces, box(2).faces + len(lower)]).astype(np.uint16)
     builder = Builder()
     if not skinned:
         builder.node(builder.mesh(builder.primitive(verts, faces)))
@@ -60,7 +59,7 @@ def tower(*, skinned: bool) -> bytes:
 )
 def test_a_skin_becomes_what_the_same_shape_without_one_becomes(prompt: str, more: dict[str, Any]) -> None:
     if "target" in more:
-        more = {**more, "target": build_glb(icosphere(2).verts.numpy(), icosphere(2).faces.numpy())}
+        more = {**more, "target": build_glb(icosphere(2).verts, icosphere(2).faces)}
     results, reports = [], []
     for skinned in (False, True):
         result, report = finished(started(tower(skinned=skinned), prompt, steps=3, **more))
@@ -81,7 +80,7 @@ def test_a_skin_is_judged_drawn_and_measured_as_it_is_shown() -> None:
     skin = Player(data).at(None, 0).verts
     np.testing.assert_allclose(result.surface.positions[: len(skin)], skin, atol=1e-6)
     before, after = welded.mesh, Shown.of(asset, result, welded, job._world_verts()).result
-    assert report["quality"] == measure(before.verts.numpy(), before.faces.numpy(), after.verts.numpy()).to_dict()
+    assert report["quality"] == measure(before.verts, before.faces, after.verts).to_dict()
     compared = likeness_and_before(before, after, "a mushroom")
     assert report["likeness"] == json.loads(json.dumps(compared))
     poses = (Pose(each.surface.positions, each.surface.normals) for each in (asset, result))
@@ -90,12 +89,12 @@ def test_a_skin_is_judged_drawn_and_measured_as_it_is_shown() -> None:
 
 def test_a_result_is_compared_to_the_last_bit() -> None:
     ball = icosphere(1)
-    asset = load_asset(build_glb(ball.verts.numpy(), ball.faces.numpy()))
+    asset = load_asset(build_glb(ball.verts, ball.faces))
     welded = welded_surface(asset)
-    moved = welded.mesh.verts + torch.tensor(1e-12)
+    moved = welded.mesh.verts + np.array(1e-12)
     shown = Shown.of(asset, asset, welded, moved)
     assert shown.source is welded.mesh
-    assert torch.equal(shown.result.verts, moved)
+    assert np.array_equal(shown.result.verts, moved)
 
 
 def test_vertices_that_cannot_be_moved_are_told() -> None:

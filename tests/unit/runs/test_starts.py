@@ -28,7 +28,7 @@ from tests.fakes import build_tiny_stable_diffusion
 from tests.unit.runs.jobs import finished, started
 
 BALL = icosphere(2)
-ASSET = build_glb(BALL.verts.numpy() * 3.0 + [5.0, 7.0, 0.0], BALL.faces.numpy())
+ASSET = build_glb(BALL.verts * 3.0 + [5.0, 7.0, 0.0], BALL.faces)
 REST = load_asset(ASSET, "a.glb").surface.positions
 MIDDLE = np.array([5.0, 7.0, 0.0])
 FITTED = (REST - MIDDLE) * FACTORS["giraffe"] + MIDDLE
@@ -185,7 +185,7 @@ def test_a_mirror_symmetry_is_kept() -> None:
 def test_a_branch_goes_on_from_the_fit_of_its_job_whatever_guides_it() -> None:
     first = after(run_of(), 2)
     state = first.checkpoint()
-    goal = build_glb(BALL.verts.numpy() * [2.0, 4.0, 2.0], BALL.faces.numpy())
+    goal = build_glb(BALL.verts * [2.0, 4.0, 2.0], BALL.faces)
     plain = {name: value for name, value in KNOWN.items() if name != "start"}
     branches = [
         run_of("a snake", initial=state),

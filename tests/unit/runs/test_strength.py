@@ -33,7 +33,7 @@ def bent(points: NDArray[np.float64], degrees: float = 120.0) -> NDArray[np.floa
 
 def made(mesh: object = BAR) -> tuple[Asset, bytes]:
     """Return an asset with normals, and its result."""
-    source = load_asset(build_glb(mesh.verts.numpy(), mesh.faces.numpy()))  # type: ignore[attr-defined]
+    source = load_asset(build_glb(mesh.verts, mesh.faces))  # type: ignore[attr-defined]
     result = source.replace(bent(source.surface.positions), provenance={"seed": 7})
     return source, result
 
@@ -59,7 +59,7 @@ def test_a_strength_bends_by_that_share_and_says_so() -> None:
 
 def test_a_subdivided_run_and_one_that_left_out_nodes() -> None:
     coarse = cylinder(0.25, 4.0, 8, 1)
-    asset = load_asset(build_glb(coarse.verts.numpy(), coarse.faces.numpy()))
+    asset = load_asset(build_glb(coarse.verts, coarse.faces))
     source, _ = asset.subdivided(10_000)
     assert len(source.surface.triangles) > len(asset.surface.triangles)
     result = source.replace(bent(source.surface.positions))

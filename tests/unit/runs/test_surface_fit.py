@@ -48,7 +48,7 @@ SMALL = {"base_faces": 100, "steps": 4, "batch_faces": 4, "octaves": 1, "width":
 
 
 def glb(mesh: TriangleMesh, scale: float = 1.0, shift: float = 0.0) -> bytes:
-    return build_glb(mesh.verts.numpy() * scale + shift, mesh.faces.numpy())
+    return build_glb(mesh.verts * scale + shift, mesh.faces)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
     monkeypatch.setattr("meshdeform.runs.surface_fit._UNCOVERED", -1.0)
     mesh = torus(n=24, m=12)
     scalars = io.BytesIO()
-    np.savez(scalars, points=mesh.verts.numpy(), height=mesh.verts.numpy()[:, 2])
+    np.savez(scalars, points=mesh.verts, height=mesh.verts[:, 2])
     run = begin(ring, scalars=scalars.getvalue())
     assert [report.step for report in run] == [1, 2, 3, 4]
     assert len(load_asset(run.snapshot().data).surface.triangles) > 100
@@ -114,9 +114,9 @@ def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, mo
 
 def test_reversed_faces_are_never_silent() -> None:
     mesh = icosphere(2)
-    verts, faces = mesh.verts.numpy(), mesh.faces.numpy().copy()
+    verts, faces = mesh.verts, mesh.faces.copy()
     faces[:4] = faces[:4, ::-1]
-    found = distances(MeshSurface(clean(verts, mesh.faces.numpy())), verts, faces)
+    found = distances(MeshSurface(clean(verts, mesh.faces)), verts, faces)
     assert (found["reversed_faces"], found["reversed"]) == (4, pytest.approx(4 / len(faces), rel=0.2))
     (told,) = _warnings({"faces": len(faces), "distance": found}, {})
     assert told.startswith("4 of 320 triangles face the other way than the surface: it is folded.")
@@ -128,8 +128,8 @@ def test_a_textured_asset_comes_back_textured() -> None:
     ball, picture, png = icosphere(3), np.zeros((64, 64, 3), np.uint8), io.BytesIO()
     picture[:, :32, 0] = picture[:, 32:, 2] = 255  # red where x < 0, blue elsewhere
     Image.fromarray(picture).save(png, "PNG")
-    verts = ball.verts.numpy()
-    part = Primitive(verts, ball.faces.numpy(), uvs=(verts[:, :2] + 1) / 2, material="paint", texture=png.getvalue())
+    verts = ball.verts
+    part = Primitive(verts, ball.faces, uvs=(verts[:, :2] + 1) / 2, material="paint", texture=png.getvalue())
     run = begin(build_glb([part]), "ball.glb", steps=20)
     list(run)
     found = run.finish()
@@ -151,7 +151,7 @@ def test_a_textured_asset_comes_back_textured() -> None:
 def test_a_surface_far_from_the_origin_is_fitted_where_it_is(kind: str) -> None:
     far = np.array([448_262.25, 5_411_932.75, 312.5])
     ball = icosphere(4)
-    verts = ball.verts.numpy()
+    verts = ball.verts
     if kind == "xyz":
         file = io.BytesIO()
         np.savetxt(file, np.hstack([verts + far, verts]), fmt="%.6f")
@@ -161,9 +161,7 @@ def test_a_surface_far_from_the_origin_is_fitted_where_it_is(kind: str) -> None:
         np.savez(file, sdf=inside, origin=far - 1.3, spacing=axis[1] - axis[0])
     else:
         lines = ["v {:.6f} {:.6f} {:.6f}".format(*place) for place in verts + far]
-        file = io.BytesIO(
-            "\n".join([*lines, *("f {} {} {}".format(*face) for face in ball.faces.numpy() + 1)]).encode()
-        )
+        file = io.BytesIO("\n".join([*lines, *("f {} {} {}".format(*face) for face in ball.faces + 1)]).encode())
     run = begin(file.getvalue(), f"a.{kind}")
     list(run)
     written = load_asset(run.finish()["level_1.glb"].data).surface.positions - far
@@ -254,9 +252,9 @@ def test_what_cannot_be_fitted_is_refused_with_the_reason() -> None:
     with pytest.raises(ParameterError, match="jobs that deform one asset"):
         check_request(asked, Settings(), files=["asset"])
     many = join(*[torus(n=12, m=8) for _ in range(20)])
-    apart = many.verts.numpy() + np.repeat(np.arange(20), 96)[:, None] * 3.0
+    apart = many.verts + np.repeat(np.arange(20), 96)[:, None] * 3.0
     with pytest.raises(AssetError, match="20 parts, 20 handles and 0 borders, which need a base of 60"):
-        base_of(clean(apart, many.faces.numpy()), 20)
+        base_of(clean(apart, many.faces), 20)
 
 
 def test_a_branch_has_the_network_of_its_job() -> None:
@@ -271,7 +269,7 @@ def test_a_branch_has_the_network_of_its_job() -> None:
 
 def test_a_cloud_is_posted_fitted_and_downloaded_and_is_no_asset(tmp_path: Path, redis_url: str) -> None:
     mesh = icosphere(3)
-    points = mesh.verts.numpy()
+    points = mesh.verts
     cloud = tmp_path / "cloud.xyz"
     np.savetxt(cloud, np.concatenate([points, points], 1), fmt="%.5f")
     unsigned = tmp_path / "unsigned.npz"

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from meshdeform.assets import build_glb
-from meshdeform.deformation.controls import Nature
 from meshdeform.deformation.orientation import Orientation, OrientationSource
+from meshdeform.deformation.structure import Nature
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure, measure_structure
 from meshdeform.geometry.shapes import icosphere
@@ -35,10 +34,10 @@ WHOLE = {
 
 def test_what_was_kept_is_measured_on_the_shapes() -> None:
     ball = icosphere(3)
-    verts = ball.verts.clone()
+    verts = ball.verts.copy()
     verts[0] *= -1.5
     result = TriangleMesh(verts, ball.faces)
-    quality = measure(ball.verts.numpy(), ball.faces.numpy(), verts.numpy()).to_dict()
+    quality = measure(ball.verts, ball.faces, verts).to_dict()
     assert kept_structure(ball, ball, {**quality, "self_intersections_added": None})["cut_share"] == 0
     structure = kept_structure(ball, result, quality)
     assert structure["cut_share"] == pytest.approx(quality["self_intersections_added"] / len(ball.faces))
@@ -52,7 +51,7 @@ def test_what_was_kept_is_measured_on_the_shapes() -> None:
 
 def test_a_giraffe_that_nothing_was_trained_with_matches_its_prompt_and_no_other() -> None:
     part = draw_shape("other giraffe", seeded(HELD_OUT, "other giraffe", 2000))
-    mesh = TriangleMesh(torch.from_numpy(part.verts), torch.from_numpy(part.faces))
+    mesh = TriangleMesh(part.verts, part.faces)
     same, other = likeness(mesh, "a giraffe"), likeness(mesh, "a tall vase")
     assert same is not None
     assert other is not None
@@ -68,7 +67,7 @@ def test_a_giraffe_that_nothing_was_trained_with_matches_its_prompt_and_no_other
 @each_case("guidance, carrier", [("sds", "auto"), ("sds", "surface"), ("target", "auto")])
 def test_a_prompt_has_it_and_every_report_a_verdict(guidance: str, carrier: str) -> None:
     ball = icosphere(1)
-    asset = build_glb(ball.verts.numpy(), ball.faces.numpy())
+    asset = build_glb(ball.verts, ball.faces)
     prior = load_prior("builtin", device="cpu")
     params = {"guidance": guidance, "carrier": carrier}
     _, report = finished(started(asset, "a mushroom", steps=1, target=asset, prior=prior, **params))
@@ -78,7 +77,7 @@ def test_a_prompt_has_it_and_every_report_a_verdict(guidance: str, carrier: str)
     assert 0 <= report["quality"]["kept_share"] <= 1
     if guidance == "sds":
         assert report["likeness"]["noun"] == "mushroom"
-        source = TriangleMesh(ball.verts.float().double(), ball.faces)
+        source = TriangleMesh(ball.verts.astype(np.float32).astype(np.float64), ball.faces)
         assert report["likeness"]["before"] == before(likeness(source, "a mushroom"))
         assert report["verdict"]["value"] == "doubtful"  # one step
 

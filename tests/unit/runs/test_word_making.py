@@ -48,14 +48,14 @@ def cow(turn_deg: float = 0.0, scale: float = 3.0) -> bytes:
 
 def arrow(turn_deg: float = 0.0, scale: float = 3.0) -> bytes:
     mesh = icosphere(2)
-    verts = mesh.verts.numpy() * [1.0, 0.5, 2.0]
+    verts = mesh.verts * [1.0, 0.5, 2.0]
     verts[:, 0] *= np.where(verts[:, 2] > 0, 1 - verts[:, 2] / 2, 1.0)
-    return build_glb(scale * verts @ facing(-turn_deg).T + [5.0, 1.0, 0.0], mesh.faces.numpy())
+    return build_glb(scale * verts @ facing(-turn_deg).T + [5.0, 1.0, 0.0], mesh.faces)
 
 
 def ball(detail: int = 3, **more: str) -> bytes:
     mesh = icosphere(detail)
-    return build_glb(mesh.verts.numpy() * [1.0, 2.0, 1.0], mesh.faces.numpy(), **more)
+    return build_glb(mesh.verts * [1.0, 2.0, 1.0], mesh.faces, **more)
 
 
 def part_places(word: Word, part: str, shape: int = 0) -> np.ndarray:
@@ -104,9 +104,9 @@ def test_what_is_alike_from_all_sides_needs_no_front() -> None:
 @pytest.mark.usefixtures("_unread")
 def test_large_meshes_are_reduced_and_keep_the_parts_that_the_file_names() -> None:
     mesh = icosphere(5)
-    upper = mesh.verts.numpy()[mesh.faces.numpy()].mean(1)[:, 1] > 0.5
+    upper = mesh.verts[mesh.faces].mean(1)[:, 1] > 0.5
     halves = [
-        Primitive(mesh.verts.numpy(), mesh.faces.numpy()[rows], material=name, base_color=(1, 1, 1, 1))
+        Primitive(mesh.verts, mesh.faces[rows], material=name, base_color=(1, 1, 1, 1))
         for rows, name in ((upper, "Leaves"), (~upper, "rind"))
     ]
     word = make_word(WordOffer("dragonfruit"), {"fruit.glb": build_glb(halves)})

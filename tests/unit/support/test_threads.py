@@ -7,11 +7,12 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from meshdeform.runs.devices import use_threads
-from meshdeform.support.threads import default_threads, in_ranges, limit_spinning, side_by_side
+from meshdeform.support.threads import default_threads, in_ranges, limit_waiting, side_by_side
 from tests.cases import each_case
 
 
@@ -53,7 +54,8 @@ def test_the_limits_of_control_groups_version_1_are_read(tmp_path: Path) -> None
 
 def test_the_setting_comes_before_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
-    monkeypatch.setattr("torch.set_num_threads", asked.append)
+    torch = SimpleNamespace(set_num_threads=asked.append)
+    monkeypatch.setitem(sys.modules, "torch", torch)
     monkeypatch.setattr("meshdeform.support.threads._chosen", 0)
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     assert [use_threads(2), use_threads(0)] == asked == [2, 3]
@@ -61,11 +63,14 @@ def test_the_setting_comes_before_the_environment(monkeypatch: pytest.MonkeyPatc
 
 def test_spinning_is_limited_unless_the_environment_says_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "environ", {})
-    limit_spinning()
-    assert os.environ == {"GOMP_SPINCOUNT": "10000"}
-    for chosen in ({"GOMP_SPINCOUNT": "7"}, {"OMP_WAIT_POLICY": "active"}):
+    limit_waiting()
+    assert os.environ == {"GOMP_SPINCOUNT": "10000", "OPENBLAS_NUM_THREADS": "1"}
+    for chosen in (
+        {"GOMP_SPINCOUNT": "7", "OPENBLAS_NUM_THREADS": "2"},
+        {"OMP_WAIT_POLICY": "active", "OPENBLAS_NUM_THREADS": "8"},
+    ):
         monkeypatch.setattr(os, "environ", dict(chosen))
-        limit_spinning()
+        limit_waiting()
         assert os.environ == chosen
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from meshdeform.settings import Settings
-from tests.cases import each_case
 from worker.process import PriorCache, torch_engine
 
 
@@ -33,7 +34,7 @@ def test_the_settings_decide_the_revision_and_the_precision(
     monkeypatch.setattr("meshdeform.runs.rehearsal.rehearse", lambda *given: rehearsed.append((*given, gc.isenabled())))
     settings = Settings(model="some/model", model_revision="v2", dtype="float16", device="cpu")
     engine = torch_engine(settings)
-    assert rehearsed == [(None, "cpu", False)]  # a model that may be large is loaded by the first job that needs it
+    assert rehearsed == [(False,)]
     assert gc.isenabled()
     engine.load_prior("some/model")
     engine.load_prior("another/model")
@@ -43,17 +44,19 @@ def test_the_settings_decide_the_revision_and_the_precision(
     ]
 
 
-@each_case(("model", "asked"), [("builtin", True), ("some/model", False)])
-def test_a_small_job_runs_before_the_first_one(
-    model: str, asked: bool, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from tests.fakes import FakePrior
+_START = """
+import logging, sys
+from meshdeform.settings import Settings
+from worker.process import torch_engine
+logging.basicConfig(level=logging.ERROR)
+torch_engine(Settings())
+print(*sorted({"torch", "diffusers", "meshdeform.exemplar.engine"} & set(sys.modules)))
+"""
 
-    prior = FakePrior()
-    monkeypatch.setattr("meshdeform.priors.load_prior", lambda *_, **__: prior)
-    torch_engine(Settings(model=model, device="cpu"))
-    assert bool(prior.timesteps) == asked
-    assert [record.message for record in caplog.records if record.levelname == "ERROR"] == []
+
+def test_a_small_fit_runs_before_the_first_job_and_torch_is_left_to_the_first_optimiser() -> None:
+    done = subprocess.run([sys.executable, "-c", _START], capture_output=True, text=True, check=True)
+    assert (done.stdout.strip(), done.stderr) == ("meshdeform.exemplar.engine", "")
 
 
 def test_the_last_prior_is_kept_unless_another_one_is_asked_for(loads: list[dict[str, Any]]) -> None:

@@ -30,7 +30,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
 
 
 def create(world: World, **params: Any) -> Job:
-    stored = world.store.put("assets/ball", build_glb(BALL.verts.numpy(), BALL.faces.numpy()), "model/gltf-binary")
+    stored = world.store.put("assets/ball", build_glb(BALL.verts, BALL.faces), "model/gltf-binary")
     asset = StoredFile(key="assets/ball", filename="ball.glb", size=stored.size, sha256=stored.sha256)
     document = {"prompt": "a giraffe", "params": {"guidance": GUIDANCE, **params}}
     return world.record.create(NewJob(JobRequest.model_validate(document), {"asset": asset}))

@@ -21,8 +21,8 @@ from training.shapes import grid, torus
 
 
 def field_of(mesh: TriangleMesh) -> tuple[bytes, FieldNetwork]:
-    verts = mesh.verts.numpy() / mesh.verts.abs().max().item()
-    base = encode_base(verts, mesh.faces.numpy())
+    verts = mesh.verts / np.abs(mesh.verts).max()
+    base = encode_base(verts, mesh.faces)
     network = FieldNetwork.random(len(base.verts), 6, 3, 16, 2, 0)
     steps = steps_of(network.tensors)
     network = network.with_tensors(rounded(network.tensors, steps))  # what the file can hold exactly
@@ -33,7 +33,7 @@ def test_a_base_of_any_topology_comes_back_within_half_a_step() -> None:
     for mesh in (icosphere(1), torus(n=9, m=5), grid(3), join(grid(2), torus(n=6, m=4), icosphere(0))):
         data, _ = field_of(mesh)
         found = read_field(data)
-        verts, faces = mesh.verts.numpy() / mesh.verts.abs().max().item(), mesh.faces.numpy()
+        verts, faces = mesh.verts / np.abs(mesh.verts).max(), mesh.faces
         assert topology(found.faces, glue(found.verts, found.faces)) == topology(faces, glue(verts, faces))
 
         ours, wanted = found.verts[found.faces].mean(1), verts[faces].mean(1)
@@ -95,7 +95,7 @@ def test_every_damaged_byte_is_noticed() -> None:
 @pytest.fixture(scope="module")
 def sphere() -> tuple[Surface, FieldFrame, np.ndarray, np.ndarray]:
     mesh = icosphere(4)
-    surface = surface_of(clean(mesh.verts.numpy(), mesh.faces.numpy()))
+    surface = surface_of(clean(mesh.verts, mesh.faces))
     frame = FieldFrame.around(surface.reference.verts)
     verts, faces = base_of(surface.reference, 60)
     base = encode_base(frame.enter(verts), faces)

@@ -23,9 +23,9 @@ from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
 def places() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A coarse sphere: its vertices, and corners, weights and positions of places on it."""
     mesh = icosphere(1)
-    level = level_of(mesh.faces.numpy(), len(mesh.verts), 3)
-    points = np.einsum("pk,pkc->pc", level.weights, mesh.verts.numpy()[level.corners])
-    return mesh.verts.numpy(), level.corners, level.weights, points / np.linalg.norm(points, axis=1, keepdims=True)
+    level = level_of(mesh.faces, len(mesh.verts), 3)
+    points = np.einsum("pk,pkc->pc", level.weights, mesh.verts[level.corners])
+    return mesh.verts, level.corners, level.weights, points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
 def test_harmonics_are_learned_from_half_of_the_places(
@@ -45,12 +45,12 @@ def test_harmonics_are_learned_from_half_of_the_places(
 def flat_field(*, scalars: bool = True) -> tuple[NeuralField, np.ndarray, np.ndarray]:
     """Return a sphere's field that displaces nothing, with what was learned on it, and points with their halves."""
     mesh = icosphere(2)
-    base = encode_base(mesh.verts.numpy(), mesh.faces.numpy())
+    base = encode_base(mesh.verts, mesh.faces)
     network = FieldNetwork.random(len(base.verts), 1, 0, 4, 1, 0)
     network = FieldNetwork(network.features, [(w * 0, b) for w, b in network.layers], 0)
     place = {"centre": np.array([5.0, 0.0, 0.0]), "scale": 2.0}
     bare = read_field(write_field(base, network, **place))
-    points = icosphere(4).verts.numpy()
+    points = icosphere(4).verts
     half = np.where(points @ [0.6, 0.8, 0.0] > 0.1, 7, -2)
     file = io.BytesIO()
     np.savez(file, points=5 * np.eye(3)[0] + 2 * points, normals=3 * points, height=10 * points[:, 2], side=half)
@@ -105,8 +105,8 @@ def test_scalars_that_fit_nothing_are_refused_with_the_reason() -> None:
         with pytest.raises(AssetError, match=said):
             read_scalar_file(data)
     ball = icosphere(1)
-    near = read_scalar_file(npz(points=ball.verts.numpy().repeat(3, 0), height=np.zeros(126)))
-    check_places(ball.verts.numpy(), ball.faces.numpy(), near)
-    far = read_scalar_file(npz(points=ball.verts.numpy().repeat(3, 0) + 1, height=np.zeros(126)))
+    near = read_scalar_file(npz(points=ball.verts.repeat(3, 0), height=np.zeros(126)))
+    check_places(ball.verts, ball.faces, near)
+    far = read_scalar_file(npz(points=ball.verts.repeat(3, 0) + 1, height=np.zeros(126)))
     with pytest.raises(AssetError, match="elsewhere"):
-        check_places(ball.verts.numpy(), ball.faces.numpy(), far)
+        check_places(ball.verts, ball.faces, far)
