@@ -14,7 +14,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.orientation import Orientation
@@ -34,16 +33,12 @@ from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.goals import GoalSource, SilhouetteFit, read_goal
+from meshdeform.runs.opened import opened
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.recognition import asks_source, front_of, nature_of
 from meshdeform.runs.starts import start_of
-from meshdeform.runs.surfaces import (
-    drawn_triangles,
-    prepared,
-    shape_id,
-    welded_surface,
-)
+from meshdeform.runs.surfaces import shape_id
 from meshdeform.runs.text_deform_kind import resolved_params
 from meshdeform.runs.text_report import (
     AssetFacts,
@@ -80,9 +75,9 @@ def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
     target = job_input.files.get("target")
     file = replace(file, sha256=file.digest)
     with log.phase("read"):
-        asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
-        welded = welded_surface(asset, params.backdrop)
-    facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, device)
+        known = opened(file, params, request.output, limits)
+        asset, welded = known.asset, known.welded
+    facts = AssetFacts(request, params, file, asset, known.division, known.drawn, welded, device)
     if sentence is not None:
         change = _change(facts, sentence, job_input, log)
         if change is not None:
@@ -132,7 +127,7 @@ def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
             front=begun.turned(front_of(reading, params)),
             nature=nature_of(params, reading, request.prompt),
         )
-    known = RunFacts(
+    run_facts = RunFacts(
         **vars(facts),
         start=begun,
         frame=frame,
@@ -145,7 +140,7 @@ def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
         reading=reading,
         precision=precision_of(prior, state),
     )
-    return TextDeformRun(known, deformation, log)
+    return TextDeformRun(run_facts, deformation, log)
 
 
 def _reading(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Reading | None:
