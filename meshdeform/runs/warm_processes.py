@@ -26,7 +26,7 @@ from typing import Any
 from meshdeform.assets.limits import bound_memory, error_to_json, start_child
 from meshdeform.errors import DependencyError, MeshdeformError, UnavailableError
 
-__all__ = ["Asked", "StoppedError", "WarmProcesses"]
+__all__ = ["Asked", "StoppedError", "WarmProcesses", "verdict_of"]
 
 _MEMORY_BYTES = 16 * 2**30
 """Address space of a copy; torch alone maps several gigabytes of it."""
@@ -100,7 +100,7 @@ class WarmProcesses:
     """
 
     def __init__(self, module: str, *, most: int, idle_s: float) -> None:
-        self._module, self._most, self._idle_s = module, most, idle_s
+        self.module, self._most, self._idle_s = module, most, idle_s
         self._lock = threading.Lock()
         self._first: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
@@ -202,7 +202,7 @@ class WarmProcesses:
             self._end_first()
             ours, theirs = socket.socketpair()
             with theirs:
-                arguments = [self._module, str(theirs.fileno())]
+                arguments = [self.module, str(theirs.fileno())]
                 self._first = start_child(__name__, arguments, passed=[theirs.fileno()])
             self._control, self._used_at = ours, time.monotonic()
         return self._control
@@ -266,14 +266,15 @@ def _serve(connection: socket.socket, answer: Callable[[dict[str, Any], Callable
 
     threading.Thread(target=receive, daemon=True).start()
     while True:
-        connection.sendall(json.dumps(_verdict(answer, tasks.get(), stop)).encode() + b"\n")
+        connection.sendall(json.dumps(verdict_of(answer, tasks.get(), stop.is_set)).encode() + b"\n")
 
 
-def _verdict(
-    answer: Callable[[dict[str, Any], Callable[[], bool]], Any], task: dict[str, Any], stop: threading.Event
+def verdict_of(
+    answer: Callable[[dict[str, Any], Callable[[], bool]], Any], task: dict[str, Any], stopped: Callable[[], bool]
 ) -> dict[str, Any]:
+    """Return what a process says of a task: what `answer` found, its error, or that it was stopped."""
     try:
-        return {"ok": True, "found": answer(task, stop.is_set)}
+        return {"ok": True, "found": answer(task, stopped)}
     except StoppedError:
         return {"stopped": True}
     except MeshdeformError as error:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
-from anyio import create_task_group, to_thread
-from anyio.abc import TaskGroup
+from anyio import CancelScope, to_thread
 from fastapi import Request
 
 from meshdeform.api.states import PREVIEW_S
@@ -41,21 +41,23 @@ async def preview(app: AppState, request: Request, owner_id: str, submission: Su
     task, asset = await app.take_in(owner_id, _task, app, owner_id, submission, form)
     app.previews.prepare()
     asked = Asked()
-    async with create_task_group() as group:
-        group.start_soon(_stop_when_gone, request, asked, group)
-        async with app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
-            await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
-        group.cancel_scope.cancel()
+    with CancelScope() as waiting:
+        watching = asyncio.create_task(_stop_when_gone(request, asked, waiting))
+        try:
+            async with app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
+                await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
+        finally:
+            watching.cancel()
     if asked.stopped:
         raise UnavailableError("The caller has gone.")
     return Path(task["result"]), asset[0].sha256
 
 
-async def _stop_when_gone(request: Request, asked: Asked, group: TaskGroup) -> None:
+async def _stop_when_gone(request: Request, asked: Asked, waiting: CancelScope) -> None:
     while (await request.receive())["type"] != "http.disconnect":
         pass
     asked.stop()
-    group.cancel_scope.cancel()  # where it waits for its turn
+    waiting.cancel()  # where it waits for its turn
 
 
 def _task(
