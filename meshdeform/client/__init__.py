@@ -27,6 +27,7 @@ from meshdeform.api.documents import KindView as KindInfo
 from meshdeform.api.documents import LimitList as Limits
 from meshdeform.api.documents import VocabularyView as Vocabulary
 from meshdeform.api.jobs import ArtifactView, CheckpointView, EventView, SignedUrl
+from meshdeform.api.previews import PreviewShape, PreviewShapes, PrimitivePositions
 from meshdeform.client.asynchronous.client import AsyncClient, AsyncResult
 from meshdeform.client.documents import JobView, Validation
 from meshdeform.client.orders import AssetLike
@@ -52,6 +53,9 @@ __all__ = [
     "Limits",
     "ModelList",
     "ModelView",
+    "PreviewShape",
+    "PreviewShapes",
+    "PrimitivePositions",
     "Result",
     "SignedUrl",
     "SketchGuess",
