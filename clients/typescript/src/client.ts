@@ -119,13 +119,13 @@ export class Client {
 
   /**
    * Make what a job would, in seconds and without one. An asset that was sent with an earlier preview can be named by its hash, until that is
-   * refused with `asset_not_kept`.
+   * refused with `asset_not_kept`. The request is not repeated by itself: whoever looks on may want something else by then.
    */
   async preview(asset: Asset | { sha256: string; filename?: string }, request: PreviewRequest, options: PreviewOptions = {}): Promise<Preview> {
     const { as = "positions", ...more } = options;
-    const kept = "sha256" in asset;
+    const kept = "sha256" in asset && !("id" in asset);
     const body = kept && !more.files ? { json: { ...request, asset } } : await this.#body(kept ? null : asset, kept ? ({ ...request, asset } as PreviewRequest) : request, more);
-    const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal });
+    const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal, once: true });
     return { data: await response.arrayBuffer(), asset: response.headers.get("Meshdeform-Asset") ?? "" };
   }
 
