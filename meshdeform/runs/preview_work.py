@@ -28,7 +28,7 @@ from meshdeform.runs.warm_processes import StoppedError
 from meshdeform.runs.word_pins import KnowingRun
 from meshdeform.support.recent import Recent
 
-__all__ = ["answer"]
+__all__ = ["answer", "positions_of"]
 
 _MOST, _MOST_BYTES = 64, 128 * 2**20
 
@@ -65,7 +65,9 @@ def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> None:
     if task["as"] == "glb":
         target.write_bytes(made[0].glb)
         return
-    shapes = [_shape(seed, each) for seed, each in zip(task["seeds"], made, strict=True)]
+    shapes = [
+        PreviewShape(seed, positions_of(each.glb), each.member) for seed, each in zip(task["seeds"], made, strict=True)
+    ]
     target.write_bytes(pack(PreviewShapes(files["asset"].digest, made[0].change, made[0].reading, shapes)))
 
 
@@ -106,16 +108,15 @@ def _told(run: JobRun, resolved: dict[str, Any]) -> tuple[dict[str, Any], dict[s
     return (members[0] if members else {}), reading
 
 
-def _shape(seed: int, made: _Made) -> PreviewShape:
-    """Return the positions of a result, in the order of its meshes and their primitives."""
-    document = Document.parse(made.glb, Limits.unlimited(), glb=True)
-    primitives = [
+def positions_of(glb: bytes) -> list[PrimitivePositions]:
+    """Return the positions of a GLB's vertices, quantised, in the order of its meshes and their primitives."""
+    document = Document.parse(glb, Limits.unlimited(), glb=True)
+    return [
         _positions(mesh, number, read_floats(document, primitive["attributes"]["POSITION"]).astype(np.float64))
         for mesh, each in enumerate(document.root.get("meshes", []))
         for number, primitive in enumerate(each["primitives"])
         if "POSITION" in primitive["attributes"]
     ]
-    return PreviewShape(seed, primitives, made.member)
 
 
 def _positions(mesh: int, primitive: int, points: np.ndarray[Any, np.dtype[np.float64]]) -> PrimitivePositions:

@@ -63,9 +63,11 @@ def two(own_settings: Callable[..., Settings]) -> Iterator[tuple[Api, Api]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conftest, "create_app", application)
-        with conftest.serving_api(own_settings(max_upload_bytes=2**20)) as ann:
-            with httpx.Client(base_url=ann.url, timeout=30, headers={"x-owner": "bob"}) as other:
-                yield ann, replace(ann, http=other)
+        with (
+            conftest.serving_api(own_settings(max_upload_bytes=2**20)) as ann,
+            httpx.Client(base_url=ann.url, timeout=30, headers={"x-owner": "bob"}) as other,
+        ):
+            yield ann, replace(ann, http=other)
     _servers.clear()
 
 

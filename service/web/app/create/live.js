@@ -128,38 +128,35 @@ export class Live {
     this._see(this._tag(), this._key());
   }
 
-  /** Ask for designs with the seeds from one on, and picture them. @param {string} goal @param {number} first @param {AbortSignal} signal */
+  /** Ask for designs with the seeds from one on, and picture each as it comes. @param {string} goal @param {number} first @param {AbortSignal} signal */
   async _others(goal, first, signal) {
-    const seeds = Array.from({ length: MEMBERS }, (_, k) => first + k);
-    const { change, shapes } = readPreview(await this.ask("positions", seeds, signal));
-    if (signal.aborted) return;
     this.of = goal;
-    // A change in plain words is the same with every seed.
-    this.members = change ? [] : shapes.map(({ seed, primitives, member }) => ({
-      seed,
-      places: new Map(primitives.map(({ mesh, primitive, positions }) => [`${mesh}/${primitive}`, positions])),
-      name: [member.pose, member.form].filter(Boolean).join(" "),
-    }));
-    await this._draw(signal);
+    this.members = [];
+    fill(this.strip);
+    for (let k = 0; k < MEMBERS; k++) {
+      const { change, shapes } = readPreview(await this.ask("positions", [first + k], signal));
+      // A change in plain words is the same with every seed.
+      if (signal.aborted || change) return;
+      const [{ seed, primitives, member }] = shapes;
+      const places = new Map(primitives.map(({ mesh, primitive, positions }) => [`${mesh}/${primitive}`, positions]));
+      await this._add({ seed, places, name: [member.pose, member.form].filter(Boolean).join(" ") });
+    }
   }
 
-  /** @param {AbortSignal} signal */
-  async _draw(signal) {
-    const { viewer } = this.box;
-    fill(this.strip, this.members.map((member, k) => this._button(member, k)));
-    this.element.hidden = false;
+  /** @param {Member} member */
+  async _add(member) {
+    this.members.push(member);
+    const element = this._button(member, this.members.length);
+    this.strip.append(element);
     this._press();
-    for (const [k, { places }] of this.members.entries()) {
-      if (signal.aborted || !viewer?.ready) return;
-      const picture = await viewer.pictureOf(places, { width: PICTURE, height: PICTURE }).catch(() => null);
-      const image = this.strip.children[k]?.querySelector("img");
-      if (picture && image) image.src = this.scope.url(picture);
-    }
+    const picture = await this.box.viewer?.pictureOf(member.places, { width: PICTURE, height: PICTURE }).catch(() => null);
+    const image = element.querySelector("img");
+    if (picture && image) image.src = this.scope.url(picture);
   }
 
   /** @param {Member} member @param {number} k */
   _button(member, k) {
-    const label = `Design ${k + 1} of ${this.members.length}${member.name ? `: ${member.name}` : ""}`;
+    const label = `Design ${k}${member.name ? `: ${member.name}` : ""}`;
     return h("button", { type: "button", class: "live-member", "aria-pressed": "false", "aria-label": label, title: label, data: { seed: String(member.seed) }, on: { click: () => this._choose(member) } }, h("img", { alt: "", width: PICTURE / 2, height: PICTURE / 2 }));
   }
 
