@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
@@ -20,6 +21,8 @@ from tests.browser.steps import barriers, choose, difference, expect, open_form,
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page, Route
+
+    from tests.browser.conftest import Watch
 
 
 class Previews:
@@ -83,6 +86,11 @@ def shown(page: Page, service: Service, asset: Path) -> Previews:
     return previews
 
 
+def until_asked(page: Page, what: str, look: Callable[[], bool]) -> None:
+    """Wait for a request; while nothing of the page is looked at, none is answered."""
+    until(what, lambda: page.evaluate("true") and look())
+
+
 def viewer(page: Page) -> Locator:
     return page.locator(".asset-panel .viewer").first
 
@@ -107,7 +115,7 @@ def test_what_is_typed_is_seen_and_a_click_takes_another_design(page: Page, show
     expect(members(page).nth(3)).to_have_attribute("aria-pressed", "true")
     expect(members(page).nth(3)).to_be_focused()
     until("the view shows it", lambda: difference(before, picture(viewer(page))) > 0.01)
-    until("its file is asked for", lambda: ("a mushroom", "glb", [13]) in shown.asked)
+    until_asked(page, "its file is asked for", lambda: ("a mushroom", "glb", [13]) in shown.asked)
     # The designs stay: only the file of the one that was taken is new.
     assert shown.forms.count("positions") == 6
 
@@ -124,8 +132,10 @@ def test_strength_moves_the_mesh_without_a_request(page: Page, shown: Previews) 
 
 
 def test_the_asset_is_back_where_a_prompt_is_refused_gone_or_of_another_file(
-    page: Page, shown: Previews, asset: Path
+    page: Page, shown: Previews, asset: Path, watch: Watch
 ) -> None:
+    watch.allow(r"status of 422 .*/v1/jobs:validate")
+
     def is_back() -> None:
         expect(tag(page)).to_be_hidden()
         expect(page.locator(".live")).to_be_hidden()
@@ -148,7 +158,7 @@ def test_the_asset_is_back_where_a_prompt_is_refused_gone_or_of_another_file(
     expect(tag(page)).to_have_text("Preview")
     asked = len(shown.asked)
     choose(page, other)
-    until("it is made of the other file", lambda: len(shown.asked) > asked)
+    until_asked(page, "it is made of the other file", lambda: len(shown.asked) > asked)
 
 
 def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Service, asset: Path) -> None:
@@ -159,7 +169,7 @@ def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Serv
     choose(page, asset)
     until_drawn(viewer(page))
     page.locator("#prompt").fill("a mushroom")
-    until("it was asked", lambda: previews.asked != [])
+    until_asked(page, "it was asked", lambda: previews.asked != [])
     expect(page.locator(".live")).to_be_hidden()
     page.locator("#prompt").fill("a vase")
     expect(page.locator("#estimate")).to_contain_text("A fit")

@@ -21,6 +21,8 @@ from meshdeform.api.previews import MOST_LEVELS, PreviewShapes
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.limits import Limits
+from meshdeform.client import Client
+from meshdeform.errors import AssetError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import read_stored
 from meshdeform.runs import preview_work, start_run
@@ -34,6 +36,7 @@ from service.http.auth import Principal, principal
 from service.jobs import previews
 from service.state import AppState
 from tests import fake_exemplars
+from tests.cases import each_case
 from tests.integration import conftest
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem
@@ -287,3 +290,34 @@ def test_the_state_has_nothing_of_a_preview(two: tuple[Api, Api]) -> None:
     shapes(preview(ann, other))
     assert len(list(ann.store.list("assets/"))) == assets
     assert not list(state.workspace.folder.glob("tmp*"))
+
+
+def test_a_client_sends_a_file_once_and_again_when_it_was_forgotten(two: tuple[Api, Api]) -> None:
+    ann, _ = two
+    sizes: list[int] = []
+
+    def note(request: httpx.Request) -> None:
+        sizes.append(int(request.headers.get("content-length", 0)))
+
+    asset = build_glb(1.3 * BALL.verts.numpy(), BALL.faces.numpy())
+    with httpx.Client(base_url=ann.url, timeout=30, event_hooks={"request": [note]}) as http:
+        client = Client(http=http)
+        found = client.preview(asset, "a giraffe", params=GIVEN, seeds=[0, 1])
+        assert [each.seed for each in found.shapes] == [0, 1]
+        glb = client.preview_glb(asset, "a giraffe", params={**GIVEN, "seed": 1})
+        near = np.array(found.shapes[1].primitives[0].points)
+        np.testing.assert_allclose(near, places(glb)[0], atol=1e-3)
+        assert [size > len(asset) for size in sizes] == [True, False]
+        _servers[-1].state.app_state.kept_assets._files.clear()
+        sizes.clear()
+        assert client.preview_glb(asset, "a giraffe", params={**GIVEN, "seed": 1}) == glb
+        assert [size > len(asset) for size in sizes] == [False, True]
+
+
+@each_case("damage", {"cut off": slice(0, -1), "no header": slice(0, 8), "another file": slice(4, None)})
+def test_a_damaged_answer_is_no_preview(two: tuple[Api, Api], damage: str) -> None:
+    whole = preview(two[0]).content
+    assert PreviewShapes.read(whole).shapes
+    cut = {"cut off": slice(0, -1), "no header": slice(0, 8), "another file": slice(4, None)}[damage]
+    with pytest.raises(AssetError):
+        PreviewShapes.read(whole[cut])
