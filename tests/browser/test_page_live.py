@@ -161,8 +161,9 @@ def test_the_asset_is_back_where_a_prompt_is_refused_gone_or_of_another_file(
     until_asked(page, "it is made of the other file", lambda: len(shown.asked) > asked)
 
 
-def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Service, asset: Path) -> None:
+def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Service, asset: Path, watch: Watch) -> None:
     del service
+    watch.allow(r"status of 501 .*/v1/jobs:preview")
     previews = Previews(page, asset)
     previews.status = 501
     open_form(page)

@@ -15,12 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import typer.main
+from pydantic import BaseModel
 
 import meshdeform.errors
 from meshdeform.errors import MeshdeformError
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
-from service.jobs.documents import WordDocument
+from service.jobs.documents import PreviewDocument, WordDocument
 from tests.cases import each_case
 
 ERRORS = sorted(
@@ -138,12 +139,16 @@ def test_every_command_has_a_section_and_every_route_a_row(repository: Path) -> 
     assert set(re.findall(r"`((?:GET|POST|PUT|PATCH|DELETE) /[^`\s]*)`", listed)) == routes
 
 
+_DOCUMENTS: dict[str, type[BaseModel]] = {"/v1/words": WordDocument, "/v1/jobs:preview": PreviewDocument}
+
+
 def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:
     lines = [line for _, line in shell_lines(repository)]
     shown = [(line, text) for line in lines for text in re.findall(r"request='?(\{.*?\})'(?=[\s;])", line)]
     assert shown
     for line, text in shown:
-        (WordDocument if "/v1/words" in line else JobRequest).model_validate_json(text)
+        model = next((each for path, each in _DOCUMENTS.items() if path in line), JobRequest)
+        model.model_validate_json(text)
     for page in ("parameters", "control"):
         for block in snippets(repository / f"docs/{page}.md", "json"):
             JobRequest.model_validate_json(block)
