@@ -21,9 +21,10 @@ from meshdeform.api.previews import MOST_LEVELS, PreviewShapes
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.limits import Limits
-from meshdeform.client import Client
-from meshdeform.errors import AssetError
+from meshdeform.client import AsyncClient, Client
+from meshdeform.errors import AssetError, ParameterError
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.mcp.tools import Folders, Tools
 from meshdeform.requests.document import read_stored
 from meshdeform.runs import preview_work, start_run
 from meshdeform.runs import reading as runs_reading
@@ -321,3 +322,15 @@ def test_a_damaged_answer_is_no_preview(two: tuple[Api, Api], damage: str) -> No
     cut = {"cut off": slice(0, -1), "no header": slice(0, 8), "another file": slice(4, None)}[damage]
     with pytest.raises(AssetError):
         PreviewShapes.read(whole[cut])
+
+
+def test_an_agent_tries_a_prompt_before_it_starts_a_job(two: tuple[Api, Api], tmp_path: Path) -> None:
+    ann, _ = two
+    (tmp_path / "ball.glb").write_bytes(ASSET)
+    tools = Tools(lambda _: AsyncClient(ann.url), Folders([tmp_path]))
+    context: Any = None
+    told = asyncio.run(tools.try_prompt("ball.glb", "a giraffe", "try.glb", context, params=GIVEN))
+    assert (tmp_path / "try.glb").read_bytes() == preview(ann, form="glb").content
+    assert told == {"path": str(tmp_path / "try.glb"), "bytes": (tmp_path / "try.glb").stat().st_size}
+    with pytest.raises(ParameterError):  # nothing is overwritten
+        asyncio.run(tools.try_prompt("ball.glb", "a giraffe", "try.glb", context, params=GIVEN))
