@@ -1,7 +1,8 @@
 """Count the house: ``python -m bench.house [--write]``.
 
 Lines of the product's Python, of the families of shapes with their tables, of what trains and measures, of the page, of
-tests and of benchmarks; words of documents; parameters of `text_deform`. Libraries of others and generated files
+tests and of benchmarks; words of documents, those that people wrote and those made from the code; parameters of
+`text_deform`. Libraries of others and generated files
 (`_OF_OTHERS`) are left out. ``bench/house.json`` holds the counts: a change that adds more than `ROOM` lines or a
 parameter changes that file as well, so that it is seen (`tests/unit/test_house.py`), and says who uses it.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 from pathlib import Path
 
@@ -18,6 +20,9 @@ from meshdeform.requests.groups import PLACES
 __all__ = ["EXPECTED", "ROOM", "counts"]
 
 ROOT = Path(__file__).resolve().parents[1]
+_GENERATED_PAGES = ("docs/nouns.md", "docs/parameters.md")
+_GENERATED_PARTS = re.compile(r"^<!-- from .*?^<!-- until here -->$", re.DOTALL | re.MULTILINE)
+"""What `docs/generate.py` writes into pages that people write."""
 EXPECTED = Path(__file__).with_suffix(".json")
 ROOM = 500
 """Lines, and words, that a change may add without a change of the counts."""
@@ -43,8 +48,20 @@ def counts() -> dict[str, int]:
         f"{name}_lines": sum(_text(path).count("\n") for path in _files(folders) if path.endswith(endings))
         for name, (folders, endings) in _FOLDERS.items()
     }
-    words = sum(len(_text(path).split()) for path in _files(["docs", "README.md"]) if path.endswith(".md"))
-    return {**lines, "document_words": words, "parameters": len(PLACES)}
+    pages = [path for path in _files(["docs", "README.md"]) if path.endswith(".md")]
+    words = sum(len(_text(path).split()) for path in pages)
+    written = sum(len(_written(path).split()) for path in pages)
+    return {
+        **lines,
+        "document_words": written,
+        "generated_document_words": words - written,
+        "parameters": len(PLACES),
+    }
+
+
+def _written(path: str) -> str:
+    """Return what of a page people wrote."""
+    return "" if path in _GENERATED_PAGES else _GENERATED_PARTS.sub("", _text(path))
 
 
 def _files(folders: list[str]) -> list[str]:

@@ -1,9 +1,11 @@
 """Writes what of the documentation is made from the code: `python docs/generate.py`. A test compares.
 
 * docs/parameters.md, from the models of a request;
-* the files and artifacts in docs/http.md, from the kinds of job.
+* parts of pages, between two comments: the settings in docs/configuration.md, the codes in docs/errors.md, the methods
+  in docs/client.md, the commands and exit codes in docs/cli.md, the routes, and the files of each kind of job, in
+  docs/http.md, tables in docs/plain.md and docs/sketch.md, and the layout of a file in docs/surface_fit.md.
 
-The references of HTTP and of commands are made when the site is built (docs/generation/site.py).
+The references of HTTP, of commands and of equations are made when the site is built (docs/generation/site.py).
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # a script finds its own folder only
 
-from docs.generation import kinds, parameters  # noqa: E402
+from docs.generation import client, commands, errors, kinds, parameters, routes, settings, tables  # noqa: E402
 
 __all__ = ["pages"]
 
@@ -22,10 +24,25 @@ __all__ = ["pages"]
 def pages() -> dict[Path, str]:
     """Return what each generated page should hold now."""
     folder = ROOT / "docs"
-    return {
-        folder / "parameters.md": parameters.page(),
-        folder / "http.md": kinds.page((folder / "http.md").read_text(encoding="utf-8")),
-    }
+    found = {folder / "parameters.md": parameters.page()}
+    for name, renewals in _RENEWED.items():
+        text = (folder / name).read_text(encoding="utf-8")
+        for renew in renewals:
+            text = renew(text)
+        found[folder / name] = text
+    return found
+
+
+_RENEWED = {
+    "cli.md": (commands.page,),
+    "client.md": (client.page,),
+    "configuration.md": (settings.page,),
+    "errors.md": (errors.page,),
+    "http.md": (routes.page, kinds.page),
+    "plain.md": (tables.plain,),
+    "sketch.md": (tables.drawings,),
+    "surface_fit.md": (tables.fields,),
+}
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@
     │   ├── ParameterError             422  parameter_invalid      unknown name, or value out of range
     │   ├── AlignmentError             422  alignment_failed       the target could not be placed on the asset
     │   ├── PromptError                422  prompt_invalid         empty or too long
-    │   ├── VocabularyError            422  prompt_unknown_words   the builtin prior does not know a word
+    │   ├── VocabularyError            422  prompt_unknown_words   a word of the prompt is unknown
     │   ├── PartNotFoundError          422  part_not_found         a change names a part that the asset lacks
     │   ├── IdempotencyMismatchError   422  idempotency_mismatch   an Idempotency-Key was reused for another request
     │   ├── ChecksumError              422  checksum_mismatch      an upload has another size or digest than announced
@@ -297,12 +297,12 @@ class PromptError(RequestError):
 
 
 class VocabularyError(RequestError):
-    """The builtin demonstration prior does not know a word of the prompt."""
+    """A word of the prompt is neither a noun, nor a change, nor a word of one's own."""
 
     code = "prompt_unknown_words"
     advice = (
-        "Use one of the suggested prompts, or choose a Stable Diffusion model: "
-        'set params.guidance.model to its id or folder (install the "sd" extra on the worker).'
+        "Use one of the suggested prompts, or add the word: `meshdeform words add FILE --noun NOUN`. Free text needs "
+        'a Stable Diffusion model: set params.guidance.model to its id or folder (the "sd" extra on the worker).'
     )
 
 

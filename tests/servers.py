@@ -18,7 +18,7 @@ from pathlib import Path
 from meshdeform.errors import DependencyError
 from meshdeform.serving.redis_server import find_redis_server
 
-DEADLINE_S = 60.0
+DEADLINE_S = 240.0
 
 
 class NotInstalledError(Exception):

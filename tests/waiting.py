@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-DEADLINE_S = 90.0
+DEADLINE_S = 240.0
 T = TypeVar("T")
 
 

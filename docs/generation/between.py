@@ -33,4 +33,4 @@ def renewed(text: str, source: str, part: str) -> str:
     _, closing, after = rest.partition(END)
     if not (opening and closing):
         raise ValueError(f"the comments around the part generated from {source} are missing")
-    return f"{before}{opening}{part}{closing}{after}"
+    return f"{before}{opening}\n{part}\n{closing}{after}"

@@ -23,12 +23,13 @@ _SHARED = (
 
 
 def on_files(files: Any, *, config: Any, **_: Any) -> Any:
-    """Add the references of HTTP and of commands, and the web page's icon and fonts beside the site's style sheet."""
+    """Add the references of HTTP, commands and equations, and the page's icon and fonts beside the style sheet."""
     sys.path.insert(0, str(_ROOT))  # MkDocs finds a hook by its path, and nothing beside it
-    from docs.generation import cli, http
+    from docs.generation import cli, equations, http
 
     files.append(File.generated(config, "http_reference.md", content=http.page()))
     files.append(File.generated(config, "cli_reference.md", content=cli.page()))
+    files.append(File.generated(config, "equations.md", content=equations.page()))
     for name in _SHARED:
         source = _WEB / name
         files.append(File.generated(config, f"style/{source.name}", abs_src_path=str(source)))

@@ -1,4 +1,4 @@
-"""Say what each word does to each kind of part: one table, of which `docs/plain.md` has a copy. Pure Python.
+"""Say what each word does to each kind of part: one table, which `docs/plain.md` shows. Pure Python.
 
 A row is a kind of part, a column an operation, and the entry the direction in which the part grows, in its own axes:
 
@@ -46,7 +46,7 @@ _LONG_THINGS = (
     "ear", "horn", "tusk", "nose", "beak", "finger", "wing", "fin", "handle", "stem", "branch", "trunk", "spout",
     "spike", "mast", "gun", "blade", "exhaust", "fork", "leaf",
 )  # fmt: skip
-_KINDS = {
+KINDS = {
     "leg": "leg", "arm": "arm", "neck": "neck", "tail": "tail", "head": "head", "belly": "belly", "wheel": "wheel",
     "seat": "slab", "top": "slab", "back": "back", "roof": "roof", "base": "base",
     **dict.fromkeys(("shoulder", "hip"), "shoulder"),
@@ -54,6 +54,7 @@ _KINDS = {
     **dict.fromkeys(_LONG_THINGS, "limb"),
     **dict.fromkeys(("thigh", "shin", "forearm", "upper arm", "lower arm", "upper leg", "lower leg", "toe"), "limb"),
 }  # fmt: skip
+"""The kind of each part that has a row; any other is a `thing`."""
 
 READ_AS: dict[str, dict[str, str]] = {
     WHOLE: {"high": "tall", "short": "tall"},
@@ -82,7 +83,7 @@ OF_PARTS = {
 
 def kind_of(part: str) -> str:
     """Return the kind of a part, `thing` of a name that only the file knows."""
-    return WHOLE if part == WHOLE else _KINDS.get(part, "thing")
+    return WHOLE if part == WHOLE else KINDS.get(part, "thing")
 
 
 def meaning(operation: str, part: str) -> str:

@@ -801,7 +801,7 @@ _BUILTIN_VIEW: dict[str, Any] = {"appearance": "normals", "framing": 0.57, "fram
 
 # The built-in model is small: below 0.75 T it mostly denoises the given picture, above it decides the content.
 # Twelve times the paper's rate works because the safeguard undoes the defects of such steps, and because rescaled
-# guidance keeps the contrast of the training pictures (docs/quality.md).
+# guidance keeps the contrast of the training pictures.
 _BUILTIN: dict[str, Any] = {
     **_GUARDED,
     "orientation": "auto",
@@ -813,7 +813,7 @@ _BUILTIN: dict[str, Any] = {
     "jacobian_reg_weight": 16.0,
     "laplacian_weight": 0.16,
     "normal_weight": 6000.0,
-    # Halves the distortion at the same retrieval (docs/quality.md, Ablations). Other guidance has gradients of
+    # Halves the distortion at the same retrieval. Other guidance has gradients of
     # other magnitudes, for which no weight was measured.
     "dirichlet_weight": 10.0,
     "silhouette_weight": 1000.0,
@@ -836,7 +836,7 @@ _SD: dict[str, Any] = {
 OVERRIDES: dict[tuple[Family, str], dict[str, Any]] = {
     ("builtin", "paper"): {"guidance_scale": 7.5, **_BUILTIN_VIEW},
     ("builtin", "balanced"): {**_BUILTIN, "steps": 200},
-    # As many nouns as 80 steps at the rate of `balanced`, in 0.7 times their CPU time (docs/quality.md).
+    # As many nouns as 80 steps at the rate of `balanced`, in 0.7 times their CPU time.
     ("builtin", "preview"): {**_BUILTIN, "steps": 60, "learning_rate": 0.04},
     ("sd", "paper"): {},
     ("sd", "balanced"): {**_SD, "steps": 2000, "learning_rate": 0.005},

@@ -189,7 +189,7 @@ def keep_freed_memory() -> None:
     """Keep up to 256 MB that were freed, for a process that computes; the environment's own settings win.
 
     torch frees most of its tensors within a step. glibc returns them to the system, which has to clear every page of
-    the next step's tensors (docs/performance.md).
+    the next step's tensors.
     """
     _set(_M_MMAP_THRESHOLD, _LARGEST, "MALLOC_MMAP_THRESHOLD_")
     _set(_M_TRIM_THRESHOLD, _KEPT, "MALLOC_TRIM_THRESHOLD_")

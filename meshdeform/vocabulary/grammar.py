@@ -61,9 +61,9 @@ _SIMILARITY = 0.79
 _MIN_LENGTH = 3
 _POPULAR = ("mushroom", "vase", "rabbit")
 
-_ALL_WORDS = "All words: meshdeform models builtin, or GET /v1/models."
+_OWN_WORDS = "All words: meshdeform models shapes, or GET /v1/models. Add yours: meshdeform words add FILE --noun NOUN."
 _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
-_ADVICE = f"{_ALL_WORDS} {_FREE_TEXT}"
+_ADVICE = f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
 _NOT_LENT = ("neck", "stem", "trunk", "tower")
 """Parts that others stand on."""
 
@@ -282,7 +282,7 @@ class _Reading:
         )
         return VocabularyError(
             detail,
-            advice=f"{offer} {_ADVICE}",
+            advice=f"{offer} {_ADVICE if self.known.tokens else f'{_OWN_WORDS} {_FREE_TEXT}'}",
             unknown=unknown,
             suggestions=suggestion.prompts,
             corrections=suggestion.corrections,

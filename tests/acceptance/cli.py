@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
 
-DEADLINE_S = 120.0
+DEADLINE_S = 240.0
 
 
 def command(*arguments: object) -> list[str]:

@@ -32,7 +32,7 @@ from tests.acceptance.service import until
 from tests.servers import RedisServer, free_port
 
 ROOT = Path(__file__).resolve().parents[2]
-DEADLINE_S = 120.0
+DEADLINE_S = 240.0
 LEASE_S = 5.0
 EVERY = 4
 SPHERE = ROOT / "examples" / "sphere.glb"

@@ -22,7 +22,7 @@ from meshdeform.errors import UnavailableError
 from meshdeform.requests.groups import grouped
 
 T = TypeVar("T")
-DEADLINE_S = 120.0
+DEADLINE_S = 240.0
 SMALLER = Path(__file__).parents[1] / "smaller"
 """On the module path of a service, its jobs draw small previews and measure with few samples."""
 TERMINAL = {"succeeded", "failed", "canceled", "expired"}

@@ -30,7 +30,7 @@ CHROMIUM_ARGUMENTS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", 
 CHROMIUM_ARGUMENTS += ["--disable-gpu-rasterization", "--disable-gpu-compositing"]
 # One sample for each pixel is drawn sooner than four, and no test looks at an edge.
 CHROMIUM_ARGUMENTS += ["--webgl-antialiasing-mode=none"]
-DEADLINE_MS = 60_000
+DEADLINE_MS = 240_000  # only a hang takes so long, on a busy machine too
 _VIOLATIONS = """
 window.__violations = [];
 document.addEventListener("securitypolicyviolation", (event) => {

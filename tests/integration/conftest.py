@@ -32,7 +32,7 @@ from tests.in_process import children_in_process
 from tests.servers import free_port, postgres_database
 from tests.unit.webhooks.receiver import Receiver, receiving
 
-DEADLINE_S = 90.0
+DEADLINE_S = 240.0
 WEBHOOK_SETTINGS = Settings(webhook_networks=["127.0.0.0/8"])
 """What lets messages go to a receiver on loopback."""
 

@@ -25,7 +25,7 @@ _ROOM = 0.5
 _ENOUGH = 5
 """So many labelled shapes tell how much members of a family differ."""
 _UNLIKE = 1.6
-"""Chosen on three families; docs/families.md has how it does on others."""
+"""Chosen on three families."""
 _ALIKE = 0.2
 """Standard deviations of a feature: what differs by less is alike, however much alike the labelled shapes are."""
 _QUANTILES = 100

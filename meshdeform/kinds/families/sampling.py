@@ -2,7 +2,7 @@
 
 A shape lies between a member and one of those that are nearest to it, each part by a share of its own, so that
 proportions come together that no member has. Gibbs sampling of the machine (Huang 2017, section 3.4) mixed kinds, and
-covered less of the members that it had not seen (docs/families.md has the figures).
+covered less of the members that it had not seen.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ image is nearest, found again every 100 steps. Without it f could leave out part
 
 In the last part of a fit the tensors are rounded as the file will hold them (`network.rounded`).
 
-Source: Noma et al. 2026, section 4; weights and schedule are measured (docs/surface_fit.md).
+Source: Noma et al. 2026, section 4; weights and schedule are measured.
 """
 
 from __future__ import annotations

@@ -1,4 +1,38 @@
-"""Read a `.ndf` file (docs/surface_fit.md) and unfold it at any level, with numpy and the standard library alone."""
+"""Read a `.ndf` file and unfold it at any level, with numpy and the standard library alone.
+
+All numbers are little-endian. The file has
+
+- `NDF` and the version, 2: four bytes
+- the length of the header: four bytes
+- the header, JSON: `vertices`, `faces`, `bits`, `features`, `octaves`, `widths` of all layers, `steps`, `centre`,
+  `scale`, `sections`, and optionally `scalars` and `made`
+- the sections, each a raw DEFLATE stream; `sections` has their bytes, packed and unpacked
+- CRC-32 (zlib's) of everything before: four bytes
+
+Each section is a list of 16-bit numbers, all low bytes before all high ones. Zigzag integers are 0, -1, 1, -2, 2 ...
+for 0, 1, 2, 3, 4 ... The first two sections hold the base as a walk over its faces:
+
+- The walk keeps directed open edges in a queue. Each number of the first section is about the oldest edge, (a, b) of a
+  face (a, b, r): 0 is a border, and the edge is closed; otherwise a face (b, a, c) follows, where 1 is a new corner c,
+  and n + 1 the n-th last of the new corners. Without an open edge, three numbers begin a part with a face (a, b, c): 0
+  for a new corner, or n.
+- Of each face (x, y, z), the edges (x, y), (y, z), (z, x) are taken in this order: one whose reverse is open closes
+  that; another is put last in the queue.
+- New corners are numbered from 0. The second section has three zigzag integers for each: its position less the
+  prediction, which is a + b - r; for the corners that begin a part, the position of the last new corner (at first,
+  zero), of a, and of b. Positions are integers; frame = integer / (2^(bits - 1) - 1) - 1, and
+  world = centre + scale * frame.
+
+The third has the features of vertex 0, of vertex 1, and so on, then for each layer the rows of its matrix (out, in),
+and its bias, all as zigzag integers: a value is its integer times a step, 2^(n / 4). `steps` has the n of each channel
+of the features, then one for each matrix and each bias. SiLU, x / (1 + exp(-x)), follows every layer but the last.
+`widths` begins with the inputs: features, p, then sine and cosine for k = 0, 1 ... up to `octaves` - 1, three numbers
+each.
+
+A section for each member of `scalars` follows, likewise: the features of all vertices, then its layers. The member has
+its `name`; `widths`, the features of a vertex and the outputs of each layer; `steps`; `offset` and `scale` of each
+output, value = offset + scale * output; and for pieces `labels`, the number of each.
+"""
 
 from __future__ import annotations
 
