@@ -1,16 +1,18 @@
 """Time previews of a real service, as somebody types: ``python -m bench.live [--browser] [--turns N] [--faces N]``.
 
 Starts a service in a temporary folder, reads an asset (the painted animal with 10,000 faces), and asks for prompts one
-after the other: how long the first takes, the next ones, six seeds of each, and the file of one that was seen.
-`import torch` is timed between them. With ``--browser``, Chromium types on the page: from the end of its pause of .3 s
-to the frame after the shape has come.
+after the other: how long the first takes, the next ones, five more seeds of each, and the file of one that was seen.
+`import torch` is timed between them, by the clock and by the processor, which counts on a busy machine. With
+``--browser``, Chromium types on the page: from the end of its pause of .3 s to the frame after the shape has come.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -63,26 +65,38 @@ def service(folder: Path) -> Iterator[str]:
             process.terminate()
 
 
-def import_torch_s() -> float:
-    """Return the seconds that another process takes to import torch."""
-    begun = time.perf_counter()
+def import_torch() -> tuple[float, float]:
+    """Return the seconds that another process takes to import torch, by the clock and of the processor."""
+    begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([sys.executable, "-c", "import torch"], env={**os.environ, "OMP_NUM_THREADS": "1"}, check=True)
-    return time.perf_counter() - begun
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.perf_counter() - begun, used_s
 
 
-def by_http(url: str, asset: bytes, turns: int) -> dict[str, list[float]]:
-    """Return the seconds of what is asked, by what it is."""
-    times: dict[str, list[float]] = {"import torch": []}
+def used_s() -> float:
+    """Return the processor's seconds of the processes that make previews."""
+    total = 0
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if b"preview_work" in (process / "cmdline").read_bytes():
+                total += sum(map(int, (process / "stat").read_text().rpartition(")")[2].split()[11:13]))
+    return total / os.sysconf("SC_CLK_TCK")
+
+
+def by_http(url: str, asset: bytes, turns: int) -> dict[str, list[tuple[float, float]]]:
+    """Return the seconds of what is asked, by what it is: of the clock and of the processor."""
+    times: dict[str, list[tuple[float, float]]] = {"import torch": []}
     with httpx.Client(base_url=url, timeout=600) as client:
 
         def ask(what: str, document: dict[str, object], form: str = "positions") -> str:
-            begun = time.perf_counter()
+            begun, used = time.perf_counter(), used_s()
             named = "asset" in document
             sent = {"asset": ("animal.glb", asset), "request": (None, json.dumps(document))}
             answer = client.post(
                 "/v1/jobs:preview", params={"as": form}, **({"json": document} if named else {"files": sent})
             )
-            times.setdefault(what, []).append(time.perf_counter() - begun)
+            times.setdefault(what, []).append((time.perf_counter() - begun, used_s() - used))
             if answer.status_code != 503:  # it took too long
                 answer.raise_for_status()
             return answer.headers.get("Meshdeform-Asset", "")
@@ -91,7 +105,7 @@ def by_http(url: str, asset: bytes, turns: int) -> dict[str, list[float]]:
         kept = {"asset": {"sha256": digest}}
         ask("first prompt", {**kept, "prompt": PROMPTS[0]})
         for number in range(turns):
-            times["import torch"].append(import_torch_s())
+            times["import torch"].append(import_torch())
             prompt = PROMPTS[(number + 1) % len(PROMPTS)]
             ask("next prompt", {**kept, "prompt": prompt})
             ask("its file", {**kept, "prompt": prompt}, "glb")
@@ -100,13 +114,14 @@ def by_http(url: str, asset: bytes, turns: int) -> dict[str, list[float]]:
     return times
 
 
-def by_browser(url: str, asset: Path, turns: int) -> dict[str, list[float]]:
+def by_browser(url: str, asset: Path, turns: int) -> dict[str, list[tuple[float, float]]]:
     """Return the seconds from the end of the pause to the shape and to the last of six, on the page."""
     from playwright.sync_api import sync_playwright
 
     from tests.browser.conftest import CHROMIUM_ARGUMENTS, FEW_SAMPLES, chromium_path
 
-    times: dict[str, list[float]] = {"first prompt on the page": [], "next prompt on the page": [], "six on it": []}
+    names = ("first prompt on the page", "next prompt on the page", "six on it")
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium_path(), args=CHROMIUM_ARGUMENTS)
         page = browser.new_page()
@@ -119,27 +134,27 @@ def by_browser(url: str, asset: Path, turns: int) -> dict[str, list[float]]:
         for number in range(turns):
             prompt = PROMPTS[number % len(PROMPTS)]
             with page.expect_response(lambda answer: "as=glb" in answer.url and answer.status == 200) as found:
-                begun = time.perf_counter() + PAUSE_S
+                begun, used = time.perf_counter() + PAUSE_S, used_s()
                 page.locator("#prompt").fill(prompt)
             found.value.finished()
             page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-            times["next prompt on the page" if number else "first prompt on the page"].append(
-                time.perf_counter() - begun
-            )
+            times[names[min(number, 1)]].append((time.perf_counter() - begun, used_s() - used))
             page.locator(".live-member:nth-child(6) img[src]").wait_for(state="attached")
-            times["six on it"].append(time.perf_counter() - begun)
+            times[names[2]].append((time.perf_counter() - begun, used_s() - used))
         browser.close()
     return times
 
 
-def told(times: dict[str, list[float]], torch_s: float) -> None:
+def told(times: dict[str, list[tuple[float, float]]], torch: tuple[float, float]) -> None:
     """Print the medians and the 95th percentiles, in seconds and beside `import torch`."""
     for what, seconds in times.items():
         if seconds:
-            middle, most = median(seconds), float(np.percentile(seconds, 95))
+            clock, used = zip(*seconds, strict=True)
             print(
-                f"{what:28} {len(seconds):3}  p50 {middle:7.2f} s ({middle / torch_s:5.2f} of import torch)"
-                f"  p95 {most:7.2f} s"
+                f"{what:26} {len(seconds):3}  p50 {median(clock):6.2f} s ({median(clock) / torch[0]:5.2f})"
+                f"  p95 {float(np.percentile(clock, 95)):6.2f} s"
+                f"  processor {median(used):6.2f} s ({median(used) / torch[1]:5.2f})",
+                flush=True,
             )
 
 
@@ -153,12 +168,13 @@ def main() -> None:
     asset = asset_of(arguments.faces)
     with tempfile.TemporaryDirectory() as folder, service(Path(folder) / "data") as url:
         times = by_http(url, asset, arguments.turns)
-        torch_s = median(times["import torch"])
-        told(times, torch_s)
+        clock, used = zip(*times["import torch"], strict=True)
+        torch = median(clock), median(used)
+        told(times, torch)
         if arguments.browser:
             file = Path(folder) / "animal-10k.glb"
             file.write_bytes(asset)
-            told(by_browser(url, file, arguments.turns), torch_s)
+            told(by_browser(url, file, arguments.turns), torch)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ __all__ = ["Asked", "StoppedError", "WarmProcesses", "verdict_of"]
 _MEMORY_BYTES = 16 * 2**30
 """Address space of a copy; torch alone maps several gigabytes of it."""
 _NICE = 10
-_GRACE_S = 1.0
+_GRACE_S = 3.0
 """How long a copy may take to notice that nobody waits for its answer, before it is ended with all that it knows."""
 _POLL_S = 0.1
 
@@ -66,15 +66,19 @@ class _Copy:
     received: bytes = b""
 
     def ask(self, task: dict[str, Any], timeout_s: float, asked: Asked) -> dict[str, Any] | None:
-        """Return its verdict; None: it has ended. `TimeoutError`, `StoppedError`: there was none in time."""
+        """Return its verdict, which may be that it was stopped; None: it has ended.
+
+        `TimeoutError`, `StoppedError`: it did not stop when it was told to, as time was up or nobody waited.
+        """
         self.connection.sendall(json.dumps(task).encode() + b"\n")
-        until, told = time.monotonic() + timeout_s, False
+        until, late, told = time.monotonic() + timeout_s, False, False
         while b"\n" not in self.received:
-            if asked.stopped and not told:
+            late = late or time.monotonic() > until
+            if told and time.monotonic() > until + _GRACE_S:
+                raise TimeoutError if late and not asked.stopped else StoppedError
+            if (late or asked.stopped) and not told:
                 self.connection.sendall(b"{}\n")
-                until, told = min(until, time.monotonic() + _GRACE_S), True
-            if time.monotonic() > until:
-                raise StoppedError if told else TimeoutError
+                until, told = min(until, time.monotonic()), True
             self.connection.settimeout(_POLL_S)
             with contextlib.suppress(TimeoutError):
                 chunk = self.connection.recv(2**16)
@@ -139,7 +143,7 @@ class WarmProcesses:
         with self._lock:
             copy.busy, copy.used_at = False, time.monotonic()
         if verdict.get("stopped"):
-            raise StoppedError
+            raise StoppedError if asked.stopped else TimeoutError
         return verdict
 
     def tidy(self) -> None:

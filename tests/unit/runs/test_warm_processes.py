@@ -82,7 +82,17 @@ def test_one_that_does_not_notice_is_ended(processes: WarmProcesses, monkeypatch
     assert found(ask(processes))["pid"] != pid
 
 
-def test_one_that_takes_too_long_is_ended(processes: WarmProcesses) -> None:
+def test_one_that_takes_too_long_is_stopped_and_knows_what_it_knew(processes: WarmProcesses) -> None:
+    pid = found(ask(processes))["pid"]
+    with pytest.raises(TimeoutError):
+        processes.ask("ann", {"do": "wait"}, 0.1, Asked())
+    assert found(ask(processes))["pid"] == pid
+
+
+def test_one_that_takes_too_long_and_does_not_stop_is_ended(
+    processes: WarmProcesses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(warm_processes, "_GRACE_S", 0.1)
     pid = found(ask(processes))["pid"]
     with pytest.raises(TimeoutError):
         processes.ask("ann", {"do": "hang"}, 0.1, Asked())
