@@ -27,12 +27,12 @@ from meshdeform.api.documents import KindView as KindInfo
 from meshdeform.api.documents import LimitList as Limits
 from meshdeform.api.documents import VocabularyView as Vocabulary
 from meshdeform.api.jobs import ArtifactView, CheckpointView, EventView, SignedUrl
-from meshdeform.api.previews import PreviewShape, PreviewShapes, PrimitivePositions
 from meshdeform.client.asynchronous.client import AsyncClient, AsyncResult
 from meshdeform.client.documents import JobView, Validation
 from meshdeform.client.orders import AssetLike
 from meshdeform.client.problems import WaitTimeoutError
 from meshdeform.client.sync.client import Client, Result
+from meshdeform.requests.previews import PreviewShape, PreviewShapes, PrimitivePositions
 
 __all__ = [
     "ArtifactView",

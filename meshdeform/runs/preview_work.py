@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from meshdeform.api.previews import MOST_LEVELS, PreviewShape, PreviewShapes, PrimitivePositions, pack
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.limits import Limits
 from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.requests.previews import MOST_LEVELS, PreviewShape, PreviewShapes, PrimitivePositions, pack
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.exemplar import ExemplarRun

@@ -12,9 +12,9 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 import pytest
 
-from meshdeform.api.previews import PreviewShape, PreviewShapes, pack
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.requests.previews import PreviewShape, PreviewShapes, pack
 from meshdeform.runs.preview_work import positions_of
 from tests.acceptance.service import Service, until
 from tests.browser.steps import barriers, choose, difference, expect, open_form, open_more, picture, until_drawn

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from fastapi import FastAPI, Request
 
-from meshdeform.api.previews import MOST_LEVELS, PreviewShapes
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.limits import Limits
@@ -26,6 +25,7 @@ from meshdeform.errors import AssetError, ParameterError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.mcp.tools import Folders, Tools
 from meshdeform.requests.document import read_stored
+from meshdeform.requests.previews import MOST_LEVELS, PreviewShapes
 from meshdeform.runs import preview_work, start_run
 from meshdeform.runs import reading as runs_reading
 from meshdeform.runs.base import InputFile, RunInput

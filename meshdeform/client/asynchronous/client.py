@@ -35,7 +35,6 @@ from meshdeform.api.jobs import (
     EventView,
     SignedUrl,
 )
-from meshdeform.api.previews import PreviewShapes
 from meshdeform.api.states import JobState
 from meshdeform.client.asynchronous.connection import AsyncConnection, pause, shielded, tell, work
 from meshdeform.client.asynchronous.transfers import (
@@ -92,6 +91,7 @@ from meshdeform.errors import (
     UnavailableError,
 )
 from meshdeform.requests.choices import JobKind, PartsAs
+from meshdeform.requests.previews import PreviewShapes
 from meshdeform.verdicts import read_verdict
 
 M = TypeVar("M", bound=BaseModel)

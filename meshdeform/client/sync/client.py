@@ -36,7 +36,6 @@ from meshdeform.api.jobs import (
     EventView,
     SignedUrl,
 )
-from meshdeform.api.previews import PreviewShapes
 from meshdeform.api.states import JobState
 from meshdeform.client.documents import (
     AFTERWARDS,
@@ -94,6 +93,7 @@ from meshdeform.errors import (
     UnavailableError,
 )
 from meshdeform.requests.choices import JobKind, PartsAs
+from meshdeform.requests.previews import PreviewShapes
 from meshdeform.verdicts import read_verdict
 
 M = TypeVar("M", bound=BaseModel)
