@@ -225,6 +225,7 @@ class WarmProcesses:
 def main(arguments: list[str] | None = None) -> int:
     """Import a module, and copy this process for each socket that comes; in the child."""
     module, control_fd = sys.argv[1:] if arguments is None else arguments
+    os.nice(_NICE)
     control = socket.socket(fileno=int(control_fd))
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads what a decoder may print
     try:
@@ -253,7 +254,6 @@ def _refusal(error: MeshdeformError) -> Callable[..., Any]:
 
 def _serve(connection: socket.socket, answer: Callable[[dict[str, Any], Callable[[], bool]], Any]) -> None:
     """Answer the tasks of a socket until it is closed."""
-    os.nice(_NICE)
     bound_memory(_MEMORY_BYTES)
     tasks: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     stop = threading.Event()
