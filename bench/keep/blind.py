@@ -73,10 +73,8 @@ def _draw(out: Path, folders: Mapping[str, str], split: str | None, seed: int) -
     shown = [row for row in rows if row.verdict != "failed"]
     (out / "sheets").mkdir(parents=True, exist_ok=True)
     for first in range(0, len(shown), _ON_A_SHEET):
-        tiles = [
-            _tile(first + number, row, folders) for number, row in enumerate(shown[first : first + _ON_A_SHEET], 1)
-        ]
-        _sheet(tiles).save(out / "sheets" / f"{first // _ON_A_SHEET + 1:02}.png")
+        tiles = [tile(first + number, row, folders) for number, row in enumerate(shown[first : first + _ON_A_SHEET], 1)]
+        sheet(tiles).save(out / "sheets" / f"{first // _ON_A_SHEET + 1:02}.png")
     # Failed runs have no row on a sheet; they come after all numbers.
     rows = shown + [row for row in rows if row.verdict == "failed"]
     commits = {name: next(iter(records.values()))["commit"] for name, records in runs.items()}
@@ -90,7 +88,7 @@ def _records(folder: Path, split: str | None) -> dict[str, dict[str, Any]]:
     return {name: record for name, record in found.items() if record["asset"] in known}
 
 
-def _tile(number: int, row: Row, folders: Mapping[str, str]) -> Image.Image:
+def tile(number: int, row: Row, folders: Mapping[str, str]) -> Image.Image:
     """Return one row: its number and prompt, the source, and the result, from two sides each."""
     folder = Path(folders.get(row.run) or next(iter(folders.values()))) / f"{row.asset}-{row.distance}"
     names = ("source", "source" if row.run == NOTHING else "result")
@@ -102,7 +100,8 @@ def _tile(number: int, row: Row, folders: Mapping[str, str]) -> Image.Image:
     return image
 
 
-def _sheet(tiles: Sequence[Image.Image]) -> Image.Image:
+def sheet(tiles: Sequence[Image.Image]) -> Image.Image:
+    """Return tiles on one sheet."""
     rows = -(-len(tiles) // _COLUMNS)
     whole = Image.new("RGB", (_COLUMNS * tiles[0].width, rows * tiles[0].height), "white")
     for number, tile in enumerate(tiles):

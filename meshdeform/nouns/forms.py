@@ -28,7 +28,7 @@ from meshdeform.nouns.variants import (
 )
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
-from meshdeform.vocabulary.solids import LAYOUTS, Piece
+from meshdeform.vocabulary.solids import Piece
 
 __all__ = ["FORMS", "GENERAL", "drawn", "is_able", "own_forms"]
 
@@ -58,10 +58,10 @@ _FORMS: dict[str, tuple[str, ...]] = {
     "van": ("van", "truck"),
 }
 FORMS: dict[str, tuple[str, ...]] = {
-    noun: forms if noun in LAYOUTS else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
+    noun: forms if "plain" in TABLE[noun].traits else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
 }
-"""The families, forms and kinds of the members by which assets are read. Nouns of `LAYOUTS` are read without their
-kinds: among members of many, a plain dog lost its head and its neck."""
+"""The families, forms and kinds of the members by which assets are read. Plain nouns are read without their kinds:
+among members of many, a plain dog lost its head and its neck."""
 
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""

@@ -13,19 +13,20 @@ from types import ModuleType
 import numpy as np
 
 from meshdeform.nouns.deformed import deformed
+from meshdeform.nouns.families import parts
 from meshdeform.nouns.families.parts import Part
 from meshdeform.nouns.families.sketches import SKETCHES
 from meshdeform.nouns.families.traits import Traits
 from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.nouns import NOUNS
 
 __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]
 
 Family = Callable[[np.random.Generator, Traits], Part]
 
 _SUBJECTS = (
-    "animal_kinds animals beasts birds breeds bridges buildings characters clothing creatures dungeon figure_kinds "
-    "figures food furniture hoofed household insects kitchen marine monsters movers plants prowlers reptiles rooms "
-    "sitters small swimmers things tools vehicles wheeled winged"
+    "animal_kinds animals beasts birds breeds buildings characters clothing dungeon figure_kinds figures food "
+    "furniture household insects kitchen marine reptiles small tools vehicles wildlife winged"
 )
 
 
@@ -36,7 +37,12 @@ def _kinds_of(module: ModuleType) -> Mapping[str, tuple[Family, ...]]:
 
 _MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 _DRAWN: dict[str, Family] = {
-    **{name: getattr(module, name) for module in _MODULES for name in module.__all__},
+    **{
+        name: draw
+        for module in _MODULES
+        for name, draw in vars(module).items()
+        if name in NOUNS and draw is not vars(parts).get(name)
+    },
     **{
         f"{noun}/{draw.__name__.replace('_', '-')}": draw
         for module in _MODULES

@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from meshdeform.nouns.families.birds import Build, bird_kind, bird_of, feathers
 from meshdeform.nouns.families.drawing import bead, bent_limb, circle, kind, near, on, pairs, petal, sized, varied
 from meshdeform.nouns.families.insects import claw_of, feelers_of, legs_of
 from meshdeform.nouns.families.marine import Build as FishBuild
 from meshdeform.nouns.families.marine import fish_kind
-from meshdeform.nouns.families.parts import Array, Part, box, ellipsoid, limb, moved, pair, turned
+from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
-
-__all__: list[str] = []
 
 
 def _ball(rng: Rng, traits: Traits, tall: float) -> tuple[dict[str, list[Part]], Array, Array]:
@@ -43,22 +40,6 @@ def round_bird(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **solids, head=[head, *tuft])
 
 
-def bath_duck(rng: Rng, traits: Traits) -> Part:
-    """Draw a rubber duck: a ball of a head on a plump body, an upturned tail, a broad bill."""
-    head, neck = sized(rng, traits, "head", 0.36, by=1.6), sized(rng, traits, "neck", 0.125, by=3)
-    girth, length = rng.uniform(0.42, 0.5), rng.uniform(0.52, 0.62)
-    skull = np.array([0, 0.62 * girth + neck + 0.95 * head, 0.42 * length])
-    bill, rump = skull + [0, -0.15 * head, 0.8 * head], np.array([0, 0.2, -0.75 * length])
-    return varied(rng, body=ellipsoid([0, 0.1, 0], [girth, 0.75 * girth, length], rings=12),
-        head=bead(skull, head, segments=20, rings=10),
-        neck=limb([[0, 0.15, 0.36 * length], skull], [0.7 * girth, 0.6 * head], segments=14, samples=3),
-        beak=[limb([bill, bill + [0, way, 0.2]], [[0.05, 0.16], [0.03, 0.14]], segments=10, samples=2)
-        for way in (0.05, -0.05)], eye=pair(bead(on(skull, head, 0.5, 0.3, 0.78), 0.06)),
-        tail=bent_limb([rump, rump + [0, 0.12, -0.16], rump + [0, 0.3, -0.22]],
-        [[0.22, 0.26], [0.14, 0.16], [0.03, 0.05]]),
-        wing=pair(bead([0.9 * girth, 0.16, -0.05], [0.12, 0.2, 0.55 * length], segments=12)))  # fmt: skip
-
-
 def plump_hen(rng: Rng, traits: Traits) -> Part:
     """Draw a hen: a heavy body, a fan of a tail, a comb and a wattle on a small head."""
     build = Build(girth=0.37, length=0.42, lean_deg=29, legs=0.2, neck=0.21, neck_deg=70, head=0.165, beak=0.12,
@@ -68,29 +49,6 @@ def plump_hen(rng: Rng, traits: Traits) -> Part:
         for z, lift in ((0.5, 0), (0, 0.2), (-0.5, 0.1))]  # fmt: skip
     wattle = bead(on(bird.skull, bird.head, 0, -0.95, 0.85), [0.045, 0.09, 0.05], segments=8)
     return varied(rng, **bird.solids, crest=comb, wattle=wattle)
-
-
-def block_chicken(rng: Rng, traits: Traits) -> Part:
-    """Draw a chicken of boxes: an upright block with a comb, a beak, a wattle, flaps of wings, stick legs."""
-    head, leg = sized(rng, traits, "head", 0.19, by=1.7), sized(rng, traits, "legs", 0.19)
-    tail, long, wide = sized(rng, traits, "tail", 0.24), rng.uniform(0.6, 0.8), rng.uniform(0.48, 0.6)
-    y = leg + 0.26
-    skull = np.array([0, y + 0.3 + head, 0.5 * long - 0.8 * head + 0.05])
-    bevel = rng.uniform(0.04, 0.2)
-    shapes: dict[str, tuple[ArrayLike, ArrayLike]] = {"body": ([0, y, 0], [wide, 0.48, long]),
-        "neck": (skull - [0, 0.8 * head, 0], [1.5 * head, 1.2 * head, 1.4 * head]),
-        "head": (skull, head * np.array([1.7, 1.8, 1.6])),
-        "crest": (skull + [0, 1.05 * head, 0], head * np.array([0.4, 0.6, 1.1])),
-        "beak": (on(skull, head, 0, 0.05, 1.1), head * np.array([0.7, 0.45, 0.9])),
-        "wattle": (on(skull, head, 0, -0.55, 0.95), head * np.array([0.4, 0.6, 0.4])),
-        "tail": ([0, y + 0.16 + 0.4 * tail, -0.5 * long - 0.1 * tail],
-        [0.6 * wide, 0.24 + 0.8 * tail, 0.14 + 0.6 * tail])}  # fmt: skip
-    sides: dict[str, tuple[ArrayLike, ArrayLike]] = {"wing": ([0.5 * wide + 0.04, y + 0.03, -0.03],
-        [0.1, 0.3, 0.6 * long]), "leg": ([0.13, 0.5 * leg + 0.06, 0], [0.08, leg + 0.1, 0.08]),
-        "foot": ([0.13, 0.035, 0.06], [0.2, 0.07, 0.26]),
-        "eye": (on(skull, head, 0.84, 0.3, 0.4), head * np.array([0.12, 0.3, 0.3]))}  # fmt: skip
-    one = {part: [box(*where, round_by=bevel, cells=3)] for part, where in shapes.items()}
-    return varied(rng, **one, **{part: pair(box(*where, round_by=bevel, cells=3)) for part, where in sides.items()})
 
 
 def _eyes_of_owl(solids: dict[str, list[Part]], skull: Array, head: float, eyes: float) -> None:
@@ -242,10 +200,10 @@ _GOLDFISH = FishBuild(tall=0.55, wide=0.45, girths=(0.4, 0.85, 1.0, 0.8, 0.4, 0.
     fork=0.35, back=(0.3, -0.4))  # fmt: skip
 
 KINDS = {"bird": (bird_kind("songbird", _SONGBIRD), bird_kind("gliding_bird", _GLIDING, flying=True), round_bird),
-    "butterfly": (flat_butterfly, fat_moth), "chicken": (plump_hen, block_chicken),
+    "butterfly": (flat_butterfly, fat_moth), "chicken": (plump_hen,),
     "crab": (kind("round_crab", lambda rng, traits: _crab(rng, traits, (0.5, 0.38, 0.42), 0.28, 0.06, 0.3)),
     kind("long_crab", lambda rng, traits: _crab(rng, traits, (0.36, 0.17, 0.32), 0.8, 0.045, 0.185))),
-    "duck": (bird_kind("standing_mallard", _DUCK), bath_duck, bird_kind("flying_duck", _ALOFT, flying=True)),
+    "duck": (bird_kind("standing_mallard", _DUCK), bird_kind("flying_duck", _ALOFT, flying=True)),
     "fish": (fish_kind("slim_fish", _SLIM), fish_kind("tall_fish", _TALL), fish_kind("goldfish", _GOLDFISH)),
     "octopus": (round_octopus, sea_octopus), "owl": (perched_owl, flying_owl), "penguin": (round_penguin, slim_penguin),
     "spider": (kind("flat_spider", lambda rng, traits: _spider(rng, traits, 0.9, 0.03, 0.14, 0.26)),

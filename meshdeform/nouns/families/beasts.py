@@ -8,8 +8,6 @@ from meshdeform.nouns.families.animals import Body, at
 from meshdeform.nouns.families.parts import Part, ellipsoid, join, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["camel", "cow", "crocodile", "deer", "hedgehog", "lion", "mouse", "rhino", "sheep"]
-
 
 def camel(rng: Rng, traits: Traits) -> Part:
     """Draw a camel: two humps on a long-legged body, a neck that dips and rises, a long face."""

@@ -12,9 +12,6 @@ from meshdeform.nouns.families.drawing import Family, bead, bent_limb, kind, nea
 from meshdeform.nouns.families.parts import Array, Part, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["crow", "eagle", "flamingo", "goose",  "ostrich", "parrot", "peacock",  "pigeon",
-    "pterodactyl", "seagull",   "turkey"]  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Build:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.nouns.families.bodies import Animal, FourLegged, Upright, breed, of, strand
-from meshdeform.nouns.families.hoofed import CATTLE, DEER, HORSE
 from meshdeform.nouns.families.parts import disc, ellipsoid, limb, moved, turned
-from meshdeform.nouns.families.prowlers import SMALL
-
-__all__: list[str] = []
+from meshdeform.nouns.families.wildlife import CATTLE, DEER, HORSE, SMALL
 
 _DOG = FourLegged(
     length=0.75, girth=0.21, waist=0.85, leg=0.42, thick=0.065, neck=0.26, tilt=52, head=0.19, muzzle=1.1, tails="up",

@@ -1,14 +1,26 @@
-"""Draw buildings, their doors facing +Z."""
+"""Draw buildings and bridges, their doors facing +Z, and what they consist of: roofs, arches, boards and bars."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshdeform.nouns.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.parts import (
+    Array,
+    Part,
+    box,
+    disc,
+    extrude,
+    join,
+    lathe,
+    limb,
+    moved,
+    named,
+    pair,
+    stretched,
+    turned,
+)
 from meshdeform.nouns.families.traits import Rng, Traits
-
-__all__ = ["castle", "church", "igloo", "lighthouse", "skyscraper", "tent", "windmill"]
 
 
 def pyramid(half: float, height: float, base: ArrayLike) -> Part:
@@ -51,28 +63,6 @@ def castle(rng: Rng, traits: Traits) -> Part:
     return join([*parts, box([0, wall, 0], [0.7 * half, wall + 2 * keep, 0.7 * half], round_by=0.1)])
 
 
-def church(rng: Rng, traits: Traits) -> Part:
-    """Draw a church: a long gabled nave, a square tower in front (+Z) with a spire and a cross, arched windows."""
-    width, length, wall = rng.uniform(0.72, 0.84), rng.uniform(1.15, 1.4), rng.uniform(0.5, 0.62)
-    roof = traits.draw(rng, "roof", (0.1, 0.15), (0.42, 0.52), (0.95, 1.15))
-    rise = traits.draw(rng, "tower", (0.06, 0.14), (0.6, 0.75), (1.5, 1.75))
-    side, spire = rng.uniform(0.42, 0.48), rng.uniform(0.5, 0.62)
-    front, top = length / 2 + 0.08, wall + rise
-    peak = top + spire
-    parts = [box([0, wall / 2, 0], [width, wall, length], round_by=0.06)]
-    parts += [gable(width / 2 + 0.1, roof, length + 0.12, [0, wall + 0.05, 0])]
-    parts += [box([0, top / 2, front], [side, top, side], round_by=0.06)]
-    parts += [box([0, top - 0.02, front], [side + 0.13, 0.13, side + 0.13], round_by=0.35)]
-    parts += [pyramid(side / 2 + 0.03, spire, [0, top, front])]
-    parts += [box([0, peak + 0.12, front], [0.11, 0.4, 0.11], round_by=0.25)]
-    parts += [box([0, peak + 0.16, front], [0.32, 0.11, 0.11], round_by=0.25)]
-    parts += [arch(0.26, 0.4, 0.12, [0, 0.0, front + side / 2 + 0.02])]
-    pane = turned(arch(0.18, 0.36 * wall / 0.55, 0.12, [0, 0, 0]), 90, "y")
-    for z in (-0.36, -0.08, 0.2):
-        parts += pair(moved(pane, [width / 2 + 0.01, wall * 0.22, z * length]))
-    return join(parts)
-
-
 def igloo(rng: Rng, _: Traits) -> Part:
     """Draw an igloo: a dome of blocks with grooves between them, a round tunnel with an open mouth in front (+Z)."""
     tall, blocks = rng.uniform(0.86, 1.02), 14
@@ -91,28 +81,6 @@ def igloo(rng: Rng, _: Traits) -> Part:
     tube = lathe([*outer, (radius * 0.68, reach), (radius * 0.66, reach - 0.32)], segments=28)
     passage = moved(turned(tube, 90, "x"), [0, 0.12, 0])
     return join([shell, Part(np.maximum(passage.verts, [-9.0, 0.0, -9.0]), passage.faces)])
-
-
-def lighthouse(rng: Rng, _: Traits) -> Part:
-    """Draw a lighthouse: a slim tapering tower with raised bands, a gallery, a lantern under a cap, a low hut."""
-    foot, waist, tall = rng.uniform(0.4, 0.46), rng.uniform(0.25, 0.29), rng.uniform(1.55, 1.85)
-    wall: list[tuple[float, float]] = []
-    for step, level in enumerate(np.linspace(0.0, 1.0, 7)[:-1]):
-        swell = 0.05 * (step % 2)
-        for height in (level, level + 1 / 6):
-            wall.append((foot + (waist - foot) * height + swell, 0.14 + tall * height))
-    top = 0.14 + tall
-    gallery = [(0.42, top + 0.02), (0.44, top + 0.05), (0.44, top + 0.16), (0.36, top + 0.17), (0.2, top + 0.17)]
-    lantern = [(0.2, top + 0.48), (0.32, top + 0.48), (0.32, top + 0.54), (0.18, top + 0.66), (0.05, top + 0.7)]
-    tower = lathe([(foot * 1.4, 0.0), (foot * 1.3, 0.14), *wall, *gallery, *lantern, (0.05, top + 0.8)])
-    hut, wide = rng.uniform(0.34, 0.42), rng.uniform(0.4, 0.5)
-    parts = [tower, box([foot + 0.2, hut / 2, 0.05], [wide + 0.2, hut, 0.46], round_by=0.06)]
-    parts.append(turned(gable(0.31, 0.22, wide + 0.3, [-0.05, hut, foot + 0.2]), 90, "y"))
-    parts.append(arch(0.2, 0.38, 0.14, [0, 0.12, foot + 0.02]))
-    window = [
-        ellipsoid([0, 0.14 + tall * level, foot + (waist - foot) * level + 0.05], 0.075) for level in (0.42, 0.75)
-    ]
-    return join([*parts, *window, ellipsoid([0, top + 0.8, 0], 0.08, rings=8)])
 
 
 def skyscraper(rng: Rng, _: Traits) -> Part:
@@ -147,18 +115,129 @@ def tent(rng: Rng, _: Traits) -> Part:
     return join([*parts, limb([[0, tall - 0.01, -length / 2], [0, tall - 0.01, length / 2]], [0.075, 0.075])])
 
 
-def windmill(rng: Rng, traits: Traits) -> Part:
-    """Draw a windmill: an eight-sided tapering tower, a gallery, a round cap, four broad sails on a hub in front."""
-    foot, neck, tall = rng.uniform(0.46, 0.54), rng.uniform(0.26, 0.31), rng.uniform(1.3, 1.5)
-    sail = traits.draw(rng, "sail", (0.34, 0.42), (0.85, 1.0), (1.5, 1.75))
-    tower = lathe([(foot, 0.0), (neck, tall), (neck * 0.8, tall + 0.04)], segments=8)
-    ring = foot + (neck - foot) * 0.34
-    deck = lathe([(ring, 0.28 * tall), (ring + 0.16, 0.31 * tall), (ring + 0.16, 0.37 * tall), (ring, 0.4 * tall)])
-    cap = ellipsoid([0, tall + 0.02, 0.03], [neck * 1.2, 0.3, neck * 1.35])
-    hub, front = tall + 0.06, neck + 0.26
-    axle = limb([[0, hub, 0], [0, hub, front + 0.06]], [0.12, 0.12], segments=10)
-    blade = extrude([(-0.14, 0.14), (0.3, 0.14), (0.36, 0.1 + sail), (-0.14, 0.1 + sail)], 0.16, bevel=0.25)
-    vane = [blade, limb([[0, 0, 0.02], [0, 0.14 + sail, 0.02]], [0.075, 0.07], segments=8)]
-    turn = rng.uniform(38, 52)
-    sails = [moved(turned(part, turn + 90 * step, "z"), [0, hub, front]) for step in range(4) for part in vane]
-    return join([tower, deck, cap, axle, *sails, arch(0.26, 0.3, 0.14, [0, 0, foot - 0.05])])
+ROOT2 = float(np.sqrt(2.0))
+
+
+def roof_of(kind: str, width: float, depth: float, rise: float) -> Part:
+    """Return a roof over a rectangle at the level 0.
+
+    `kind`: "gable" (toward +Z), "ridge" (it runs along X), "hip", "slope" (one, which falls to the back) or "gambrel"
+    (a gable toward +Z with two slopes on each side).
+    """
+    if kind == "ridge":
+        return turned(gable(depth / 2, rise, width, [0, 0.05, 0]), 90, "y")
+    if kind == "gable":
+        return gable(width / 2, rise, depth, [0, 0.05, 0])
+    if kind == "hip":
+        four = turned(lathe([(1.0, -0.06), (1.0, 0.02), (0.62, 0.5 * rise), (0.26, rise)], segments=4), 45, "y")
+        return stretched(four, width / ROOT2, 1, depth / ROOT2)
+    if kind == "slope":
+        half = depth / 2
+        outline = [(-half, -0.04), (half, -0.04), (half, 0.08), (-half, rise)]
+        return moved(turned(extrude(outline, width, bevel=0.03), -90, "y"), [0, 0.02, 0])
+    half = width / 2
+    right = [(half, -0.06), (half, 0.02), (0.68 * half, 0.62 * rise)]
+    left = [(-x, y) for x, y in right[::-1]]
+    return extrude([*right, (0, rise), *left], depth, bevel=0.03)
+
+
+def block(base: ArrayLike, size: ArrayLike, soft: float = 0.05, cells: int = 2) -> Part:
+    """Return a box of full side lengths `size` that stands on the middle `base` of its foot."""
+    sides = np.asarray(size, float)
+    return box(np.asarray(base, float) + [0, sides[1] / 2, 0], sides, round_by=soft, cells=cells)
+
+
+def bar(start: ArrayLike, end: ArrayLike, thick: float, segments: int = 8) -> Part:
+    """Return a straight round bar of radius `thick` between two points, beyond which its blunt ends reach."""
+    foot, way = np.asarray(start, float), np.subtract(end, start)
+    length, blunt = float(np.linalg.norm(way)), 0.7 * thick
+    rod = lathe(
+        [(blunt, -blunt), (thick, 0), (thick, length / 2), (thick, length), (blunt, length + blunt)], segments=segments
+    )
+    up = way / length
+    side = np.cross([0.0, 0.0, 1.0] if abs(up[2]) < 0.9 else [1.0, 0.0, 0.0], up)
+    side /= np.linalg.norm(side)
+    return Part(foot + rod.verts @ np.stack([-side, up, np.cross(up, side)]), rod.faces)
+
+
+def bridge(rng: Rng, _: Traits) -> Part:
+    """Draw a bridge along X: a deck over one to three round arches, level or humped, between two parapets or rails."""
+    half, deep, arches = rng.uniform(1.0, 1.3), rng.uniform(0.26, 0.36), int(rng.integers(1, 4))
+    hump, stone = rng.uniform(0.0, 0.3) if arches == 1 else rng.uniform(0, 0.12), rng.random() < 0.6
+    tall = rng.uniform(0.42, 0.6)
+    line = np.linspace(-1, 1, 14 * arches + 1)
+    phase = np.abs((line + 1) * arches / 2 % 1 - 0.5) * 2
+    top = tall + hump * (1 - line**2)
+    under = np.where(phase < 0.8, np.sqrt(np.clip(1 - (phase / 0.8) ** 2, 0, 1)) * (top - 0.16), 0.0)
+    body = [_span(half * line, under, top, deep)]
+    body += [
+        moved(_span(half * line[::2], top[::2] - 0.07, top[::2] + 0.01, 0.05), [0, 0, side * deep]) for side in (1, -1)
+    ]
+    ends = [(x, z) for x in (-half, half) for z in (-deep, deep)]
+    pillars = [block([x, 0, z], [0.15, tall + 0.26, 0.15], 0.1) for x, z in ends]
+    if stone:
+        rails = [moved(_span(half * line, top, top + 0.17, 0.04), [0, 0, z]) for z in (-deep, deep)]
+        return named(body=body, rail=rails, pole=pillars)
+    across = np.linspace(-1, 1, 9)
+    path = np.stack([half * across, tall + hump * (1 - across**2) + 0.2, 0 * across + deep], 1)
+    rails = [limb(path * [1, 1, side], [0.028] * len(path), segments=6, samples=1) for side in (1, -1)]
+    pillars += [bar([x, y - 0.22, side * z], [x, y, side * z], 0.022, 6) for x, y, z in path[1:-1] for side in (1, -1)]
+    return named(body=body, rail=rails, pole=pillars)
+
+
+def suspension_bridge(rng: Rng, _: Traits) -> Part:
+    """Draw a suspension bridge along X: a level deck that hangs on two ropes over two tall gates."""
+    half, deep, deck, tall = (
+        rng.uniform(1.4, 1.8),
+        rng.uniform(0.18, 0.24),
+        rng.uniform(0.3, 0.4),
+        rng.uniform(0.9, 1.15),
+    )
+    gates = [block([x, 0, z], [0.12, tall, 0.1], 0.1) for x in (-0.55 * half, 0.55 * half) for z in (-deep, deep)]
+    gates += [
+        block([x, y, 0], [0.09, 0.09, 2 * deep], 0.1)
+        for x in (-0.55 * half, 0.55 * half)
+        for y in (0.5 * tall, tall - 0.09)
+    ]
+    gates += [block([x, 0, 0], [0.16, deck, 2 * deep - 0.04], 0.05) for x in (-half, half)]
+    inner, outer = np.linspace(-0.55, 0.55, 9), np.linspace(0.55, 1, 4)
+    sag = deck + 0.08 + (tall - deck - 0.08) * (inner / 0.55) ** 2
+    slope = deck + (tall - deck) * (1 - (outer - 0.55) / 0.45)
+    x = half * np.concatenate([-outer[:0:-1], inner, outer[1:]])
+    y = np.concatenate([slope[:0:-1], sag, slope[1:]])
+    ropes = [limb(np.c_[x, y, 0 * x + z], [0.025] * len(x), segments=6, samples=1) for z in (deep, -deep)]
+    ropes += [
+        bar([a, deck, z], [a, b, z], 0.016, 4) for a, b in zip(x[1:-1], y[1:-1], strict=True) for z in (deep, -deep)
+    ]
+    return named(body=block([0, deck - 0.05, 0], [2 * half, 0.09, 2 * deep - 0.03], 0.1, 4), pole=gates, rope=ropes)
+
+
+def spiral_stairs(rng: Rng, _: Traits) -> Part:
+    """Draw spiral stairs: wedge-shaped steps that wind up about a post, with a rail on thin bars."""
+    count, radius, rise = int(rng.integers(10, 15)), rng.uniform(0.5, 0.65), rng.uniform(0.11, 0.14)
+    turn = rng.uniform(24, 32)
+    wedge = turned(extrude([(0.02, -0.06), (radius, -0.16), (radius, 0.16), (0.02, 0.06)], 0.06), -90, "x")
+    steps = [moved(turned(wedge, turn * k, "y"), [0, (k + 1) * rise, 0]) for k in range(count)]
+    angle = np.radians(turn * np.arange(count))
+    path = np.stack(
+        [0.93 * radius * np.cos(angle), (np.arange(count) + 1) * rise + 0.45, -0.93 * radius * np.sin(angle)], 1
+    )
+    bars = [bar(end - [0, 0.45, 0], end, 0.018, 4) for end in path]
+    return named(
+        step=steps,
+        pole=[disc(0.08, 0, (count + 1) * rise + 0.5), *bars],
+        rail=limb(path, [0.03] * count, segments=6, samples=2),
+    )
+
+
+def _span(x: Array, low: Array, high: Array, half: float) -> Part:
+    """Return a bar along X of square section whose lower and upper sides run at the levels given at places x."""
+    part = turned(lathe([(1.0, t) for t in range(len(x))], segments=8), -90, "z")
+    at = np.round(part.verts[:, 0]).astype(int)
+    section = part.verts[:, 1:]
+    section = section / np.maximum(np.abs(section).max(1, keepdims=True), 1e-9)
+    level = low[at] + (high - low)[at] * (section[:, 0] + 1) / 2
+    return Part(np.stack([x[at], level, half * section[:, 1]], 1), part.faces)
+
+
+KINDS = {"bridge": (suspension_bridge,), "stairs": (spiral_stairs,)}

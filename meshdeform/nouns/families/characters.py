@@ -24,9 +24,6 @@ from meshdeform.nouns.families.drawing import (
 from meshdeform.nouns.families.parts import Array, Part, box, ellipsoid, lathe, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["alien", "angel", "astronaut", "demon", "fairy", "gnome", "knight", "mermaid", "mummy", "orc", "scarecrow",
-    "skeleton", "witch", "wizard", "zombie"]  # fmt: skip
-
 Solids = dict[str, list[Part]]
 
 

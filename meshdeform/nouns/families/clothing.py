@@ -7,8 +7,6 @@ import numpy as np
 from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["backpack", "boot", "dress", "glove", "helmet", "shirt", "trousers"]
-
 
 def _stretched(part: Part, x: float, y: float, z: float) -> Part:
     return Part(part.verts * np.array([x, y, z]), part.faces)
@@ -20,24 +18,6 @@ def _sleeve(length: float, shoulder: float, cuff: float, degrees: float) -> Part
     wall = [(cuff + 0.02, 0.0), (cuff + 0.02, 0.08), (cuff, 0.1), (shoulder, 0.1 + length)]
     wall += [(0.5 * shoulder, 0.2 + length)]
     return turned(moved(lathe([*hollow, *wall]), [0, -0.1 - length, 0]), degrees, "z")
-
-
-def backpack(rng: Rng, _: Traits) -> Part:
-    """Draw a backpack: a round-topped sack, a flap and a pocket in front, side pockets, two straps behind."""
-    width, height, deep = rng.uniform(0.86, 1.12), rng.uniform(1.2, 1.55), rng.uniform(0.48, 0.64)
-    front = deep / 2
-    parts = [box([0, height * 0.45, 0], [width, height * 0.9, deep], round_by=0.4, cells=8)]
-    parts.append(ellipsoid([0, height * 0.78, 0], [width * 0.48, height * 0.26, front * 0.96]))
-    parts.append(box([0, height * 0.8, front * 0.5], [width * 0.86, height * 0.26, front * 1.5], round_by=0.4))
-    parts.append(box([0, height * 0.28, front], [width * 0.74, height * 0.4, 0.4], round_by=0.3))
-    parts.append(box([0, height * 0.42, front + 0.08], [width * 0.76, 0.14, 0.28], round_by=0.3))
-    parts += pair(box([width / 2, height * 0.24, -0.02], [0.28, height * 0.36, deep * 0.66], round_by=0.4))
-    x, back, swell = rng.uniform(0.24, 0.28) * width, -front, rng.uniform(0.03, 0.07)
-    strap = [[x, height * 0.9, back + 0.05], [x, height * 0.72, back - swell], [x * 1.15, height * 0.4, back - swell]]
-    strap.append([x * 1.5, height * 0.1, back + 0.04])
-    parts += pair(limb(strap, [[0.11, 0.1]] * 4, segments=10))
-    parts.append(limb([[-0.14, height, -0.12], [0, height + 0.12, -0.12], [0.14, height, -0.12]], [0.07, 0.08, 0.07]))
-    return join(parts)
 
 
 def boot(rng: Rng, traits: Traits) -> Part:

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["bone", "column", "crate", "crown", "crystal", "gravestone", "log", "scroll", "skull", "torch"]
-
 
 def around(part: Part, count: int, start: float = 0.0, axis: str = "y") -> list[Part]:
     """Return copies of a part evenly around an axis, +Y unless another is given."""

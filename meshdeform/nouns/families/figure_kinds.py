@@ -8,10 +8,8 @@ from meshdeform.nouns.families.birds import Build as Bird
 from meshdeform.nouns.families.birds import bird_of
 from meshdeform.nouns.families.characters import Build, bat_wing, figure_kind, figure_of, hair_of
 from meshdeform.nouns.families.drawing import bead, bent_limb, kind, near, on, pairs, sized, varied
-from meshdeform.nouns.families.parts import Part, box, ellipsoid, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.parts import Part, ellipsoid, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
-
-__all__: list[str] = []
 
 
 def woman(rng: Rng, traits: Traits) -> Part:
@@ -19,89 +17,6 @@ def woman(rng: Rng, traits: Traits) -> Part:
     build = Build(wide=0.24, waist=0.62, thick=0.08, robe=0.45, hem=rng.uniform(0.3, 0.55))
     figure = figure_of(rng, traits, build)
     return varied(rng, **figure.solids, hair=hair_of(figure, rng.uniform(0.6, 1.6)))
-
-
-def block_person(rng: Rng, traits: Traits) -> Part:
-    """Draw a person of boxes: a cube of a head, boards for arms and legs."""
-    head, arms = sized(rng, traits, "head", 0.29, by=1.7), sized(rng, traits, "arms", 0.61)
-    legs, wide, trunk = sized(rng, traits, "legs", 0.56), rng.uniform(0.25, 0.3), rng.uniform(0.56, 0.66)
-    top, thick, bevel = legs + trunk, rng.uniform(0.2, 0.25), rng.uniform(0.04, 0.2)
-    skull = np.array([0, top + 0.9 * head, 0])
-    arm = box([0, -0.5 * arms, 0], [thick, arms, 0.24], round_by=bevel, cells=4)
-    shoulder = [wide + 0.5 * thick + 0.01, top - 0.01, 0]
-    return varied(rng, body=box([0, legs + 0.5 * trunk, 0], [2 * wide, trunk, 0.28], round_by=bevel, cells=5),
-        head=box(skull, 2 * head * np.array([0.9, 0.92, 0.9]), round_by=bevel, cells=5),
-        eye=pair(box(on(skull, head, 0.4, 0.1, 0.9), head * np.array([0.24, 0.24, 0.1]), cells=2)),
-        neck=box([0, top, 0], [0.16, 0.12, 0.16], cells=3),
-        arm=pair(moved(turned(arm, rng.uniform(3, 30), "z"), shoulder)),
-        leg=pair(box([0.51 * wide, 0.5 * legs + 0.04, 0], [0.94 * wide, legs, 0.25], round_by=bevel, cells=4)),
-        foot=pair(box([0.51 * wide, 0.06, 0.04], [wide, 0.12, 0.33], round_by=bevel, cells=3)))  # fmt: skip
-
-
-def mech(rng: Rng, traits: Traits) -> Part:
-    """Draw a walking machine: a broad chest over narrow hips, armour on shoulders and shins, a small visored head."""
-    head, arms = sized(rng, traits, "head", 0.17, by=1.8), sized(rng, traits, "arms", 0.73)
-    legs, wide, bevel = sized(rng, traits, "legs", 0.8), rng.uniform(0.38, 0.5), rng.uniform(0.1, 0.25)
-    chest, skull = np.array([0, legs + 0.55, 0]), np.array([0, legs + 0.86 + 0.6 * head, 0.06])
-    shoulder, hip = chest + [wide + 0.1, 0.16, 0], np.array([0.2, legs + 0.12, 0])
-    elbow = on(shoulder, arms, 0.1, -0.5, 0.0)
-    hand, knee = on(elbow, arms, 0, -0.42, 0.22), np.array([0.24, 0.5 * legs + 0.05, 0.06])
-    plates = (  # part, middle, size
-        ("body", chest, [2 * wide, 0.5, 0.46]), ("body", [0, legs + 0.2, 0], [0.42, 0.3, 0.32]),
-        ("head", skull, head * np.array([1.6, 1.5, 1.7])),
-        ("eye", skull + [0, 0.1 * head, 0.8 * head], head * np.array([1.2, 0.3, 0.3])),
-    )  # fmt: skip
-    sides = (("arm", shoulder + [0.03, 0.04, 0], [0.3, 0.3, 0.36]),
-        ("arm", 0.5 * (elbow + hand), [0.2, 0.45 * arms, 0.22]), ("hand", hand, [0.18, 0.18, 0.2]),
-        ("leg", 0.5 * (hip + knee), [0.22, 0.5 * legs, 0.24]), ("leg", knee * [1, 0.5, 1] + [0, 0.03, -0.03],
-        [0.26, 0.52 * legs, 0.3]), ("foot", [0.24, 0.07, 0.08], [0.3, 0.14, 0.5]))  # fmt: skip
-    solids: dict[str, list[Part]] = {"neck": [limb([chest + [0, 0.2, 0.03], skull], [0.08, 0.08], segments=8,
-        samples=2)]}  # fmt: skip
-    for part, middle, size in plates:
-        solids.setdefault(part, []).append(box(middle, size, round_by=bevel, cells=4))
-    for part, middle, size in sides:
-        solids.setdefault(part, []).extend(pair(box(middle, size, round_by=bevel, cells=3)))
-    solids["arm"] += pair(limb([shoulder, elbow], [0.08, 0.08], segments=8, samples=2))
-    return varied(rng, **solids)
-
-
-def ball_robot(rng: Rng, traits: Traits) -> Part:
-    """Draw a friendly robot: a ball or barrel of a body, a domed head with one wide eye and a feeler, thin limbs."""
-    head, arms = sized(rng, traits, "head", 0.34, by=1.7), sized(rng, traits, "arms", 0.48)
-    legs, girth, tall = sized(rng, traits, "legs", 0.3), rng.uniform(0.34, 0.42), rng.uniform(0.34, 0.5)
-    middle = np.array([0, legs + 0.1 + tall, 0])
-    skull, shoulder = middle + [0, tall + 0.55 * head, 0], middle + [0.9 * girth, 0.4 * tall, 0]
-    hand = shoulder + arms * np.array([rng.uniform(0.3, 0.8), -0.7, 0.25])
-    foot, tip = np.array([0.5 * girth, 0.08, 0.05]), skull + [0, 0.8 * head + 0.22, 0]
-    return varied(rng, body=ellipsoid(middle, [girth, tall, girth], rings=10),
-        neck=limb([middle, skull], [0.13, 0.13], segments=10, samples=2),
-        head=[bead(skull, head * np.array([1.1, 0.85, 0.95]), segments=18, rings=10),
-        limb([skull, tip], [0.03, 0.025], segments=7, samples=1), bead(tip, 0.07)],
-        eye=bead(on(skull, head, 0, 0.05, 0.62), head * np.array([0.75, 0.4, 0.4]), segments=16),
-        arm=pair(bent_limb([shoulder, (shoulder + hand) / 2 + [0.08, 0, 0], hand], [0.06] * 3, segments=8)),
-        hand=pair(bead(hand, 0.13)),
-        leg=pair(limb([[0.5 * girth, legs + 0.25, 0], foot], [0.08, 0.08], segments=8, samples=2)),
-        foot=pair(bead(foot, [0.14, 0.1, 0.22], segments=12)))  # fmt: skip
-
-
-def tin_robot(rng: Rng, traits: Traits) -> Part:
-    """Draw a tin robot: drums for trunk and head, a funnel or a lamp on top, jointed pipes, wide feet."""
-    head, arms = sized(rng, traits, "head", 0.27, by=1.7), sized(rng, traits, "arms", 0.56)
-    legs, girth, trunk = sized(rng, traits, "legs", 0.43), rng.uniform(0.32, 0.4), rng.uniform(0.6, 0.75)
-    top, edge = legs + 0.08 + trunk, np.array([(0.85, 0), (1, 0.06), (1, 0.94), (0.85, 1)])
-    skull, shoulder = np.array([0, top + 0.08, 0]), np.array([girth + 0.06, top - 0.12, 0])
-    elbow = on(shoulder, arms, 0.2, -0.5, 0)
-    hand = on(elbow, arms, 0.05, -0.3, 0.35)
-    eye = moved(turned(lathe([(0.24 * head, -0.08), (0.24 * head, 0.08)], segments=12), 90, "x"),
-        on(skull, head, 0.42, 1.0, 0.9))  # fmt: skip
-    funnel = [(0.75 * head, 1.55 * head), (0.15 * head, 2.0 * head), (0.1 * head, 2.6 * head)]
-    return varied(rng, body=moved(lathe(edge * [girth, trunk], segments=20), [0, legs + 0.08, 0]),
-        neck=limb([[0, top - 0.05, 0], skull + [0, 0.1, 0]], [0.12, 0.12], segments=8),
-        head=[moved(lathe(edge * [head, 1.6 * head], segments=20), skull), moved(lathe(funnel, segments=14), skull)],
-        eye=pair(eye), arm=[*pair(limb([shoulder, elbow, hand], [0.07] * 3, segments=8)), *pair(bead(shoulder, 0.13))],
-        hand=pair(bead(hand, 0.13)),
-        leg=pair(limb([[0.5 * girth, legs + 0.2, 0], [0.5 * girth, 0.1, 0]], [0.1, 0.09], segments=8)),
-        foot=pair(box([0.5 * girth, 0.08, 0.07], [0.26, 0.16, 0.44], cells=3)))  # fmt: skip
 
 
 def arcade_ghost(rng: Rng, traits: Traits) -> Part:
@@ -212,7 +127,7 @@ _SLENDER = Build(head=0.175, trunk=0.65, wide=0.26, waist=0.72, arms=0.7, arm_de
 _STRONG = Build(head=0.215, trunk=0.7, wide=0.46, waist=0.68, hips=0.55, arms=0.77, thick=0.155, legs=0.75, neck=0.04)
 
 KINDS = {"dragon": (upright_dragon, wyvern), "ghost": (arcade_ghost, floating_ghost),
-    "person": (block_person, figure_kind("cartoon_person", _CARTOON), figure_kind("slender_person", _SLENDER),
-    figure_kind("strong_person", _STRONG), woman), "robot": (ball_robot, mech, tin_robot),
+    "person": (figure_kind("cartoon_person", _CARTOON), figure_kind("slender_person", _SLENDER),
+    figure_kind("strong_person", _STRONG), woman),
     "snowman": (kind("dressed_snowman", lambda rng, traits: _snow(rng, traits, (0.53, 0.38), dressed=True)),
     kind("small_snowman", lambda rng, traits: _snow(rng, traits, (0.51,), dressed=bool(rng.integers(2)))))}  # fmt: skip

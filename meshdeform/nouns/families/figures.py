@@ -1,40 +1,12 @@
-"""Draw figures that sit or stand upright: toys, apes, people, machines and a ghost."""
+"""Draw figures that sit or stand upright: toys, apes, people, machines, a ghost, a bust and a slime."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.parts import Part, box, curved, ellipsoid, join, lathe, limb, moved, pair, turned
+from meshdeform.nouns.families.drawing import bead, bent_limb, circle, on, sized, varied
+from meshdeform.nouns.families.parts import Part, curved, ellipsoid, join, lathe, limb, pair
 from meshdeform.nouns.families.traits import Rng, Traits
-
-__all__ = ["bear", "ghost", "monkey", "person", "robot"]
-
-
-def bear(rng: Rng, traits: Traits) -> Part:
-    """Draw a sitting bear: a round belly, thick legs stretched ahead, arms, a big head with round ears and a muzzle."""
-    ears = traits.draw(rng, "ears", (0.06, 0.075), (0.15, 0.18), (0.29, 0.34))
-    head = traits.draw(rng, "head", (0.19, 0.21), (0.36, 0.41), (0.6, 0.68))
-    legs = traits.draw(rng, "legs", (0.0, 0.05), (0.34, 0.42), (0.95, 1.15))
-    girth, height = rng.uniform(0.4, 0.52), rng.uniform(0.44, 0.56)
-    parts = [ellipsoid([0, height * 0.9, 0], [girth, height, girth * 0.92])]
-    skull = np.array([0.0, height * 1.6 + 0.72 * head, 0.06])
-    parts.append(ellipsoid(skull, [head * 1.06, head * 0.95, head * 0.95]))
-    parts.append(ellipsoid(skull + [0, -0.22 * head, 0.85 * head], [0.46 * head, 0.38 * head, 0.4 * head], rings=10))
-    parts.append(ellipsoid(skull + [0, -0.08 * head, 1.22 * head], 0.15 * head + 0.01, rings=8))
-    parts += pair(
-        ellipsoid(
-            skull + [0.68 * head + 0.4 * ears, 0.68 * head + 0.4 * ears, -0.02],
-            [ears, ears, 0.6 * ears + 0.02],
-            rings=10,
-        )
-    )
-    hip, splay = np.array([girth * 0.55, 0.19, girth * 0.3]), rng.uniform(0.1, 0.3)
-    foot = hip + (0.3 + legs) * np.array([splay, 0.0, 1.0])
-    parts += pair(limb([hip, foot], [0.2, 0.18]))
-    parts += pair(ellipsoid(foot + [0, 0.1, 0.05], [0.19, 0.26, 0.14], rings=10))
-    shoulder = np.array([girth * 0.65, height * 1.35, 0.05])
-    hand = shoulder + [rng.uniform(0.25, 0.38), rng.uniform(-0.42, -0.28), rng.uniform(0.1, 0.25)]
-    return join([*parts, *pair(limb([shoulder, hand], [0.15, 0.16]))])
 
 
 def monkey(rng: Rng, traits: Traits) -> Part:
@@ -91,38 +63,6 @@ def person(rng: Rng, traits: Traits) -> Part:
     return join([*parts, *pair(ellipsoid(foot + [0.01, -0.01, 0.1], [0.115, 0.09, 0.22], rings=8))])
 
 
-def robot(rng: Rng, traits: Traits) -> Part:
-    """Draw a robot: a box with round eyes and a feeler on a box, jointed arms with clamps, block feet."""
-    arms = traits.draw(rng, "arms", (0.1, 0.16), (0.5, 0.6), (1.1, 1.3))
-    head = traits.draw(rng, "head", (0.17, 0.2), (0.36, 0.42), (0.66, 0.76))
-    legs = traits.draw(rng, "legs", (0.02, 0.08), (0.36, 0.46), (1.0, 1.2))
-    wide, tall, deep = rng.uniform(0.62, 0.84), rng.uniform(0.58, 0.78), rng.uniform(0.4, 0.52)
-    bottom = 0.18 + legs
-    top = bottom + tall
-    parts = [box([0, bottom + tall / 2, 0], [wide, tall, deep], round_by=0.12)]
-    parts.append(box([0, bottom + tall * 0.55, deep / 2], [wide * 0.6, tall * 0.4, 0.12], round_by=0.2))
-    parts.append(limb([[0, top - 0.05, 0], [0, top + 0.14, 0]], [0.14, 0.14]))
-    skull = np.array([0.0, top + 0.1 + 0.45 * head, 0.0])
-    parts.append(box(skull, [1.4 * head, 0.95 * head, 1.05 * head], round_by=0.12))
-    eye = turned(lathe([(0.23 * head, -0.1), (0.23 * head, 0.1)]), 90, "x")
-    parts += pair(moved(eye, skull + [0.34 * head, 0.08 * head, 0.52 * head]))
-    crown = skull + [0, 0.45 * head, 0]
-    parts.append(limb([crown, crown + [0, 0.2, 0]], [0.065, 0.06], segments=8))
-    parts += [ellipsoid(crown + [0, 0.24, 0], 0.1, rings=8)]
-    parts += pair(ellipsoid([wide / 2, top - 0.14, 0], 0.16, rings=10))
-    shoulder, bend = np.array([wide / 2 + 0.1, top - 0.14, 0.0]), rng.uniform(0.15, 0.5)
-    elbow = shoulder + arms * np.array([0.2, -0.5, 0.0])
-    hand = elbow + arms * np.array([0.0, -0.6 + 0.3 * bend, bend])
-    parts += pair(limb([shoulder, elbow, hand], [0.095, 0.095, 0.095], segments=8))
-    parts += pair(box(hand, [0.22, 0.22, 0.22], round_by=0.2))
-    for side in (-0.085, 0.085):
-        claw = hand + [side, -0.12, 0.08]
-        parts += pair(box(claw, [0.1, 0.24, 0.14], round_by=0.25))
-    hip = np.array([wide * 0.28, bottom, 0.0])
-    parts += pair(limb([hip, hip * [1, 0, 0] + [0, 0.12, 0]], [0.11, 0.11], segments=10))
-    return join([*parts, *pair(box([hip[0], 0.1, 0.06], [0.27, 0.2, 0.46], round_by=0.2))])
-
-
 def ghost(rng: Rng, traits: Traits) -> Part:
     """Draw a ghost: a hanging sheet with deep folds that flare at the hem, hollow eyes and mouth, two arms held out."""
     arms = traits.draw(rng, "arms", (0.0, 0.06), (0.3, 0.4), (0.9, 1.1))
@@ -147,3 +87,80 @@ def ghost(rng: Rng, traits: Traits) -> Part:
     shoulder = np.array([girth * 0.7, height * 0.55, 0.06])
     hand = shoulder + [0.26 + 0.75 * arms, 0.06 + rng.uniform(0.0, 0.3) * arms, 0.1 + 0.45 * arms]
     return join([*parts, *pair(limb([shoulder, hand], [0.17, 0.115], segments=12))])
+
+
+def slime(rng: Rng, traits: Traits) -> Part:
+    """Draw a slime: a drop that spreads on the ground, lobes at its rim, large eyes and a mouth."""
+    eyes = sized(rng, traits, "eyes", 0.18, by=1.7)
+    wide, tall, peak = rng.uniform(0.65, 0.85), rng.uniform(0.9, 1.3), rng.uniform(0.0, 0.45)
+    t = np.linspace(0, 1, 14)
+    radius = wide * (np.sqrt(np.clip(1 - t**2.2, 0, 1)) * (1 - peak * t) + 0.12 * (1 - t) ** 6)
+    lobes = [bead(place + [0, 0.06, 0], [0.26, rng.uniform(0.1, 0.2), 0.26], segments=12)
+        for place in circle(0.92 * wide, 7)]  # fmt: skip
+    face = np.array([0.27 * wide, 0.48 * tall, 0.82 * wide * np.sqrt(1 - 0.2 - 0.3 * peak)])
+    mouth = bead(face * [0, 1, 1] - [0, 0.26 * tall, -0.1 * wide], [0.2, 0.05 + rng.uniform(0, 0.07), 0.08],
+        segments=12)  # fmt: skip
+    return varied(rng, body=[lathe(np.stack([radius, tall * t], 1), segments=24), *lobes], mouth=mouth,
+        eye=pair(bead(face, eyes * np.array([0.9, 1.2, 0.8]), segments=14)))  # fmt: skip
+
+
+def _stuffed(rng: Rng, traits: Traits, *, sits: bool) -> Part:
+    """Draw a stuffed bear with stubs of limbs, a bow at its neck."""
+    head, ears = sized(rng, traits, "head", 0.44, by=1.6), sized(rng, traits, "ears", 0.175, by=1.9)
+    legs, girth = sized(rng, traits, "legs", 0.41), rng.uniform(0.38, 0.48)
+    low = 0.16 if sits else legs
+    tall = rng.uniform(0.42, 0.52)
+    middle = np.array([0, low + 0.8 * tall, 0])
+    skull = middle + [0, 0.75 * tall + 0.8 * head, 0.03]
+    hip, splay = middle + [0.55 * girth, -0.55 * tall, 0.3 * girth * sits], rng.uniform(0.25, 0.5)
+    way = np.array([splay, 0, 1]) if sits else np.array([0.12, -1, 0])
+    foot = hip + (0.12 + legs) * way
+    sole = [0.2, 0.24, 0.12] if sits else [0.2, 0.12, 0.26]
+    shoulder = middle + [0.75 * girth, 0.55 * tall, 0.05]
+    hand = shoulder + rng.uniform(0.3, 0.42) * np.array([0.8, rng.uniform(-0.6, 0.3), 0.5])
+    tie = middle + [0, 0.75 * tall, 0.75 * girth]
+    return varied(rng, body=ellipsoid(middle, [girth, tall, 0.9 * girth], rings=10),
+        head=ellipsoid(skull, head * np.array([1.05, 0.95, 0.95]), rings=10),
+        nose=[bead(on(skull, head, 0, -0.25, 0.8), head * np.array([0.48, 0.38, 0.42]), segments=14),
+        bead(on(skull, head, 0, -0.12, 1.2), head * np.array([0.17, 0.12, 0.1]))],
+        eye=pair(bead(on(skull, head, 0.36, 0.16, 0.84), 0.12 * head)),
+        ear=pair(bead(skull + [0.72 * head + 0.35 * ears, 0.66 * head + 0.4 * ears, -0.02],
+        ears * np.array([1, 1, 0.5]), segments=14)), leg=pair(limb([hip, foot], [0.19, 0.18], segments=12, samples=3)),
+        foot=pair(bead(foot + [0, 0.02, 0.04], sole, segments=12)),
+        arm=pair(limb([shoulder, hand], [0.15, 0.14], segments=12, samples=3)),
+        bow=[*pair(limb([tie, tie + [0.17, 0.02, 0]], [[0.05, 0.04], [0.11, 0.05]], segments=8, samples=2)),
+        bead(tie, 0.06)])  # fmt: skip
+
+
+def teddy(rng: Rng, traits: Traits) -> Part:
+    """Draw a sitting teddy: a stuffed bear whose legs point ahead."""
+    return _stuffed(rng, traits, sits=True)
+
+
+def standing_teddy(rng: Rng, traits: Traits) -> Part:
+    """Draw a teddy on its feet."""
+    return _stuffed(rng, traits, sits=False)
+
+
+def bust(rng: Rng, traits: Traits) -> Part:
+    """Draw a bust: a head with hair, nose, ears and brows on a neck and cut shoulders, on a turned foot."""
+    head, neck = sized(rng, traits, "head", 0.33, by=1.6), sized(rng, traits, "neck", 0.19)
+    wide, base, foot = rng.uniform(0.46, 0.6), rng.uniform(0.2, 0.34), rng.uniform(0.24, 0.32)
+    ring = np.array([(1, 0), (1, 0.2), (0.85, 0.25), (0.5, 0.45), (0.45, 0.7), (0.7, 1.0)]) * [foot, base]
+    chest = np.array([0, base + 0.3, 0])
+    top = chest + [0, 0.26, 0]
+    body = bent_limb([chest - [0, 0.2, 0], chest, top - [0, 0.06, 0]],
+        wide * np.array([[0.5, 0.4], [0.95, 0.55], [0.8, 0.36]]), segments=18)  # fmt: skip
+    skull = top + [0, neck + 0.75 * head, 0.06]
+    hair = bent_limb([on(skull, head, 0, 0.3, 0.1), on(skull, head, 0, 0.2, -0.4), on(skull, head, 0, -0.5, -0.5)],
+        head * np.array([[0.85, 0.85], [0.98, 0.9], [0.75, 0.4]]), segments=14)  # fmt: skip
+    return varied(rng, base=lathe(ring, segments=20), body=body,
+        neck=limb([top - [0, 0.08, 0], skull], [0.19, 0.42 * head], segments=12),
+        head=bent_limb([skull + [0, -0.55 * head, 0.12 * head], skull, skull + [0, 0.45 * head, -0.04]],
+        head * np.array([0.5, 0.8, 0.72]), segments=16),
+        nose=limb([on(skull, head, 0, 0.15, 0.75), on(skull, head, 0, -0.25, 0.95)], head * np.array([0.08, 0.15]),
+        segments=8), eye=pair(bead(on(skull, head, 0.3, 0.1, 0.72), head * np.array([0.17, 0.1, 0.1]))), hair=hair,
+        ear=pair(bead(on(skull, head, 0.82, -0.05, 0), head * np.array([0.1, 0.22, 0.14]))))  # fmt: skip
+
+
+KINDS = {"teddy": (standing_teddy,)}

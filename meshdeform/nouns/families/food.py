@@ -1,4 +1,4 @@
-"""Draw fruit, vegetables and things from a kitchen."""
+"""Draw fruit, vegetables, things from a kitchen, and plants."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import numpy as np
 
 from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, turned
 from meshdeform.nouns.families.traits import Rng, Traits
-
-__all__ = ["apple", "banana", "burger", "cake", "corn", "cupcake", "pumpkin", "strawberry"]
 
 
 def _fluted(part: Part, count: int, depth: float) -> Part:
@@ -160,4 +158,137 @@ def strawberry(rng: Rng, traits: Traits) -> Part:
         path = [[0, height - 0.02, 0.04], [0, height + 0.08, 0.5 * leaf], [0, height - droop * leaf, leaf + 0.05]]
         blade = limb(path, [[0.1, 0.07], [0.16, 0.07], [0.05, 0.05]], segments=10)
         parts.append(turned(blade, start + 60 * number, "y"))
+    return join(parts)
+
+
+def mushroom(rng: Rng, traits: Traits) -> Part:
+    """Draw a mushroom: a thick stem under a domed cap with a curled rim."""
+    cap = traits.draw(rng, "cap", (0.38, 0.44), (0.66, 0.78), (1.1, 1.3))
+    stem = traits.draw(rng, "stem", (0.2, 0.28), (0.65, 0.85), (1.3, 1.6))
+    radius, dome = rng.uniform(0.18, 0.23), rng.uniform(0.68, 0.85) * min(cap, 0.85)
+    turn = np.linspace(0.0, np.pi / 2, 9)
+    hood = [(cap * np.cos(t), stem + dome * np.sin(t)) for t in turn]
+    under = [(radius * 1.05, stem + 0.04), (cap * 0.7, stem - 0.03), (cap * 0.96, stem - 0.06)]
+    foot = [(radius * 1.25, 0.0), (radius * 1.3, 0.08), (radius, 0.3 * stem + 0.05)]
+    return lathe([*foot, *under, *hood], segments=28)
+
+
+def pear(rng: Rng, _: Traits) -> Part:
+    """Draw a pear: a heavy belly, a slim shoulder and a stalk."""
+    belly, shoulder = rng.uniform(0.56, 0.66), rng.uniform(0.26, 0.32)
+    height = rng.uniform(1.25, 1.45)
+    turn = np.linspace(0.0, np.pi, 17)
+    share = (1 - np.cos(turn)) / 2
+    width = shoulder + (belly - shoulder) / (1 + np.exp((share - 0.52) * 11))
+    flesh = lathe(np.stack([width * np.sin(turn) ** 0.75, height * share], 1))
+    lean = rng.uniform(0.05, 0.12)
+    stalk = limb([[0, height - 0.06, 0], [lean, height + 0.26, 0]], [0.06, 0.075], segments=8)
+    return join([flesh, stalk])
+
+
+def carrot(rng: Rng, traits: Traits) -> Part:
+    """Draw a carrot: a root that tapers to a point below a tuft of thick leaves."""
+    radius, root = rng.uniform(0.32, 0.38), rng.uniform(1.35, 1.6)
+    leaf = traits.draw(rng, "leaves", (0.14, 0.2), (0.45, 0.6), (0.95, 1.2))
+    turn = np.linspace(0.0, 1.0, 9)
+    wall = [(radius * (0.1 + 0.9 * t**0.75), root * t) for t in turn]
+    body = lathe([(0.02, -0.05), *wall, (radius * 0.85, root + 0.09), (radius * 0.45, root + 0.13)])
+    parts = [body]
+    start = rng.uniform(0, 90)
+    for quarter in range(4):
+        blade = limb(
+            [[0.08, root + 0.05, 0], [0.2, root + 0.1 + leaf * 0.6, 0], [0.36, root + 0.1 + leaf, 0]],
+            [0.075, 0.11, 0.07],
+            segments=8,
+        )
+        parts.append(turned(blade, start + 90 * quarter, "y"))
+    return join(parts)
+
+
+def pineapple(rng: Rng, traits: Traits) -> Part:
+    """Draw a pineapple: a knobby barrel under a tuft of leaves that bend outward."""
+    girth, height = rng.uniform(0.42, 0.48), rng.uniform(1.1, 1.25)
+    leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.5, 0.64), (1.15, 1.4))
+    turn = np.linspace(0.0, np.pi, 33)
+    flesh = lathe(np.stack([girth * np.sin(turn) ** 0.7, height * (1 - np.cos(turn)) / 2], 1), segments=48)
+    x, y, z = flesh.verts.T
+    around = np.arctan2(x, z)
+    # Two crossing families of spirals.
+    knobs = 1 + 0.06 * np.cos(5 * around + 13 * y / height) * np.cos(5 * around - 13 * y / height)
+    parts = [Part(np.stack([x * knobs, y, z * knobs], 1), flesh.faces)]
+    start = rng.uniform(0, 72)
+    for ring, (count, spread, length) in enumerate(((6, 0.62, 0.75), (5, 0.28, 1.0))):
+        for number in range(count):
+            reach = length * leaf
+            path = [[0, height - 0.06, 0.1], [0, height + 0.6 * reach, 0.12 + 0.35 * spread * reach]]
+            path.append([0, height + reach, 0.14 + spread * reach])
+            blade = limb(path, [[0.1, 0.06], [0.1, 0.05], [0.04, 0.035]], segments=8)
+            parts.append(turned(blade, start + 30 * ring + 360 * number / count, "y"))
+    return join(parts)
+
+
+def flower(rng: Rng, traits: Traits) -> Part:
+    """Draw a flower that looks toward +Z and a little up: round petals about a button, a stem, two leaves."""
+    head = traits.draw(rng, "head", (0.2, 0.25), (0.52, 0.6), (1.0, 1.15))
+    stem = traits.draw(rng, "stem", (0.44, 0.54), (0.95, 1.15), (2.1, 2.4))
+    leaf = traits.draw(rng, "leaves", (0.1, 0.16), (0.42, 0.52), (1.0, 1.2))
+    petals, tilt, bow = int(rng.integers(5, 8)), rng.uniform(15, 35), rng.uniform(-0.08, 0.08)
+    parts = [
+        limb(
+            [[0.0, 0.0, 0.0], [bow, stem / 2, 0], [0, stem, 0], [0, stem + 0.1, 0]],
+            [0.13, 0.12, 0.12, 0.12],
+            segments=10,
+        )
+    ]
+    bloom = [ellipsoid([0, 0, 0.1 * head], [0.34 * head, 0.34 * head, 0.26 * head], rings=10)]
+    petal = ellipsoid([0, 0.62 * head, 0], [2.1 * head / petals, 0.44 * head, 0.2 * head], rings=10)
+    bloom += [turned(turned(petal, -12, "x"), 360 * number / petals, "z") for number in range(petals)]
+    parts.append(moved(turned(join(bloom), -tilt, "x"), [0, stem + 0.1, 0.06]))
+    for side, level in ((0.0, 0.25), (180.0, 0.4)):
+        path = [[0.0, 0.0, 0.0], [0.5 * leaf, 0.34 * leaf, 0], [leaf, 0.5 * leaf, 0]]
+        blade = limb(path, [[0.1, 0.1], [0.2, 0.1], [0.06, 0.07]], segments=10)
+        parts.append(moved(turned(blade, side + rng.uniform(-20, 20), "y"), [0, level * stem, 0]))
+    return join(parts)
+
+
+def palm(rng: Rng, traits: Traits) -> Part:
+    """Draw a palm: a ringed trunk that sways to one side, a crown of broad fronds that hang over, coconuts."""
+    trunk = traits.draw(rng, "trunk", (0.5, 0.62), (1.25, 1.45), (2.6, 3.0))
+    leaf = traits.draw(rng, "leaves", (0.36, 0.46), (0.85, 1.0), (1.6, 1.85))
+    thick, sway, count = rng.uniform(0.14, 0.17), rng.uniform(0.15, 0.35), int(rng.integers(6, 9))
+    share = np.linspace(0.0, 1.0, 15)
+    ring = thick * (1.25 - 0.35 * share + 0.14 * (-1.0) ** np.arange(15))
+    parts = [limb(np.stack([sway * share**1.6, trunk * share, 0 * share], 1), ring, segments=12, samples=2)]
+    top, start, broad = [sway, trunk, 0], rng.uniform(0, 60), 0.6 + 0.45 * leaf
+    for number in range(count):
+        droop = rng.uniform(0.14, 0.34) * leaf
+        path = [[0.0, 0.0, 0.0], [0, 0.3 * leaf, 0.4 * leaf], [0, 0.16 * leaf, 0.82 * leaf], [0, -droop, 1.05 * leaf]]
+        frond = limb(path, np.array([[0.1, 0.08], [0.2, 0.08], [0.18, 0.08], [0.05, 0.05]]) * broad, segments=10)
+        parts.append(moved(turned(frond, start + 360 * number / count, "y"), top))
+    nuts = [turned(ellipsoid([0.17, -0.12, 0], 0.14, rings=8), start + 120 * third, "y") for third in range(3)]
+    return join([*parts, *(moved(nut, top) for nut in nuts)])
+
+
+def pine(rng: Rng, traits: Traits) -> Part:
+    """Draw a fir: a pointed stack of cones with jagged rims, each smaller than the one below, on a trunk."""
+    trunk = traits.draw(rng, "trunk", (0.04, 0.1), (0.36, 0.46), (1.2, 1.45))
+    girth, height, tiers = rng.uniform(0.54, 0.8), rng.uniform(1.35, 1.75), int(rng.integers(3, 5))
+    thick, parts = rng.uniform(0.13, 0.17), []
+    parts.append(lathe([(thick * 1.3, 0.0), (thick, 0.1), (thick, trunk + 0.3)]))
+    for tier in range(tiers):
+        wide, low = girth * (1 - 0.62 * tier / (tiers - 1)), trunk + 0.72 * height * tier / tiers
+        tip = low + height * (0.36 + 0.74 / tiers)
+        cone = lathe(
+            [
+                (0.1, low + 0.1),
+                (wide * 0.9, low),
+                (wide, low + 0.04),
+                (0.5 * wide, low + 0.4 * (tip - low)),
+                (0.0, tip),
+            ],
+            segments=56,
+        )
+        x, y, z = cone.verts.T
+        jag = 1 - 0.24 * np.abs(np.sin(4 * np.arctan2(x, z) + tier)) * np.clip(np.hypot(x, z) / wide, 0, 1) ** 2
+        parts.append(Part(np.stack([x * jag, y, z * jag], 1), cone.faces))
     return join(parts)

@@ -4,23 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.parts import Part, box, ellipsoid, join, lathe, limb, moved, pair
+from meshdeform.nouns.families.dungeon import arched
+from meshdeform.nouns.families.kitchen import vessel
+from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
-
-__all__ = [
-    "armchair",
-    "bathtub",
-    "bed",
-    "bench",
-    "cabinet",
-    "chair",
-    "desk",
-    "piano",
-    "sofa",
-    "stool",
-    "table",
-    "television",
-]
 
 
 def _legs(half_width: float, half_depth: float, height: float, radius: float) -> list[Part]:
@@ -29,52 +16,6 @@ def _legs(half_width: float, half_depth: float, height: float, radius: float) ->
         foot, top = (half_width, radius * 0.5, z), (half_width, height, z)
         legs += pair(limb([foot, top], [radius * 0.85, radius], segments=10))
     return legs
-
-
-def table(rng: Rng, traits: Traits) -> Part:
-    """Draw a table: a thick top on four legs at its corners."""
-    width, depth = rng.uniform(1.5, 1.8), rng.uniform(0.95, 1.25)
-    height = traits.draw(rng, "legs", (0.3, 0.4), (0.72, 0.9), (1.35, 1.65))
-    radius, slab = rng.uniform(0.11, 0.135), rng.uniform(0.16, 0.2)
-    top = box([0, height, 0], [width, slab, depth])
-    return join([top, *_legs(width / 2 - radius * 1.15, depth / 2 - radius * 1.15, height, radius)])
-
-
-def chair(rng: Rng, traits: Traits) -> Part:
-    """Draw a chair: a square seat on four legs, with a tall back behind (-Z)."""
-    width, depth = rng.uniform(0.8, 0.92), rng.uniform(0.8, 0.92)
-    height = traits.draw(rng, "legs", (0.22, 0.3), (0.55, 0.7), (1.1, 1.35))
-    rise = traits.draw(rng, "back", (0.28, 0.38), (0.78, 0.95), (1.5, 1.8))
-    radius, slab = rng.uniform(0.1, 0.12), rng.uniform(0.17, 0.21)
-    seat = box([0, height, 0], [width, slab, depth])
-    back = box([0, height + rise / 2, -depth / 2 + slab / 2], [width, rise + slab, slab])
-    return join([seat, back, *_legs(width / 2 - radius, depth / 2 - radius, height, radius)])
-
-
-def sofa(rng: Rng, traits: Traits) -> Part:
-    """Draw a sofa: a long low seat between two arm rests, with a back."""
-    width, depth = rng.uniform(1.7, 2.0), rng.uniform(0.8, 0.92)
-    seat, arm = rng.uniform(0.38, 0.46), rng.uniform(0.24, 0.3)
-    rise = traits.draw(rng, "back", (0.0, 0.06), (0.42, 0.54), (1.0, 1.2))
-    cushion = box([0, seat / 2, 0.05], [width, seat, depth], round_by=0.3)
-    back = box([0, (seat + rise) / 2, -depth / 2 + 0.14], [width, seat + rise, 0.28], round_by=0.4)
-    rest = box([width / 2 - arm / 2, seat * 0.78, 0.03], [arm, seat * 1.56, depth + 0.06], round_by=0.45)
-    return join([cushion, back, *pair(rest)])
-
-
-def armchair(rng: Rng, traits: Traits) -> Part:
-    """Draw an armchair: one deep cushion between rolled arms, a high padded back with wings, on short feet."""
-    width, depth = rng.uniform(1.0, 1.12), rng.uniform(0.9, 1.02)
-    seat, roll = rng.uniform(0.42, 0.5), rng.uniform(0.15, 0.18)
-    rise = traits.draw(rng, "back", (0.1, 0.16), (0.7, 0.85), (1.45, 1.7))
-    side, rear = width / 2 - roll, -depth / 2 + 0.16
-    parts = [box([0, seat / 2 + 0.06, 0], [width - 0.1, seat - 0.12, depth], round_by=0.1)]
-    parts += [box([0, seat, 0.08], [width - 2.6 * roll, 0.24, depth * 0.86], round_by=0.5)]
-    parts += [box([0, (seat + rise) / 2 + 0.1, rear], [width * 0.84, seat + rise - 0.2, 0.3], round_by=0.5)]
-    arm = box([side, seat * 0.6 + 0.1, 0], [1.5 * roll, seat + 0.2, depth], round_by=0.2)
-    top = limb([[side, seat + 0.22, -depth / 2 + 0.1], [side, seat + 0.22, depth / 2 - 0.02]], [roll, roll * 1.1])
-    wing = box([side, seat + 0.32 * rise, rear + 0.14], [roll, 0.8 * rise, 0.4], round_by=0.5)
-    return join([*parts, *pair(arm), *pair(top), *pair(wing), *_legs(width / 2 - 0.14, depth / 2 - 0.12, 0.14, 0.1)])
 
 
 def bathtub(rng: Rng, _: Traits) -> Part:
@@ -99,116 +40,111 @@ def bathtub(rng: Rng, _: Traits) -> Part:
     return join([basin, *feet, limb(spout, [0.09, 0.085, 0.085], segments=10)])
 
 
-def bed(rng: Rng, traits: Traits) -> Part:
-    """Draw a bed: a mattress on a low frame, a blanket over its foot, pillows at a headboard behind (-Z)."""
-    width, length, height = rng.uniform(1.0, 1.35), rng.uniform(1.75, 2.0), rng.uniform(0.26, 0.34)
-    rise = traits.draw(rng, "back", (0.02, 0.08), (0.46, 0.58), (1.15, 1.4))
-    frame = box([0, height, 0], [width, 0.18, length], round_by=0.2)
-    mattress = box([0, height + 0.16, 0], [width * 0.94, 0.26, length * 0.96], round_by=0.4)
-    blanket = box([0, height + 0.16, length * 0.17], [width * 1.05, 0.34, length * 0.6], round_by=0.35)
-    top = height + 0.2 + rise
-    head = box([0, top / 2 + 0.06, -length / 2], [width * 1.06, top - 0.12, 0.16], round_by=0.4)
-    foot = box([0, height + 0.1, length / 2], [width * 1.06, 0.56, 0.15], round_by=0.4)
-    pillow = ellipsoid([width * 0.24, height + 0.34, -length * 0.33], [width * 0.22, 0.13, 0.2], rings=10)
-    return join(
-        [frame, mattress, blanket, head, foot, *pair(pillow), *_legs(width / 2 - 0.08, length / 2, height, 0.1)]
-    )
+def door(rng: Rng, _: Traits) -> Part:
+    """Draw a door with a knob in its frame: with raised panels, or arched, of planks with iron bands."""
+    wide, tall, deep = rng.uniform(0.8, 1.0), rng.uniform(1.6, 1.9), rng.uniform(0.26, 0.34)
+    knob = ellipsoid([0.36 * wide, 0.47 * tall, 0.5 * deep + 0.02], 0.09, rings=8)
+    if rng.random() < 0.4:
+        parts = [arched(wide + 0.3, tall + 0.15, 0.5 * wide, deep - 0.08), knob]
+        for x, share in ((-0.36, 0.78), (-0.12, 0.95), (0.12, 0.95), (0.36, 0.78)):
+            parts += [moved(arched(0.9 * wide / 4, tall * share, 0.02, 0.1), [x * wide, 0, 0.5 * deep - 0.04])]
+        bands = [box([-0.05 * wide, y * tall, 0.5 * deep], [0.85 * wide, 0.13, 0.16], round_by=0.2) for y in (0.2, 0.7)]
+        return join([*parts, *bands])
+    parts = [box([0, tall / 2, 0], [wide, tall, deep - 0.14], round_by=0.1), knob]
+    parts += pair(box([wide / 2 + 0.06, tall / 2, 0], [0.17, tall, deep], round_by=0.15))
+    parts += [box([0, tall + 0.06, 0], [wide + 0.34, 0.2, deep + 0.04], round_by=0.15)]
+    rows = [(0.2, 0.28), (0.72, 0.42)] if rng.random() < 0.5 else [(0.17, 0.22), (0.5, 0.24), (0.83, 0.2)]
+    for middle, share in rows:
+        for z in (-1, 1):
+            place = [0.24 * wide, middle * tall, z * (0.5 * deep - 0.09)]
+            parts += pair(box(place, [0.36 * wide, share * tall, 0.13], round_by=0.48))
+    return join(parts)
 
 
-def bench(rng: Rng, traits: Traits) -> Part:
-    """Draw a park bench: a wide seat and a leaning back of round planks, on thick legs at its ends."""
-    width, plank = rng.uniform(1.8, 2.15), rng.uniform(0.12, 0.14)
-    height = traits.draw(rng, "legs", (0.1, 0.16), (0.44, 0.54), (1.1, 1.3))
-    places = [(height, z) for z in np.linspace(0.3, -0.18, 3)]
-    places += [(height + 0.2 + step, -0.3 - 0.35 * step) for step in (0.02, 0.25, 0.48)]
-    across = width / 2 - 0.05
-    planks = [
-        limb([[-across, y, z], [across, y, z]], [[0.075, plank], [0.075, plank]], segments=12) for y, z in places[:3]
-    ]
-    planks += [
-        limb([[-across, y, z], [across, y, z]], [[plank, 0.075], [plank, 0.075]], segments=12) for y, z in places[3:]
-    ]
-    end = width / 2 - 0.22
-    parts = [limb([[end, 0.06, 0.38], [end, height, 0.3]], [0.11, 0.1], segments=10)]
-    parts.append(
-        limb([[end, 0.06, -0.38], [end, height, -0.26], [end, height + 0.72, -0.54]], [0.11, 0.1, 0.08], segments=10)
-    )
-    parts.append(limb([[end, height - 0.02, 0.3], [end, height - 0.02, -0.3]], [0.1, 0.1], segments=10))
-    return join([*planks, *(side for part in parts for side in pair(part))])
+def _panel(x: float, y: float, front: float, width: float, height: float, thick: float = 0.13) -> Part:
+    """Return a raised panel with soft edges on a front."""
+    return box([x, y, front], [width, height, thick], round_by=0.45)
 
 
-def cabinet(rng: Rng, traits: Traits) -> Part:
-    """Draw a cabinet: a tall case with a cornice, two raised doors with knobs side by side, on four legs."""
-    width, height, depth = rng.uniform(0.95, 1.15), rng.uniform(1.3, 1.55), rng.uniform(0.5, 0.6)
-    legs = traits.draw(rng, "legs", (0.04, 0.08), (0.22, 0.3), (0.8, 1.0))
-    case = box([0, legs + height / 2, 0], [width, height, depth], round_by=0.06)
-    cornice = box([0, legs + height, 0.02], [width + 0.18, 0.15, depth + 0.18], round_by=0.35)
-    plinth = box([0, legs + 0.05, 0.02], [width + 0.08, 0.13, depth + 0.1], round_by=0.3)
-    door = box([width * 0.25, legs + height / 2, depth / 2], [width * 0.43, height * 0.78, 0.16], round_by=0.48)
-    knob = ellipsoid([width * 0.1, legs + height / 2, depth / 2 + 0.12], 0.085, rings=8)
-    feet = _legs(width / 2 - 0.08, depth / 2 - 0.08, legs + 0.05, 0.105)
-    return join([case, cornice, plinth, *pair(door), *pair(knob), *feet])
+def _grip(x: float, y: float, front: float, long: float, axis: int) -> Part:
+    """Return a bar to pull at, `long` along x (0) or y (1)."""
+    half = np.eye(3)[axis] * long / 2
+    return limb([np.array([x, y, front]) - half, np.array([x, y, front]) + half], [0.06, 0.06], segments=10)
 
 
-def desk(rng: Rng, traits: Traits) -> Part:
-    """Draw a writing desk: a wide top, a block of drawers with knobs under its right, a panel behind, four legs."""
-    width, depth, slab = rng.uniform(1.6, 1.85), rng.uniform(0.72, 0.85), rng.uniform(0.13, 0.16)
-    legs = traits.draw(rng, "legs", (0.04, 0.09), (0.3, 0.4), (1.0, 1.2))
-    block, tall = rng.uniform(0.5, 0.6), rng.uniform(0.5, 0.58)
-    top = legs + tall
-    x, front = width / 2 - block / 2 - 0.05, depth / 2 - 0.04
-    parts = [box([0, top, 0], [width + 0.08, slab, depth + 0.08], round_by=0.3)]
-    parts += [box([x, top - tall / 2, 0], [block, tall, depth - 0.08], round_by=0.06)]
-    parts += [box([0, top - tall * 0.42, -depth / 2 + 0.1], [width - 0.1, tall * 0.84, 0.12], round_by=0.3)]
-    for place in (0.3, 0.76):
-        parts.append(box([x, top - tall * place, front], [block * 0.88, tall * 0.38, 0.12], round_by=0.48))
-        parts.append(ellipsoid([x, top - tall * place, front + 0.1], 0.07, rings=8))
-    return join([*parts, *_legs(width / 2 - 0.13, depth / 2 - 0.12, top, 0.105)])
+def bookcase(rng: Rng, _: Traits) -> Part:
+    """Draw a bookcase, open in front, with rows of books of all heights on its boards."""
+    wide, deep, rows = rng.uniform(0.9, 1.25), rng.uniform(0.4, 0.5), int(rng.integers(3, 5))
+    row = rng.uniform(0.4, 0.48)
+    tall = rows * row + 0.1
+    parts = [box([0, tall / 2, -deep / 2 + 0.06], [wide, tall, 0.12], round_by=0.1)]
+    parts += [*pair(box([wide / 2, tall / 2, 0], [0.13, tall, deep]))]
+    for k in range(rows + 1):
+        parts.append(box([0, 0.05 + k * row, 0], [wide + 0.1 * (k in (0, rows)), 0.11, deep], round_by=0.2))
+        x = -wide / 2 + 0.08
+        while k < rows:
+            thick, high = rng.uniform(0.09, 0.15), row * rng.uniform(0.5, 0.8)
+            if x + thick > wide / 2 - rng.choice([0.08, 0.2, 0.4]):
+                break
+            size = [0.95 * thick, high, deep - rng.uniform(0.06, 0.16)]
+            parts.append(box([x + thick / 2, 0.1 + k * row + high / 2, 0.02], size, round_by=0.2, cells=4))
+            x += thick
+    return join(parts)
 
 
-def piano(rng: Rng, traits: Traits) -> Part:
-    """Draw an upright piano: a tall case with a lid, a shelf of keys in front (+Z) on two legs, a music rest."""
-    width, depth, above = rng.uniform(1.4, 1.6), rng.uniform(0.36, 0.42), rng.uniform(0.55, 0.68)
-    legs = traits.draw(rng, "legs", (0.16, 0.22), (0.5, 0.6), (1.15, 1.35))
-    shelf = rng.uniform(0.44, 0.52)
-    front = depth / 2
-    case = box([0, (legs + above) / 2, 0], [width, legs + above, depth], round_by=0.08)
-    lid = box([0, legs + above, 0.03], [width + 0.14, 0.13, depth + 0.16], round_by=0.35)
-    board = box([0, legs, front + shelf / 2 - 0.05], [width, 0.17, shelf + 0.1], round_by=0.2)
-    cheek = box([width / 2 - 0.06, legs + 0.12, front + shelf / 2 - 0.04], [0.15, 0.22, shelf + 0.08], round_by=0.35)
-    spots = np.linspace(-width / 2 + 0.22, width / 2 - 0.22, 7)
-    keys = [box([x, legs + 0.09, front + shelf * 0.55], [0.165, 0.12, shelf * 0.82], round_by=0.4) for x in spots]
-    rest = box([0, legs + above * 0.58, front + 0.03], [width * 0.6, above * 0.55, 0.12], round_by=0.45)
-    leg = limb(
-        [[width / 2 - 0.1, 0.06, front + shelf - 0.1], [width / 2 - 0.1, legs, front + shelf - 0.1]], [0.085, 0.11]
-    )
-    pedal = box([0.12, 0.07, front + 0.08], [0.13, 0.1, 0.26], round_by=0.4)
-    return join([case, lid, board, rest, *keys, *pair(cheek), *pair(leg), *pair(pedal)])
+def fridge(rng: Rng, _: Traits) -> Part:
+    """Draw a fridge with a small door over a large one or the other way round, or two side by side; some are round."""
+    wide, tall, deep = rng.uniform(0.8, 0.95), rng.uniform(1.5, 1.8), rng.uniform(0.7, 0.8)
+    kind, soft, front = rng.integers(3), rng.choice([0.05, 0.24]), deep / 2
+    parts = [box([0, tall / 2 + 0.04, -0.04], [wide, tall, deep - 0.08], round_by=soft)]
+    parts += [box([0, 0.05, -0.04], [0.9 * wide, 0.12, 0.8 * deep])]
+    if kind == 2:
+        parts += pair(_panel(0.25 * wide, tall / 2 + 0.06, front - 0.03, 0.49 * wide, tall - 0.14, 0.18))
+        parts += [*pair(_grip(0.07, 0.55 * tall, front + 0.1, 0.7, 1))]
+        return join([*parts, _panel(-0.26 * wide, 0.62 * tall, front + 0.06, 0.2, 0.32)])
+    split = tall * (0.66 if kind else 0.36)
+    for low, high in ((0.1, split), (split + 0.03, tall)):
+        parts += [_panel(0, (low + high) / 2, front - 0.02, wide - 0.01, high - low, 0.2)]
+        parts += [_grip(-0.36 * wide, split + (0.24 if low > 0.1 else -0.24), front + 0.12, 0.3, 1)]
+    return join(parts)
 
 
-def stool(rng: Rng, traits: Traits) -> Part:
-    """Draw a stool: a thick round cushion on a ring, on four legs that spread, without a back."""
-    radius, slab = rng.uniform(0.42, 0.5), rng.uniform(0.2, 0.26)
-    height = traits.draw(rng, "legs", (0.2, 0.28), (0.72, 0.88), (1.5, 1.8))
-    spread = rng.uniform(0.85, 1.05) * radius
-    seat = [(radius * 0.82, -0.06), (radius * 0.86, 0.04), (radius, 0.07), (radius * 1.03, slab * 0.6)]
-    cushion = lathe([*seat, (radius * 0.9, slab), (radius * 0.5, slab + 0.05)])
-    foot, top = [spread, 0.05, spread], [radius * 0.5, height, radius * 0.5]
-    legs = [part for z in (1, -1) for part in pair(limb(np.array([foot, top]) * [1, 1, z], [0.085, 0.1], segments=10))]
-    return join([moved(cushion, [0, height, 0]), *legs])
+def toilet(rng: Rng, _: Traits) -> Part:
+    """Draw a toilet: a foot, an oval bowl with its seat, the lid up or down, a tank with a button behind."""
+    wide, long, high = rng.uniform(0.4, 0.46), rng.uniform(0.52, 0.62), rng.uniform(0.62, 0.74)
+    rows = [(0.62, 0.0), (0.6, 0.08), (0.45, 0.25), (0.55, 0.5), (0.95, 0.82), (1.0, 0.9), (1.08, 0.92), (1.08, 1.0)]
+    bowl = vessel(np.array(rows) * [1, high], 0.34, 0.45 * high, segments=36)
+    parts = [Part(bowl.verts * [wide, 1, long], bowl.faces)]
+    parts += [box([0, 0.62 * high, -long], [0.7 * wide, 0.6 * high, 0.5])]
+    back, tank = -long - 0.14, rng.uniform(0.5, 0.66)
+    parts += [box([0, high + tank / 2, back], [2 * wide, tank, 0.36], round_by=0.15)]
+    parts += [box([0, high + tank, back], [2 * wide + 0.1, 0.13, 0.44], round_by=0.3)]
+    parts += [disc(0.07, high + tank, high + tank + 0.11, edge=0.02)]
+    parts[-1] = moved(parts[-1], [0, 0, back])
+    lid = disc(1.0, -0.045, 0.045)
+    if rng.random() < 0.6:
+        oval = turned(Part(lid.verts * [wide * 1.02, 1, long * 0.95], lid.faces), 80, "x")
+        return join([*parts, moved(oval, [0, high + 0.92 * long, back + 0.33])])
+    return join([*parts, moved(Part(lid.verts * [wide * 1.1, 1.2, long * 1.1], lid.faces), [0, high + 0.06, 0])])
 
 
-def television(rng: Rng, traits: Traits) -> Part:
-    """Draw a television: a wide screen sunk in a thick frame, a bulge behind, on a stem with a broad foot."""
-    width, ratio, frame = rng.uniform(1.7, 1.95), rng.uniform(0.56, 0.64), rng.uniform(0.12, 0.15)
-    stem = traits.draw(rng, "stem", (0.02, 0.06), (0.24, 0.32), (0.9, 1.1))
-    height = width * ratio
-    middle = 0.1 + stem + height / 2
-    parts = [box([0, middle, 0], [width - 0.05, height - 0.05, 0.13], round_by=0.2)]
-    parts += [box([0, middle - 0.05, -0.12], [width * 0.5, height * 0.55, 0.2], round_by=0.45)]
-    for end in (-1, 1):
-        parts.append(box([0, middle + end * (height - frame) / 2, 0.03], [width, frame, 0.24], round_by=0.35))
-        parts.append(box([end * (width - frame) / 2, middle, 0.03], [frame, height, 0.24], round_by=0.35))
-    foot = lathe([(0.46, 0.0), (0.46, 0.07), (0.38, 0.12), (0.1, 0.14)])
-    pole = box([0, 0.06 + stem / 2, 0], [0.26, stem + 0.2, 0.16], round_by=0.3)
-    return join([*parts, Part(foot.verts * [1.0, 1.0, 0.62], foot.faces), pole])
+def cone(rng: Rng, _: Traits) -> Part:
+    """Draw a traffic cone: a square foot and a slim blunt cone with a raised band."""
+    foot, tall, wide = rng.uniform(0.46, 0.56), rng.uniform(1.05, 1.4), rng.uniform(0.28, 0.34)
+    share = np.array([0.0, 0.05, 0.3, 0.36, 0.37, 0.66, 0.67, 0.75, 0.97, 1.0])
+    wall = np.stack([wide * (1 - share) + 0.08 + 0.035 * ((share > 0.365) & (share < 0.665)), 0.12 + tall * share], 1)
+    return join([box([0, 0.07, 0], [2 * foot, 0.15, 2 * foot], round_by=0.25), lathe([(wide + 0.16, 0.1), *wall])])
+
+
+def pillow(rng: Rng, _: Traits) -> Part:
+    """Draw a pillow that leans back: a swollen cushion with drawn-out corners, with or without a button."""
+    wide, tall, puff = rng.uniform(0.75, 1.0), rng.uniform(0.6, 0.75), rng.uniform(0.28, 0.4)
+    part = box([0, 0, 0], [2, 2, 0.2], round_by=0.5, cells=20)
+    x, y, z = part.verts.T
+    full = 1 + puff / 0.1 * np.clip((1 - x**2) * (1 - y**2), 0, 1) ** 0.5
+    # The sides are drawn in between the corners.
+    x, y = wide * x * (0.86 + 0.14 * y**2), tall * y * (0.86 + 0.14 * x**2)
+    parts = [Part(np.stack([x, y, z * full], 1), part.faces)]
+    if rng.random() < 0.5:
+        parts += [ellipsoid([0, 0, z * (puff + 0.1)], [0.13, 0.13, 0.06], rings=8) for z in (-1, 1)]
+    return turned(join(parts), -rng.uniform(8, 30), "x")

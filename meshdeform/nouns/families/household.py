@@ -1,13 +1,11 @@
-"""Draw vessels, a lamp, a bell and an umbrella, all solids of revolution."""
+"""Draw vessels, a lamp, a bell and an umbrella, all solids of revolution, and what has no other place."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.parts import Part, ellipsoid, join, lathe, limb
+from meshdeform.nouns.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, pair
 from meshdeform.nouns.families.traits import Rng, Traits
-
-__all__ = ["bell", "bottle", "bowl", "goblet", "lamp", "umbrella", "vase"]
 
 
 def vase(rng: Rng, traits: Traits) -> Part:
@@ -61,20 +59,6 @@ def bowl(rng: Rng, _: Traits) -> Part:
     return lathe([(foot, 0.0), (foot * 0.9, 0.1), *outer, *inner, (0.0, 0.15 * depth + 0.1)], segments=28)
 
 
-def lamp(rng: Rng, traits: Traits) -> Part:
-    """Draw a table lamp: a heavy foot, a pole and a conical shade."""
-    stem = traits.draw(rng, "stem", (0.3, 0.38), (0.6, 0.8), (1.15, 1.4))
-    shade = traits.draw(rng, "shade", (0.26, 0.31), (0.48, 0.56), (0.78, 0.9))
-    foot, pole = rng.uniform(0.4, 0.48), rng.uniform(0.12, 0.15)
-    rod = [(pole, height) for height in np.linspace(0.22, stem + 0.4, 6)]
-    base = lathe([(foot, 0.0), (foot, 0.08), (foot * 0.6, 0.16), *rod])
-    bottom, height = 0.2 + stem, 1.05 * shade
-    slope = rng.uniform(0.45, 0.55)
-    cone = [(shade, bottom), (shade, bottom + 0.03)]
-    cone += [(shade * (1 - (1 - slope) * t), bottom + height * t) for t in (0.3, 0.6, 1.0)]
-    return join([base, lathe([(shade * 0.5, bottom + 0.03), *cone])])
-
-
 def bell(rng: Rng, traits: Traits) -> Part:
     """Draw a hand bell: a flared hollow skirt with its clapper, round shoulders, a handle with a knob."""
     mouth, waist, height = rng.uniform(0.56, 0.66), rng.uniform(0.32, 0.38), rng.uniform(0.78, 0.92)
@@ -112,3 +96,68 @@ def umbrella(rng: Rng, traits: Traits) -> Part:
     shaft = limb([[0, dome * 0.9, 0], [0, bottom + 0.1, 0], *hook], [thick] * 9, segments=10, samples=3)
     tip = limb([[0, dome - 0.05, 0], [0, dome + 0.16, 0]], [0.06, 0.045], segments=8)
     return join([Part(verts, canopy.faces), shaft, tip])
+
+
+def guitar(rng: Rng, traits: Traits) -> Part:
+    """Draw a guitar standing upright, its strings toward +Z: a waisted body, a neck, a head with six pegs."""
+    low, high, waist = rng.uniform(0.48, 0.54), rng.uniform(0.34, 0.38), rng.uniform(0.24, 0.28)
+    height, deep = rng.uniform(1.1, 1.22), rng.uniform(0.24, 0.3)
+    neck = traits.draw(rng, "neck", (0.1, 0.16), (0.75, 0.9), (1.6, 1.85))
+    turn = np.linspace(0.0, np.pi, 25)[1:-1]
+    share = (1 - np.cos(turn)) / 2
+    bout = low + (high - low) / (1 + np.exp(-(share - 0.5) * 16))
+    side = (bout - (bout - waist) * np.exp(-(((share - 0.6) / 0.16) ** 2))) * np.sin(turn) ** 0.55
+    right = list(zip(side, height * share, strict=True))
+    outline = [(0.0, 0.0), *right, (0.0, height), *[(-x, y) for x, y in reversed(right)]]
+    parts = [extrude(outline, deep, bevel=0.15)]
+    face, top = deep / 2, height + neck
+    parts.append(box([0, height * 0.25, face], [0.34, 0.09, 0.1], cells=4))
+    parts.append(ellipsoid([0, height * 0.56, face], [0.13, 0.13, 0.05], rings=8))
+    parts.append(box([0, (height * 0.6 + top) / 2, face], [0.15, top - height * 0.6, 0.13], cells=12))
+    parts.append(box([0, top + 0.14, face - 0.02], [0.26, 0.36, 0.12]))
+    for level in (0.04, 0.14, 0.24):
+        parts += pair(limb([[0.1, top + level, face], [0.2, top + level, face]], [0.045, 0.05], segments=8, samples=3))
+    return join(parts)
+
+
+def hat(rng: Rng, traits: Traits) -> Part:
+    """Draw a round hat: a domed crown on a wide brim."""
+    crown, height = rng.uniform(0.42, 0.48), rng.uniform(0.55, 0.7)
+    brim = traits.draw(rng, "brim", (0.56, 0.6), (0.86, 0.98), (1.4, 1.6))
+    droop = rng.uniform(0.0, 0.08)
+    turn = np.linspace(0.2, 1.0, 6)
+    dome = [
+        (crown * np.cos(t * np.pi / 2) ** 0.5, 0.1 + height * (0.35 + 0.65 * np.sin(t * np.pi / 2))) for t in turn[:-1]
+    ]
+    disc = [(brim * 0.96, -droop), (brim, 0.05 - droop), (brim * 0.96, 0.11 - droop), (crown * 1.04, 0.14)]
+    return lathe([(crown * 0.9, 0.0), *disc, (crown, 0.2), *dome, (0.0, 0.1 + height)], segments=28)
+
+
+def star(rng: Rng, _: Traits) -> Part:
+    """Draw a five-pointed star standing on two points, thickest in the middle, facing +Z."""
+    inner = rng.uniform(0.42, 0.5)
+    corners = []
+    for point in range(10):
+        angle = np.pi / 2 + point * np.pi / 5
+        reach = 1.0 if point % 2 == 0 else inner
+        corners.append((reach * np.cos(angle), reach * np.sin(angle)))
+    return extrude(_refined(corners, 3), rng.uniform(0.22, 0.28), puff=rng.uniform(0.3, 0.45))
+
+
+def heart(rng: Rng, _: Traits) -> Part:
+    """Draw a heart standing on its point, thick and round as a cushion, facing +Z."""
+    turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    x = 16 * np.sin(turn) ** 3
+    y = 13 * np.cos(turn) - 5 * np.cos(2 * turn) - 2 * np.cos(3 * turn) - np.cos(4 * turn)
+    outline = np.stack([x, y], 1)[::-1] / 16
+    return extrude(
+        outline * [1.0, rng.uniform(0.95, 1.1)], rng.uniform(0.36, 0.46), bevel=0.4, puff=rng.uniform(0.25, 0.4)
+    )
+
+
+def _refined(corners: list[tuple[float, float]], pieces: int) -> list[tuple[float, float]]:
+    """Divide each edge of a polygon into equal pieces."""
+    refined = []
+    for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1], strict=True):
+        refined += [(x0 + (x1 - x0) * k / pieces, y0 + (y1 - y0) * k / pieces) for k in range(pieces)]
+    return refined

@@ -11,9 +11,6 @@ from meshdeform.nouns.families.drawing import bead, bent_limb, near, on, pairs, 
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["ant", "bee", "beetle", "caterpillar",  "dragonfly", "fly", "grasshopper", "ladybug",
-    "scorpion"]  # fmt: skip
-
 _SIX = ((0.12, 35), (0.0, 0), (-0.12, -35))
 """Where (z) three legs a side begin, and their angles ahead of straight out."""
 

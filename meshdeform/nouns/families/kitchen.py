@@ -19,8 +19,6 @@ from meshdeform.nouns.families.parts import (
 )  # fmt: skip
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["bread", "can", "hotdog", "jar", "mug", "pan", "plate", "potion"]
-
 
 def vessel(outer: ArrayLike, wall: float, floor: float, segments: int = SEGMENTS) -> Part:
     """Return a vessel of an outer profile (radius, height) from foot to rim, hollow down to `floor`."""
@@ -88,13 +86,6 @@ def can(rng: Rng, _: Traits) -> Part:
         wall = [(neck, 0.0), (wide, 0.14), (wide, 0.5 * high), (wide, high - 0.2), (neck, high - 0.05)]
         wall += [(neck + 0.03, high)]
     return vessel(wall, 0.07, high - 0.09)
-
-
-def plate(rng: Rng, _: Traits) -> Part:
-    """Draw a flat plate or a deep one: a hollow with a broad rim."""
-    deep, inner = rng.uniform(0.12, 0.26), rng.uniform(0.55, 0.68)
-    outer = [(0.5, 0.0), (0.5, 0.04), (inner, 0.05), (0.97, deep), (1.0, deep + 0.05)]
-    return lathe([*outer, (0.96, deep + 0.06), (inner + 0.06, 0.5 * deep + 0.06), (inner - 0.06, 0.09)])
 
 
 def potion(rng: Rng, _: Traits) -> Part:

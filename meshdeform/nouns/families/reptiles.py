@@ -22,8 +22,6 @@ from meshdeform.nouns.families.parts import (
 )  # fmt: skip
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["chameleon", "lizard", "stegosaurus", "triceratops", "tyrannosaurus"]
-
 _HEAVY = FourLegged(
     length=0.8, girth=0.33, hips=1.0, arch=0.06, leg=0.28, thick=0.12, thigh=1.3, paw=0.9, neck=0.1, tilt=5, head=0.2,
     muzzle=1.1, snout=(0.75, 0.5), drop=-22, mask="head", ears="", tails="down", tail=0.8,

@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from meshdeform.nouns.families.boards import bar, block
-from meshdeform.nouns.families.buildings import arch
+from meshdeform.nouns.families.buildings import arch, bar, block, roof_of
 from meshdeform.nouns.families.kitchen import vessel
 from meshdeform.nouns.families.parts import (
     Array,
@@ -25,7 +24,7 @@ from meshdeform.nouns.families.parts import (
     plate,
     turned,
 )
-from meshdeform.nouns.families.walls import roof_of
+from meshdeform.nouns.families.vehicles import tyre
 
 __all__ = ["Groups", "solid", "tapered"]
 
@@ -211,6 +210,7 @@ _SHAPES: dict[str, Callable[[Groups], Part]] = {
     "slab": partial(_slab, 2),
     "spoked": _spoked,
     "tube": partial(_rod, True),
+    "tyre": lambda groups: tyre(groups[1][0], groups[1][1], groups[0]),
     "wheel": _wheel,
     "wing": _wing,
 }
@@ -227,6 +227,15 @@ def solid(name: str, groups: Groups) -> Part:
     form, sides = name.rstrip("0123456789"), name.lstrip("abcdefghijklmnopqrstuvwxyz")
     if form in ("lathe", "turn"):
         return _of_sides(lathe(_profile(form == "turn", groups), segments=24), sides)
+    if form == "cube":
+        return _box(int(sides or 6), 0.25, groups)
+    if form == "limb":
+        return limb([group[:3] for group in groups], [group[3:] * (6 - len(group)) for group in groups],
+            segments=int(sides or 16))  # fmt: skip
+    if form == "orb":
+        return ellipsoid(*groups, rings=int(sides or 14))
+    if form == "spin":
+        return lathe(groups, segments=int(sides or 28))
     if form in ("cup", "vase"):
         wall, floor = groups[0]
         return _of_sides(vessel(_profile(form == "vase", groups[1:]), wall, floor, segments=24), sides)

@@ -1,28 +1,29 @@
 """Draw the families that are sketched in tables, `sketched/*.txt`: things that are a few solids of few sizes.
 
-A sketch is a line with the name of a noun, or `noun/kind` for another kind of it, and its sizes; then lines of solids::
+A sketch is the name of a noun, or `noun/kind` for another kind of it, and its sizes; then solids behind semicolons. It
+goes on in lines that begin with a space::
 
-    toaster: w 1 1.3, h .62 .85, a=handle .1 .2
-      body box 0 .5h 0, w h .6, .3; foot drum .36w 0 .2, .07 .06 | quad
-    toaster/wide-toaster < toaster: w 1.5 1.8, n chance .3
-      knob ball .5w .3h .1, .05 | if n
+    toaster: w 1 1.3, h .62 .85, a=handle .1 .2; body box 0 .5h 0, w h .6, .3; foot drum .36w 0 .2, .07 .06 | quad
+    toaster/wide-toaster < toaster: w 1.5 1.8, n chance .3; knob ball .5w .3h .1, .05 | if n
 
-A size is a letter with its range; `a=handle` is the one that a prompt sets by the handle. `n whole 2 4` is 2, 3 or 4,
+A size is a letter with its range; `a=handle` is the one that a prompt sets by the handle, where four more numbers are
+the ranges of a short and of a long one: lesser, usual, greater. `n whole 2 4` is 2, 3 or 4,
 `n chance .3` is 1 in 30 of 100 members and else 0, and `x 2w+.1` is that. A number is a sum of products of numbers and
 sizes before it: `.5h+.1`, `-2wh`. A solid is the name of its part (of several, as in `families.parts.divided`), its
-shape, and groups of numbers; behind bars, what is done to it in turn. A line that ends with a comma goes on. A sketch
-`< another` has its sizes, some of them its own, and its solids first; a name with a star is only such a base.
+shape, and groups of numbers; behind bars, what is done to it in turn. A sketch `< another` has its sizes, some of them
+its own, and its solids first; a name with a star is only such a base.
 
 ==================================  ==========================================================================
 box X Y Z, W H D, R                 a box about a point; R: its rounding, .2 if left out; `brick` has fewer faces,
-                                    `board` few and a rounding of .12
+                                    `board` few and a rounding of .12, `cube` more and one of .25
 drum X Y Z, R H                     a cylinder H to both sides of a point, along Y; `drumx`, `drumz`
-ball X Y Z, R [RY RZ]               an ellipsoid
+ball X Y Z, R [RY RZ]               an ellipsoid; `orb`, `orb8`: of 14 rings, of 8
 hoop X Y Z, R T [TALL]              a ring of thickness T in the plane of X and Y, TALL times as high as wide
 rod X Y Z R [D], X Y Z, ...         straight rods through points; R: half its width along X, D: half its other one,
                                     as at the point before if left out
-tube X Y Z R, X Y Z R, ...          the same, bent smoothly
-lathe R Y, R Y, ...                 a surface of revolution; `turn`: of a smooth profile; `lathe6`: of six sides
+tube X Y Z R, X Y Z R, ...          the same, bent smoothly; `limb`, `limb10`: straight, of 16 sides, of 10
+lathe R Y, R Y, ...                 a surface of revolution; `turn`: of a smooth profile; `lathe6`: of six sides;
+                                    `spin`, `spin40`: of 28 corners around, of 40
 cup WALL FLOOR, R Y, R Y, ...       a vessel that is hollow down to FLOOR; `vase`: of a smooth profile; `cup4` ...
 plate T [PUFF], X Y, X Y, ...       a plate of thickness T that faces +Z; `blob`: of a smooth outline
 side W [BEVEL], Z Y, Z Y, ...       a solid W wide with a side view; its bevel is .06 of W if left out
@@ -32,7 +33,7 @@ slab X Y Z, W H D, R                a box on a point, R .1 if left out, of few f
 bar X Y Z, X Y Z, R                 a straight round bar between two points, of few faces
 arch X Y Z, W H T                   a plate on a point that faces +Z, T thick, its top half a circle
 gable X Y Z, W H D                  a roof on a level, its gable toward +Z; `ridge`, `hip`, `gambrel`, `slope`
-wheel X Y Z, R H                    a wheel along X; `spoked X Y Z, R H N` has N spokes right across
+wheel X Y Z, R H                    a wheel along X, `tyre` another; `spoked X Y Z, R H N` has N spokes right across
 cab W SHARE N, Z Y, Z Y, ...        a cabin with a `window` all around and N posts, narrower above by a share
 wing SPAN CHORD SWEEP TAPER T RISE  a left wing whose root begins at the origin; its tip is SWEEP behind, TAPER of its
                                     chord, and RISE degrees up
@@ -92,7 +93,10 @@ def _groups(words: Sequence[str], sizes: dict[str, float]) -> Groups:
 def _size(words: Sequence[str], part: str, sizes: dict[str, float], rng: Rng, traits: Traits) -> float:
     """Draw a size by its words, or by what the prompt says of a part."""
     kind = words[0] if words[0] in ("whole", "chance") else ""
-    least, most = ([_number(word, sizes) for word in words[bool(kind) :]] * 2)[:2]
+    numbers = [_number(word, sizes) for word in words[bool(kind) :]]
+    if part and len(numbers) == 6:
+        return traits.draw(rng, part, (numbers[0], numbers[1]), (numbers[2], numbers[3]), (numbers[4], numbers[5]))
+    least, most = (numbers * 2)[:2]
     if kind:
         return float(rng.integers(int(least), int(most) + 1) if kind == "whole" else rng.random() < least)
     if part:
@@ -177,17 +181,14 @@ def read(text: str) -> dict[str, Callable[[Rng, Traits], Part]]:
     or groups of other numbers.
     """
     sketches: dict[str, _Sketch] = {}
-    name = ""
-    for line in re.sub(r",\n\s*", ", ", re.sub(r"(?m)^#.*", "", text)).splitlines():
-        if line.startswith(" "):
-            sketches[name].entries += line.split(";")
-        elif line:
-            title, _, head = line.partition(":")
-            name, _, base = (each.strip() for each in title.partition("<"))
-            basis = sketches[base] if base else _Sketch("", {}, [])
-            own = (piece.split() for piece in head.split(",") if piece.strip())
-            sizes = {word.split("=")[0]: (word.partition("=")[2], words) for word, *words in own}
-            sketches[name] = _Sketch(name, basis.sizes | sizes, [*basis.entries])
+    for line in re.sub(r"\n +", " ", re.sub(r"(?m)^(#.*)?\n", "", text)).splitlines():
+        title, _, rest = line.partition(":")
+        name, _, base = (each.strip() for each in title.partition("<"))
+        head, *solids = rest.split(";")
+        basis = sketches[base] if base else _Sketch("", {}, [])
+        own = (piece.split() for piece in head.split(",") if piece.strip())
+        sizes = {word.split("=")[0]: (word.partition("=")[2], words) for word, *words in own}
+        sketches[name] = _Sketch(name, basis.sizes | sizes, basis.entries + solids)
     return {name: sketch for name, sketch in sketches.items() if not name.startswith("*")}
 
 

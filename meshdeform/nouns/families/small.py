@@ -7,8 +7,6 @@ import numpy as np
 from meshdeform.nouns.families.parts import Part, ellipsoid, join, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["crab", "frog", "snail", "snake", "spider"]
-
 
 def crab(rng: Rng, traits: Traits) -> Part:
     """Draw a crab: a wide low shell, eyes on stalks, three bent legs a side, two raised claws with open pincers."""

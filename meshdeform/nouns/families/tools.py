@@ -7,21 +7,6 @@ import numpy as np
 from meshdeform.nouns.families.parts import Part, box, disc, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = [
-    "anvil",
-    "axe",
-    "barrel",
-    "bucket",
-    "camera",
-    "candle",
-    "chest",
-    "dumbbell",
-    "hammer",
-    "shield",
-    "sword",
-    "teapot",
-]
-
 
 def anvil(rng: Rng, _: Traits) -> Part:
     """Draw an anvil: a spread foot, a waist, a long block on top whose horn tapers toward +Z."""
@@ -153,39 +138,6 @@ def chest(rng: Rng, _: Traits) -> Part:
         parts.append(moved(lid(0.2, 0.12), [x * width, 0, 0]))
         parts.append(box([x * width, body / 2, 0], [0.2, body, deep + 0.2], round_by=0.1))
     return join([*parts, box([0, body, deep / 2 + 0.04], [0.3, 0.4, 0.26], round_by=0.25)])
-
-
-def dumbbell(rng: Rng, traits: Traits) -> Part:
-    """Draw a dumbbell lying along X: a thick handle between two stacks of round plates."""
-    grip = traits.draw(rng, "handle", (0.12, 0.2), (0.7, 0.85), (1.6, 1.9))
-    plate, thick = rng.uniform(0.46, 0.58), rng.uniform(0.26, 0.36)
-    inner, outer = grip / 2, grip / 2 + thick
-    small = plate * rng.uniform(0.66, 0.76)
-    side = [disc(plate, inner, outer, edge=0.06), disc(small, outer - 0.04, outer + thick * 0.5, edge=0.05)]
-    handle = limb([[-outer, 0.0, 0.0], [0.0, 0.0, 0.0], [outer, 0.0, 0.0]], [0.17, 0.185, 0.17])
-    return join([handle, *(end for part in side for end in pair(turned(part, -90, "z")))])
-
-
-def hammer(rng: Rng, traits: Traits) -> Part:
-    """Draw a hammer standing on its handle: a round face toward +X, a claw that bends down toward -X."""
-    handle = traits.draw(rng, "handle", (0.3, 0.4), (0.9, 1.1), (1.9, 2.2))
-    head = traits.draw(rng, "head", (0.58, 0.66), (1.0, 1.12), (1.6, 1.8))
-    thick = rng.uniform(0.145, 0.17)
-    shaft = limb(
-        [[0, -0.3 - handle, 0], [0, -0.3 - 0.6 * handle, 0], [0, -0.2, 0], [0, 0.1, 0]],
-        [thick * 1.35, thick * 1.3, thick, thick],
-    )
-    face = rng.uniform(0.21, 0.25)
-    drum = lathe([(0.15, 0.1), (0.15, 0.3), (face, 0.34), (face, 0.6), (face - 0.05, 0.64)])
-    parts = [turned(drum, -90, "z"), box([0, 0, 0], [0.42, 0.4, 0.36], round_by=0.25)]
-    curve = rng.uniform(0.2, 0.3)
-    claw = limb(
-        [[-0.1, 0.04, 0.06], [-0.42, 0.04, 0.11], [-0.66, 0.04 - 0.4 * curve, 0.15], [-0.8, 0.02 - curve, 0.17]],
-        [[0.12, 0.12], [0.11, 0.11], [0.09, 0.1], [0.05, 0.08]],
-        segments=10,
-    )
-    parts += [claw, Part(claw.verts * [1, 1, -1], claw.faces[:, ::-1].copy())]
-    return join([shaft, *(Part(part.verts * head, part.faces) for part in parts)])
 
 
 def shield(rng: Rng, _: Traits) -> Part:

@@ -8,31 +8,10 @@ from numpy.typing import ArrayLike
 from meshdeform.nouns.families.parts import Part, box, ellipsoid, extrude, join, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["airplane", "balloon", "boat", "car", "helicopter", "rocket", "submarine"]
-
 
 def _plate(outline: ArrayLike, thickness: float) -> Part:
     """Return a flat plate whose outline (N, 2) of (x, z), clockwise from above, lies in the plane y = 0."""
     return turned(extrude(np.asarray(outline, float) * [1.0, -1.0], thickness, bevel=0.25), -90, "x")
-
-
-def airplane(rng: Rng, traits: Traits) -> Part:
-    """Draw an airplane: a slim fuselage, flat broad swept wings, a flat tail plane and a tall flat fin."""
-    length, girth = rng.uniform(0.92, 1.06), rng.uniform(0.16, 0.19)
-    wings = traits.draw(rng, "wings", (0.22, 0.3), (0.74, 0.88), (1.4, 1.65))
-    sweep, chord, thick = rng.uniform(0.24, 0.42), rng.uniform(0.6, 0.72), 0.12
-    hull = [[0, 0, length * 0.86], [0, 0, 0.3], [0, 0, -length * 0.4], [0, 0.06, -length]]
-    parts = [limb(hull, [girth * 0.8, girth, girth, 0.09], segments=16)]
-    root, tip = 0.3 * chord, girth + wings
-    back = sweep * wings / 0.8
-    wing = [(0.0, root), (tip, root - back - 0.12), (tip, root - back - 0.12 - 0.5 * chord), (0.0, root - chord)]
-    parts += pair(moved(_plate(wing, thick), [0, -0.03, 0.16]))
-    span, rear = rng.uniform(0.46, 0.54), -length * 0.74
-    tail = [(0.0, 0.02), (span, -0.16), (span, -0.4), (0.0, -0.34)]
-    parts += pair(moved(_plate(tail, 0.11), [0, 0.06, rear]))
-    tall = rng.uniform(0.46, 0.56)
-    fin = [(0.0, 0.06), (tall, -0.22), (tall, -0.46), (0.0, -0.36)]
-    return join([*parts, moved(turned(_plate(fin, 0.12), 90, "z"), [0, 0.04, rear])])
 
 
 def balloon(rng: Rng, _: Traits) -> Part:
@@ -54,36 +33,6 @@ def balloon(rng: Rng, _: Traits) -> Part:
     ropes = box([0, level + tall + 0.1, 0], [0.26, 0.36, 0.26], round_by=0.3)
     car = box([0, level + tall / 2, 0], [basket, tall, basket], round_by=0.15)
     return join([Part(np.stack([x * swell, y, z * swell], 1), bag.faces), ropes, rim, car])
-
-
-def helicopter(rng: Rng, traits: Traits) -> Part:
-    """Draw a helicopter: an egg-shaped cabin with a windscreen, four broad blades, a boom with a tail rotor, skids."""
-    length, girth = rng.uniform(0.66, 0.76), rng.uniform(0.4, 0.46)
-    tail = traits.draw(rng, "tail", (0.12, 0.22), (0.8, 0.95), (1.7, 2.0))
-    reach, mast = rng.uniform(0.9, 1.05), girth + rng.uniform(0.18, 0.24)
-    end = -0.4 * length - tail
-    parts = [
-        ellipsoid([0, 0, 0], [girth, girth, length]),
-        ellipsoid([0, 0.1, 0.24 * length], [girth * 0.94, girth * 0.86, length * 0.72]),
-        box([0, girth * 0.86, -0.08], [0.34, 0.24, 0.6], round_by=0.45),
-        limb([[0, girth * 0.8, 0], [0, mast + 0.06, 0]], [0.1, 0.1], segments=10),
-        limb([[0, 0.12, -0.3 * length], [0, 0.2, end]], [0.17, 0.085], segments=12),
-        moved(
-            turned(_plate([(-0.04, 0.1), (0.42, -0.12), (0.42, -0.32), (-0.04, -0.16)], 0.12), 90, "z"), [0, 0.18, end]
-        ),
-        moved(turned(lathe([(0.2, -0.05), (0.22, 0.0), (0.2, 0.05)]), 90, "z"), [0.1, 0.26, end - 0.04]),
-        lathe([(0.14, mast), (0.16, mast + 0.08), (0.08, mast + 0.15)]),
-    ]
-    spin = rng.uniform(20, 70)
-    blade = box([0, mast + 0.06, reach / 2], [0.22, 0.12, reach], round_by=0.35)
-    parts += [turned(blade, spin + 90 * step, "y") for step in range(4)]
-    ground, side = -girth - 0.22, girth * 0.86
-    parts += pair(
-        limb([[side, ground, -0.5], [side, ground, 0.42], [side, ground + 0.1, 0.62]], [0.075] * 3, segments=10)
-    )
-    # One broad strut a side: two would leave a hole between them.
-    strut = limb([[0.1, -girth * 0.8, 0], [side, ground, 0]], [[0.075, 0.24], [0.07, 0.2]], segments=10)
-    return join([*parts, *pair(strut)])
 
 
 def rocket(rng: Rng, traits: Traits) -> Part:
@@ -158,3 +107,34 @@ def submarine(rng: Rng, traits: Traits) -> Part:
     for z in np.linspace(-0.34, 0.66, 4):
         parts += pair(ellipsoid([girth * 0.93, 0.06, z * length], [0.08, 0.095, 0.095], rings=8))
     return join(parts)
+
+
+def tyre(radius: float, half: float, centre: ArrayLike) -> Part:
+    """Return a tyre with a hub that stands out, its axle along X; `half` is half the tyre's width."""
+    tyre = [(0.9 * radius, -half), (radius, -0.6 * half), (radius, 0.6 * half), (0.9 * radius, half)]
+    dish = [(0.6 * radius, half), (0.5 * radius, 0.6 * half), (0.3 * radius, 0.6 * half), (0.25 * radius, 1.15 * half)]
+    profile = [*((r, -y) for r, y in dish[::-1]), *tyre, *dish]
+    return moved(turned(lathe(profile), 90, "z"), centre)
+
+
+def truck(rng: Rng, traits: Traits) -> Part:
+    """Draw a truck: a cab with a sunk windscreen and a bumper, a gap, a taller ribbed box behind, six wheels."""
+    width, length = rng.uniform(0.76, 0.86), rng.uniform(1.25, 1.5)
+    wheel = traits.draw(rng, "wheels", (0.1, 0.13), (0.22, 0.26), (0.42, 0.48))
+    floor, load, tall = wheel + 0.1, rng.uniform(0.82, 0.95), rng.uniform(0.54, 0.62)
+    cab = rng.uniform(0.46, 0.54)
+    front = length * 0.42 + 0.16
+    middle = front + cab / 2
+    parts = [box([0, floor, 0.16], [width * 0.7, 0.2, length + cab + 0.1], round_by=0.2)]
+    parts += [box([0, floor + load / 2, front - 0.16 - length / 2], [width, load, length], round_by=0.06)]
+    parts += [box([0, floor + tall * 0.28, middle + 0.06], [width * 0.94, tall * 0.66, cab + 0.12], round_by=0.25)]
+    parts += [box([0, floor + tall / 2, middle - 0.03], [width * 0.78, tall, cab - 0.12], round_by=0.1)]
+    parts += [box([0, floor + tall + 0.04, middle - 0.04], [width * 0.94, 0.13, cab - 0.02], round_by=0.45)]
+    parts += [box([0, floor - 0.1, front + cab + 0.1], [width, 0.16, 0.16], round_by=0.4)]
+    for z in (-cab / 2 + 0.04, cab / 2 - 0.1):
+        parts += pair(box([width * 0.41, floor + tall * 0.7, middle + z], [0.1, tall * 0.7, 0.1], round_by=0.3))
+    for z in np.linspace(front - 0.1 - length, front - 0.22, 5):
+        parts.append(box([0, floor + load / 2, z], [width + 0.1, load + 0.06, 0.1], round_by=0.4))
+    for z in (front - length * 0.98, front - length * 0.98 + 2.1 * min(wheel, 0.3), middle + 0.02):
+        parts += pair(tyre(wheel, 0.11, [width / 2 - 0.02, wheel, z]))
+    return join([*parts, *pair(ellipsoid([width * 0.32, floor + 0.1, front + cab + 0.12], 0.08, rings=8))])

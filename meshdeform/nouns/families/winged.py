@@ -8,8 +8,6 @@ from meshdeform.nouns.families.animals import Body, at
 from meshdeform.nouns.families.parts import Part, curved, ellipsoid, join, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-__all__ = ["bird", "butterfly", "chicken", "dragon", "owl", "swan"]
-
 
 def bird(rng: Rng, traits: Traits) -> Part:
     """Draw a bird in flight: a plump body, a round head with a pointed beak, raised wings, a fanned tail."""

@@ -17,11 +17,9 @@ from tests.unit.nouns.test_families import border_edges, volume, volumes
 
 BLOCK = """
 # A block whose height is twice its width; two feet, then a row of three of them.
-block: w 2 2, a=handle 1 1
-  body box 0 w 0, w 2w .5w, .1; foot drum .4w 0 0, .1 .05 | pair; handle rod 0 2w 0 .1,
-    0 2w+a 0; leg ball 0 0 1, .1 | row 3 0 0 .5
-block/cube: w 1 1
-  body box 0 0 0, w w w
+block: w 2 2, a=handle 1 1; body box 0 w 0, w 2w .5w, .1; foot drum .4w 0 0, .1 .05 | pair; handle rod 0 2w 0 .1,
+  0 2w+a 0; leg ball 0 0 1, .1 | row 3 0 0 .5
+block/cube: w 1 1; body box 0 0 0, w w w
 """
 CUBE = "box 0 0 0, 1 1 1, 0"
 
@@ -33,7 +31,7 @@ def _drawn(text: str, seed: int = 0, attributes: tuple[Attribute, ...] = ()) -> 
 
 def _extents(solids: str) -> list[NDArray[np.float64]]:
     """Return the extents of each solid, (2, 3): its least and its greatest corner."""
-    member = _drawn(f"a:\n  {solids}")
+    member = _drawn(f"a:; {solids}")
     return [
         np.stack([own.min(0), own.max(0)])
         for own in (member.verts[member.solids == number] for number in range(member.solids.max() + 1))
@@ -57,7 +55,7 @@ def test_a_sketch_is_drawn_as_its_words_say() -> None:
 
 
 def test_sizes_are_drawn_and_build_on_one_another() -> None:
-    text = "a: w .2 .3, n whole 2 4, h 2w+.5ww-.1\n  body box 0 h 0, w .2 .4 | row n 1 0 0"
+    text = "a: w .2 .3, n whole 2 4, h 2w+.5ww-.1; body box 0 h 0, w .2 .4 | row n 1 0 0"
     counts = set()
     for seed in range(12):
         member = _drawn(text, seed)
@@ -83,7 +81,7 @@ def test_what_is_done_with_a_solid_is_done_in_order() -> None:
     assert turned.mean(0) == pytest.approx([0, 0, 0])
     assert turned[1] - turned[0] == pytest.approx([0.2, 0.4, 0.4])
     for word, axis in (("taper", 1), ("taperz", 2)):
-        narrow = _drawn(f"a:\n  body {CUBE} | {word} .5").verts
+        narrow = _drawn(f"a:; body {CUBE} | {word} .5").verts
         assert np.abs(narrow[narrow[:, axis] > 0.49, 0]).max() == pytest.approx(0.25)
 
 
@@ -91,7 +89,7 @@ def test_an_outline_has_arcs_and_may_go_round_either_way() -> None:
     for corners in ("-1 0, 0 0 1 180 0, 1 0", "1 0, 0 0 1 0 180, -1 0"):
         (dome,) = _extents(f"body side .5, {corners}")
         np.testing.assert_allclose(dome, [[-0.25, 0, -1], [0.25, 1, 1]], atol=1e-9)
-        assert volume(_part(_drawn(f"a:\n  body side .5, {corners}"))) > 0
+        assert volume(_part(_drawn(f"a:; body side .5, {corners}"))) > 0
 
 
 def _part(member: LabelledMember) -> Part:
@@ -99,15 +97,15 @@ def _part(member: LabelledMember) -> Part:
 
 
 def test_a_condition_leaves_solids_out_and_a_base_is_drawn_first() -> None:
-    text = "*wheeled: r .1, n chance .5\n  wheel wheel .5 r 0, r .05 | pair\n"
-    text += f"a < *wheeled: r .2\n  body {CUBE} | if n; lamp {CUBE} | unless n"
+    text = "*wheeled: r .1, n chance .5; wheel wheel .5 r 0, r .05 | pair\n"
+    text += f"a < *wheeled: r .2; body {CUBE} | if n; lamp {CUBE} | unless n"
     members = [_drawn(text, seed) for seed in range(12)]
     assert {member.parts for member in members} == {("body", "wheel"), ("lamp", "wheel")}
     for member in members:
         assert member.verts[member.solids == 0, 1].max() == pytest.approx(0.4, abs=0.01)
 
 
-@each_case("text", ["a:\n  body box 0 0 0, 1 q 1", "a:\n  body box 0 0 0, 1 $ 1", "a:\n  body ring 0 0 0", "a: w 2%"])
+@each_case("text", ["a:; body box 0 0 0, 1 q 1", "a:; body box 0 0 0, 1 $ 1", "a:; body ring 0 0 0", "a: w 2%"])
 def test_a_text_that_means_nothing_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"^a: "):
         _drawn(text)
