@@ -1,9 +1,10 @@
 """Time previews of a real service, as somebody types: ``python -m bench.live [--browser] [--turns N] [--faces N]``.
 
 Starts a service in a temporary folder, reads an asset (the painted animal with 10,000 faces), and asks for prompts one
-after the other, whose nouns were drawn before: how long the first takes, the next ones, five more seeds of each, and the file of one that was seen.
-`import torch` is timed between them, by the clock and by the processor, which counts on a busy machine. With
-``--browser``, Chromium types on the page: from the end of its pause of .3 s to the frame after the shape has come.
+after the other, whose nouns were drawn before: how long the first takes, the next ones, five more seeds of each, and
+the file of one that was seen. `import torch` is timed between them, by the clock and by the processor, which counts on
+a busy machine. With ``--browser``, Chromium types on the page: from the end of its pause of .3 s to the frame after
+the shape has come.
 """
 
 from __future__ import annotations
