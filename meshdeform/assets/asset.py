@@ -67,6 +67,8 @@ class Asset:
         Nodes whose meshes are no part of the surface.
     backdrop : Backdrop, optional
         Planes that make everything else small.
+    in_metres : bool
+        Whether its file, or the one in a ZIP, is a glTF: one unit is a metre then and +Y is up; others leave both open.
     """
 
     def __init__(
@@ -76,10 +78,13 @@ class Asset:
         source: bytes,
         usage: Usage,
         excluded: frozenset[int] = frozenset(),
+        *,
+        in_metres: bool = True,
     ) -> None:
         self._document = document
         self._read_summary = summary
         self.excluded = excluded
+        self.in_metres = in_metres
         self.repairs = rebuild_directions(document)
         self._source = source
         self._usage = usage
@@ -206,8 +211,8 @@ class Asset:
         return copy._as_repaired(self)
 
     def _as_repaired(self, source: Asset) -> Asset:
-        """Take over what was repaired when the source was read."""
-        self.repairs = source.repairs
+        """Take over what was repaired and found out when the source was read."""
+        self.repairs, self.in_metres = source.repairs, source.in_metres
         warnings = (*self.summary.warnings, *source.repairs.warnings)
         self.summary = dataclasses.replace(self.summary, format=source.summary.format, warnings=warnings)
         return self
@@ -339,18 +344,22 @@ class Asset:
         return provenance if isinstance(provenance, dict) else None
 
 
-def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, tuple[str, ...]]:
-    """Return the asset of a ZIP, with the files that it refers to, as a GLB, and notices about it."""
+def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, str, tuple[str, ...]]:
+    """Return the asset of a ZIP, with the files that it refers to, as a GLB, its format, and notices about it."""
     data = archive.files[archive.main]
     kind = asset_format(data, archive.main)
     if kind == "zip":
         raise AssetFormatError(f"{archive.main} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
     if kind in {"glb", "gltf"}:
-        return pack_gltf(archive, limits), archive.notices()
+        return pack_gltf(archive, limits), kind, archive.notices()
     from meshdeform.assets.convert import convert_to_glb
 
     packed, notices = convert_to_glb(data, kind, limits, archive)
-    return packed, (*notices, *archive.notices())
+    return packed, kind, (*notices, *archive.notices())
+
+
+_METRES = frozenset(("glb", "gltf"))
+"""Formats whose unit is the metre."""
 
 
 def _bounds(corners: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
@@ -380,10 +389,10 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     """
     limits = limits or Limits()
     limits.check_bytes(len(data))
-    kind = asset_format(data, filename)
+    kind = inner = asset_format(data, filename)
     notices: tuple[str, ...] = ()
     if kind == "zip":
-        data, notices = _unpack(open_archive(data, limits), limits)
+        data, inner, notices = _unpack(open_archive(data, limits), limits)
     elif kind not in {"glb", "gltf"}:
         from meshdeform.assets.convert import convert_to_glb
 
@@ -394,7 +403,7 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     decode_meshopt(document)
     decode_draco(document)
     summary = dataclasses.replace(summary, warnings=(*summary.warnings, *notices))
-    return Asset(document, summary, data, usage)
+    return Asset(document, summary, data, usage, in_metres=inner in _METRES)
 
 
 _Rows = NDArray[np.float64]

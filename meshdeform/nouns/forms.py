@@ -30,7 +30,7 @@ from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
 from meshdeform.vocabulary.solids import Piece
 
-__all__ = ["FORMS", "GENERAL", "drawn", "is_able", "own_forms"]
+__all__ = ["FORMS", "GENERAL", "drawn", "is_able", "other_kinds", "own_forms"]
 
 
 _DRAWN: dict[str, tuple[Callable[[Rng, Traits], Part], str]] = {
@@ -60,8 +60,14 @@ _FORMS: dict[str, tuple[str, ...]] = {
 FORMS: dict[str, tuple[str, ...]] = {
     noun: forms if "plain" in TABLE[noun].traits else (*forms, *KINDS.get(noun, ())) for noun, forms in _FORMS.items()
 }
-"""The families, forms and kinds of the members by which assets are read. Plain nouns are read without their kinds:
-among members of many, a plain dog lost its head and its neck."""
+"""The families, forms and kinds of the members by which parts are read. Those of plain nouns are read without their
+kinds (`other_kinds`): among members of many, a plain dog lost its head and its neck."""
+
+
+def other_kinds(noun: str) -> tuple[str, ...]:
+    """Return the kinds by which an asset is known as a noun, while its parts are read without them."""
+    return tuple(KINDS[noun]) if "plain" in TABLE[noun].traits else ()
+
 
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""

@@ -40,8 +40,6 @@ _APART = 0.05
 """Distance, likewise, from which the middles of what names call front and rear, or left and right, tell them apart."""
 _ALIKE = 1.15
 """Ratio of the asymmetries about two planes up to which neither is clearly the mirror plane."""
-_METRES = ("glb", "gltf")
-"""Formats whose unit is the metre; others have none."""
 
 
 def step(t: Floats) -> Floats:
@@ -345,7 +343,7 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
         weights.tocsr(),
         vertex_map,
         rows,
-        1.0 if asset.summary.format in _METRES else None,
+        1.0 if asset.in_metres else None,
     )
 
 

@@ -3,7 +3,8 @@
 The number of a draw decides all of a member. What assets are read by shall be of all kinds: the number decides the
 form, whether there are random attributes of parts (every other one), and the pose (two of three of those that can
 stand otherwise). What has given attributes, which may be none, has exactly these; it is of a form that no other noun
-has, and is drawn in all poses in turn.
+has, and is drawn in all poses in turn. Beyond `MEMBERS` come members of the kinds of a noun by which its parts are not
+read (`nouns.forms`): they tell nouns alone.
 
 Members of a word of somebody's own (`meshdeform.words`) are its shapes.
 
@@ -24,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.nouns.forms import FORMS, GENERAL, drawn, own_forms
+from meshdeform.nouns.forms import FORMS, GENERAL, drawn, other_kinds, own_forms
 from meshdeform.nouns.labels import Floats, LabelledMember
 from meshdeform.nouns.limbs import limb_codes
 from meshdeform.nouns.poses import POSES, posed
@@ -44,11 +45,14 @@ __all__ = [
     "candidate_member",
     "form_of",
     "is_general",
+    "members_with_parts",
     "pose_of",
     "prepare",
 ]
 
 MEMBERS, SAMPLES = 110, 700
+_OF_A_KIND = 8
+"""Members of each kind by which parts are not read."""
 _WISHED, _WISHED_WITH_ATTRIBUTES = 128, 64
 """Members that have given attributes: of none, and of any, which few ask for again."""
 _IN_MEMORY = 24
@@ -93,14 +97,21 @@ def members_of(noun: str, attributes: Attributes) -> int:
     if word is not None:
         return len(word.sources)
     if attributes is None:
-        return MEMBERS
+        return MEMBERS + _OF_A_KIND * len(other_kinds(noun))
     return _WISHED_WITH_ATTRIBUTES if attributes else _WISHED
+
+
+def members_with_parts(noun: str) -> int:
+    """Return how many members of a noun, the first ones, its parts are read by."""
+    return MEMBERS if own_word(noun) is None else members_of(noun, None)
 
 
 def form_of(noun: str, number: int, attributes: Attributes = None) -> str:
     """Return the family or the form of the member of a number."""
     if own_word(noun) is not None:
         return noun
+    if attributes is None and number >= MEMBERS:
+        return other_kinds(noun)[(number - MEMBERS) // _OF_A_KIND]
     forms = FORMS[noun] if attributes is None else own_forms(noun, attributes)
     return forms[number % len(forms)]
 
@@ -127,6 +138,8 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
     form, seed = form_of(noun, number, attributes), number // len(FORMS[noun]) + 1
     if attributes is not None:
         return _wished(form, pose_of(noun, number, attributes), number, attributes)
+    if number >= MEMBERS:
+        return drawn(form, (), np.random.default_rng([number, 74]))
     rng = np.random.default_rng([seed, 71])
     random = []
     if seed % 2:

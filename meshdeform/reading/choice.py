@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
-from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, is_general
+from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, is_general, members_with_parts
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
 
 __all__ = ["Candidate", "Frame", "Surface", "candidates", "facing", "nearness"]
@@ -122,9 +122,9 @@ def placed(points: Floats, low: Floats, high: Floats, scale: Floats, frame: Fram
 
 
 def candidates(frame: Frame, noun: str, count: int, folder: Path | None = None) -> list[Candidate]:
-    """Return the nearest members of a noun, the best first; `folder` keeps samples of them (`banks`)."""
+    """Return the nearest members of a noun that have its parts, the best first; `folder` keeps samples (`banks`)."""
     bank = bank_of(noun, folder)
-    rough = _graded(frame, bank, noun, range(len(bank)), _FEW)
+    rough = _graded(frame, bank, noun, range(members_with_parts(noun)), _FEW)
     return _refined(frame, bank, noun, rough, _FINALISTS)[:count]
 
 

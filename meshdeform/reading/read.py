@@ -56,7 +56,7 @@ def read_asset(
     body : Part
         Welded vertices (V, 3) float64, +Y up unless `z_up` is given, and faces (F, 3) int64, in any unit.
     nouns : mapping
-        What it may be, with probabilities that need not sum to 1; of several, the most probable five count, and those
+        What it may be, with probabilities that need not sum to 1; of several, the most probable six count, and those
         that names in the file tell. A single one is taken for what it is.
     z_up : mapping, optional
         What it may be, with probabilities, if +Z points up, for a format that leaves that open: which of +Y and +Z is

@@ -21,7 +21,7 @@ SOURCES = ("reading", *_OF_MEMBERS)
 def _texts(place: Traversable, name: str) -> dict[str, bytes]:
     """Return the sources below a folder, or that of a module, by their names."""
     if place.is_file():
-        return {name: place.read_bytes()} if name.endswith((".py", ".txt")) else {}
+        return {name: place.read_bytes()} if name.endswith((".py", ".txt", ".npz")) else {}
     return {path: text for inner in place.iterdir() for path, text in _texts(inner, f"{name}/{inner.name}").items()}
 
 

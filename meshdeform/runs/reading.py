@@ -1,8 +1,8 @@
 """Read the source of a job, its noun, its front and its parts, and lay over it what a request says of them.
 
-The judge proposes nouns and the fits decide among them (`meshdeform.reading`), unless the request gives one. Nothing is
-read until somebody asks, and nothing twice: readings are kept by what they depend on (`kept_readings`). Importing this
-loads no torch.
+The judge and the likeness to members propose nouns, and fits decide among them (`meshdeform.reading`), unless the
+request gives one. Nothing is read until somebody asks, and nothing twice: readings are kept by what they depend on
+(`kept_readings`). Importing this loads no torch.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from meshdeform.plain.evidence import read_body
 from meshdeform.plain.joints import is_person
 from meshdeform.plain.reader import Reader
 from meshdeform.reading import FITTED, Reading
+from meshdeform.reading.likeness import nouns_alike
 from meshdeform.reading.result import UP_TURNS
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
 from meshdeform.runs.parted import given_parts
@@ -64,6 +65,8 @@ not."""
 _EVIDENCE = tuple(Path(plain.__file__).with_name(name) for name in ("evidence.py", "joints.py", "names.py"))
 """What says what joints and names tell: `meshdeform.reading.VERSION` does not know it."""
 
+_UNLIKELY, _UNJUDGED = 0.001, 0.02
+"""What counts as the judge's probability of a noun besides, and in place of it where it does not know the noun."""
 _CLEARLY = 0.5
 """Probability from which a figure is another than a person."""
 
@@ -185,18 +188,22 @@ def _read(body: Body, params: ResolvedParams, source: Source | None, fitted: int
 def _proposed(points: Floats, body: Body, params: ResolvedParams) -> Mapping[str, float]:
     """Return the nouns that a body with its vertices at these points may be, with their probabilities.
 
-    With the joints of a person it is one, unless it clearly is another figure: to the judge, whoever holds out both
-    arms looks like a helicopter.
+    They are what the judge says, by pictures, times what members of the nouns are like. With the joints of a person
+    it is one, unless it clearly is another figure: to the judge, whoever holds out both arms looks like a helicopter.
     """
     given = given_noun(params)
     if given is not None:
         return {given: 1.0}
-    nouns = _judged(points, body.faces)
-    figure = any(nouns[noun] >= _CLEARLY for noun in nouns.keys() & NOUN_GROUPS["figures"])
-    if not nouns:
+    judged = _judged(points, body.faces)
+    figure = any(judged[noun] >= _CLEARLY for noun in judged.keys() & NOUN_GROUPS["figures"])
+    if not judged:
         return {}
     if not figure and is_person(joint.name for joint in body.joints):
         nouns = {"person": 1.0}
+    else:
+        alike = nouns_alike(points, body.faces)
+        both = {noun: share * (judged.get(noun, _UNJUDGED) + _UNLIKELY) for noun, share in alike.items()}
+        nouns = {noun: each / sum(both.values()) for noun, each in both.items()}
     return {**nouns, **{word.noun: 0.0 for word in words_near(points, body.faces)}}
 
 

@@ -65,7 +65,7 @@ LAYOUTS: dict[str, str] = {
     "car": "body cabin wheel*4",
     "carrot": "body leaf*4",
     "castle": "tower*28 body*13 door*3 keep",
-    "cat": "body*2 leg*2 foot*2 head nose ear*2 tail",
+    "cat": "body*2 leg*2 foot*2 head nose ear*2 tail eye*2",
     "chest": "body lid lid body lid body lock",
     "chicken": "body neck head crest*3 beak wattle tail*3 wing*2 leg*2 foot*6",
     "column": "body base | body base top | body base top*3",

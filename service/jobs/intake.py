@@ -50,7 +50,7 @@ from meshdeform.priors import public_names
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import NewJob, StoredFile
 from meshdeform.record.repository import check_priority
-from meshdeform.requests.choices import PartsAs
+from meshdeform.requests.choices import GuidanceKind, PartsAs
 from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.parameters import WORDS_PART
@@ -68,7 +68,7 @@ from service.http.idempotency import Answer, Caller, claimed, request_hash
 from service.jobs.documents import FileReference, FileSource, JobDocument, PreviewSource
 from service.jobs.estimates import estimate
 from service.state import AppState
-from service.words.known import pin_words
+from service.words.known import pin_words, with_others
 
 if TYPE_CHECKING:
     import ssl
@@ -261,7 +261,10 @@ async def list_parts(app: AppState, owner_id: str, submission: Submission, glb: 
 def _with_parts(
     app: AppState, owner_id: str, whole: Submission, prompt: str
 ) -> tuple[ResolvedParams, ReceivedFile, list[Word]]:
-    """Check a submission, and return its parameters, its asset, and the words that it and the real prompt name."""
+    """Check a submission, and return its parameters, its asset, and the words that it may be.
+
+    They are those that it and the real prompt name, and the owner's others.
+    """
     whole = whole.with_kind(app.settings)
     asked = replace(whole, document=whole.document.model_copy(update={"prompt": prompt}))
     asked, words = ready(app, owner_id, asked)
@@ -270,6 +273,9 @@ def _with_parts(
         params, files, _ = check_job(app, owner_id, checked)
     if not isinstance(params, ResolvedParams):
         raise ParameterError("Jobs of this kind have no parts.")
+    if params.guidance is GuidanceKind.EXEMPLAR:  # a job knows what it names, but this asset may be any of them
+        words = with_others(app, owner_id, words)
+        params = params.model_copy(update={"words": {word.noun: word.sha256 for word in words}})
     return params, files["asset"], words
 
 

@@ -13,6 +13,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.parameters import WORDS_PART, ExemplarParams
 from meshdeform.runs.word_pins import pinned, pins_of, words_named, words_of
 from meshdeform.words import Source, Word, read_words
+from meshdeform.words.limits import MAX_WORDS_BYTES
 from service.http.bodies import ReceivedFile
 from service.state import AppState
 
@@ -51,6 +52,17 @@ def pin_words(
     path.write_bytes(data)
     file = ReceivedFile(path, "words.word", len(data), hashlib.sha256(data).hexdigest())
     return request, file, words_of(pins_of(request), data)
+
+
+def with_others(app: AppState, owner_id: str, words: Sequence[Word]) -> list[Word]:
+    """Return words with the owner's other ones: the newest, up to `MAX_WORDS_BYTES` of content."""
+    known, left = list(words), MAX_WORDS_BYTES
+    for kept in sorted(_others(app, owner_id, words), key=lambda each: each.created_at, reverse=True):
+        left -= kept.size
+        if left < 0:
+            break
+        known.append(as_word(kept, app.store.get(kept.key, sha256=kept.sha256)))
+    return known
 
 
 def _others(app: AppState, owner_id: str, sent: Sequence[Word]) -> list[KeptWord]:

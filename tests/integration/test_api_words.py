@@ -225,6 +225,14 @@ def test_parts_and_validation_know_the_words(own: Api) -> None:
     assert list(checked["files"]) == ["asset"]
 
 
+def test_parts_know_words_that_the_request_does_not_name(own: Api) -> None:
+    given(own, WEDGE)
+    files: Any = {"asset": ("a.glb", mesh(1, 2, 3)), "request": (None, json.dumps({"prompt": ""}))}
+    found = own.http.post("/v1/jobs:parts", files=files)
+    assert found.status_code == 200, found.text
+    assert "wedge" in {each["noun"] for each in found.json()["reading"]["nouns"]}
+
+
 def test_models_say_what_there_are_shapes_of_with_ones_own_first(own: Api, openapi: dict[str, Any]) -> None:
     given(own, WEDGE)
     found = own.http.get("/v1/models").json()

@@ -192,14 +192,16 @@ def cat(rng: Rng, traits: Traits) -> Part:
     rump = np.array([0.0, 0.12, -0.1 - hips])
     bend = rump + [0, 0.06, -0.12 - 0.28 * tail]
     parts.append(limb([rump + [0, 0, 0.15], bend, bend + [0, 0.85 * tail, -0.1]], [0.1, 0.095, 0.085], segments=10))
-    return join(parts)
+    eyes = head / 0.32 * traits.draw(rng, "eyes", (0.012, 0.02), (0.045, 0.06), (0.12, 0.15))
+    return join([*parts, *pair(ellipsoid(skull + head * np.array([0.42, 0.18, 0.84]), eyes, rings=8))])
 
 
 def turtle(rng: Rng, traits: Traits) -> Part:
     """Draw a turtle: a domed shell with a rim, four paddles, a head on a stretched neck, a short tail."""
     head = traits.draw(rng, "head", (0.12, 0.14), (0.22, 0.26), (0.4, 0.48))
     neck = traits.draw(rng, "neck", (0.0, 0.04), (0.2, 0.3), (0.75, 0.95))
-    shell, dome = rng.uniform(0.66, 0.76), rng.uniform(0.44, 0.54)
+    shell = traits.draw(rng, "shell", (0.4, 0.46), (0.66, 0.76), (1.0, 1.15))
+    dome = shell / 0.71 * rng.uniform(0.44, 0.54)
     parts = [ellipsoid([0, 0.3, 0], [shell * 0.9, dome, shell])]
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     rim = np.stack([np.cos(angle) * shell * 1.02, np.sin(angle) * shell * 1.12], 1)
@@ -272,9 +274,10 @@ def wolf(rng: Rng, _: Traits) -> Part:
     return join([*parts, limb(path, [0.09, 0.12, 0.14, 0.04])])
 
 
-def van(rng: Rng, _: Traits) -> Part:
+def van(rng: Rng, traits: Traits) -> Part:
     """Draw a van: a tall box over its whole length with a short slanted nose, sunk side windows, two wheels a side."""
-    wide, long, wheel = rng.uniform(0.38, 0.44), rng.uniform(0.85, 1.0), rng.uniform(0.18, 0.21)
+    wide, long = rng.uniform(0.38, 0.44), rng.uniform(0.85, 1.0)
+    wheel = traits.draw(rng, "wheels", (0.1, 0.12), (0.18, 0.21), (0.31, 0.37))
     belt, nose = rng.uniform(0.55, 0.62), rng.uniform(0.1, 0.32)
     top, front, floor = belt + rng.uniform(0.36, 0.5), long + nose, 0.75 * wheel
     cab = rng.uniform(0.1, 0.3) if rng.random() < 0.6 else -long + 0.2  # where the windows end

@@ -51,10 +51,10 @@ def rocket(rng: Rng, traits: Traits) -> Part:
     return join(parts)
 
 
-def car(rng: Rng, _: Traits) -> Part:
+def car(rng: Rng, traits: Traits) -> Part:
     """Draw a saloon car: a low body, a cabin with sloping ends, four wheels that stand out."""
     length, width = rng.uniform(1.7, 1.95), rng.uniform(0.78, 0.88)
-    wheel, body = rng.uniform(0.22, 0.26), rng.uniform(0.34, 0.4)
+    wheel, body = traits.draw(rng, "wheels", (0.12, 0.15), (0.22, 0.26), (0.38, 0.44)), rng.uniform(0.34, 0.4)
     floor = wheel * 0.75
     parts = [box([0, floor + body / 2, 0], [width, body, length], round_by=0.35)]
     roof = rng.uniform(0.34, 0.42)

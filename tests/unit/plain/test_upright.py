@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshdeform.plain.body import Body
+from meshdeform.assets import load_asset
+from meshdeform.plain.body import Body, loose_body
 from meshdeform.plain.change import affine_of, apply_changes, missing_part
 from meshdeform.plain.evidence import read_body
 from meshdeform.plain.naming import find_parts
@@ -15,6 +16,7 @@ from meshdeform.plain.reader import Reader
 from meshdeform.plain.words import read_changes
 from meshdeform.reading.result import UP_TURNS
 from tests.cases import each_case
+from tests.unit.assets.archives import packed
 from tests.unit.plain.reading import body_of
 from tests.unit.plain.shapes import chair, plain_glb
 
@@ -53,6 +55,15 @@ def test_the_same_parts_are_listed() -> None:
     assert set(standing) == set(turned) == {"legs", "seat", "back"}
     for name, inside in standing.items():
         np.testing.assert_array_equal(turned[name], inside)
+
+
+@each_case(
+    ("name", "data", "unit"),
+    [("chair.glb", plain_glb(chair()), 1.0), ("chair.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", None)],
+)
+def test_a_zip_has_the_unit_of_what_is_in_it(name: str, data: bytes, unit: float | None) -> None:
+    assert loose_body(load_asset(data, name)).unit == unit
+    assert loose_body(load_asset(packed({name: data}))).unit == unit
 
 
 def test_what_stands_is_not_turned() -> None:

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from meshdeform.nouns.families import KINDS
-from meshdeform.nouns.forms import own_forms
+from meshdeform.nouns.forms import other_kinds, own_forms
 from meshdeform.reading import banks
-from meshdeform.reading.banks import Bank, bank_of, candidate_member, form_of, pose_of
+from meshdeform.reading.banks import Bank, bank_of, candidate_member, form_of, members_with_parts, pose_of
 from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.vocabulary.grammar import Attribute
 
-_NOUN = "mug"
+_NOUN = "can"  # whose kinds are no further members
 
 
 @pytest.fixture(autouse=True)
@@ -113,3 +113,17 @@ def test_forms_of_a_noun_look_like_it_and_can_have_the_attributes() -> None:
     assert own_forms("chair", ()) == ("chair", "office-chair", "desk-chair", *KINDS["chair"])
     assert own_forms("giraffe", ()) == ("giraffe",)
     assert not {"standing-bear", "upright-bear"} & set(own_forms("bear", (LONG_TAIL,)))
+
+
+def test_kinds_by_which_parts_are_not_read_come_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(banks, "_OF_A_KIND", 1)
+    kinds = other_kinds("mug")
+    assert len(kinds) > 1
+    assert [form_of("mug", 3 + number) for number in range(len(kinds))] == list(kinds)
+    drawn = _again(None, "mug")
+    assert len(drawn) == 3 + len(kinds)
+    assert members_with_parts("mug") == 3
+    last = candidate_member("mug", 2 + len(kinds))
+    assert last.noun == kinds[-1]
+    np.testing.assert_allclose(drawn.high[-1], last.verts.max(0), atol=1e-3)
+    assert other_kinds("battery") == ()

@@ -32,7 +32,7 @@ from tests.cases import each_case
         ("una corona", "a crown"),
         ("ein Comic-Hund", "a dog with a big head and short legs"),
         ("ein eckiges Auto", "a boxy car"),
-        ("un coche deportivo", "a short long car"),
+        ("un coche deportivo", "a short long car with big wheels"),
         ("un perro con orejas de conejo", "a dog with a rabbit's ears"),
         ("ein Hund mit den Ohren eines Hasen", "a dog with a rabbit's ears"),
         ("un oso de peluche", "a teddy"),  # words that belong together
