@@ -27,6 +27,7 @@
     ├── UnauthorizedError              401  unauthorized           no valid API key
     ├── ForbiddenError                 403  forbidden              a signed URL is invalid or has expired
     ├── NotFoundError                  404  not_found              no such job, artifact or route
+    │   └── AssetNotKeptError          404  asset_not_kept         a preview names an asset that is no longer kept
     ├── MethodNotAllowedError          405  method_not_allowed     the route does not support this method
     ├── RequestTimeoutError            408  request_timeout        the body arrives too slowly
     ├── HeadersTooLargeError           431  headers_too_large      the request's headers are too large, or too many
@@ -66,6 +67,7 @@ __all__ = [
     "AssetFormatError",
     "AssetNotFetchedError",
     "AssetNotFiniteError",
+    "AssetNotKeptError",
     "AssetTooLargeError",
     "AssetTruncatedError",
     "AssetUnsupportedError",
@@ -373,6 +375,13 @@ class NotFoundError(MeshdeformError):
     status = 404
     code = "not_found"
     advice = "Check the id; deleting a job also deletes its artifacts."
+
+
+class AssetNotKeptError(NotFoundError):
+    """The asset that a preview names by its hash is not kept, or no longer."""
+
+    code = "asset_not_kept"
+    advice = "Send the file again, as the part `asset`."
 
 
 class MethodNotAllowedError(MeshdeformError):

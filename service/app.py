@@ -7,6 +7,7 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from anyio import to_thread
 from fastapi import FastAPI
 
 from meshdeform import __version__
@@ -23,7 +24,7 @@ from service.events.waiting import on_termination
 from service.http.auth import Gate
 from service.http.errors import add_error_handlers, problem_responses
 from service.http.middleware import RequestFrame, TracingMiddleware
-from service.jobs import creation_routes
+from service.jobs import creation_routes, preview_routes
 from service.jobs import routes as job_routes
 from service.operations import routes as operation_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
@@ -64,6 +65,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     refusals = problem_responses(UnauthorizedError, LimitError)
     app.include_router(job_routes.router, responses=refusals)
     app.include_router(creation_routes.router, responses=refusals)
+    app.include_router(preview_routes.router, responses=refusals)
     app.include_router(event_routes.router, responses=refusals)
     app.include_router(download_routes.checkpoints, responses=refusals)
     app.include_router(download_routes.artifacts, responses=refusals)
@@ -114,7 +116,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             WebhookDelivery(state.record, settings),
             on_termination(state.waiters.close),
         ):
-            returning = asyncio.create_task(_return_memory())
+            returning = asyncio.create_task(_return_memory(state))
             try:
                 async with state.waiters.running():
                     yield
@@ -126,7 +128,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         stop_tracing()
 
 
-async def _return_memory() -> None:
+async def _return_memory(state: AppState) -> None:
     while True:
         await asyncio.sleep(_RETURN_MEMORY_S)
+        await to_thread.run_sync(state.previews.tidy)
         return_freed_memory()

@@ -18,6 +18,7 @@ from meshdeform.errors import MeshdeformError
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs.kept_readings import samples_in
+from meshdeform.runs.warm_processes import WarmProcesses
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.storage.readings import StoredReadings
@@ -25,6 +26,7 @@ from meshdeform.webhooks.addresses import LookupPool
 from service.downloads.strengths import Strengths
 from service.events.waiting import JobWaiters
 from service.http.limits import FairSlots
+from service.jobs.kept_assets import KeptAssets
 from service.schemas import PartHealth
 from service.workspace import Workspace
 
@@ -33,6 +35,7 @@ _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
 _PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
+_PREVIEWS, _PREVIEWING_OWNERS, _PREVIEWS_IDLE_S = "meshdeform.runs.preview_work", 8, 600.0
 _STORE_HEALTH_S = 2.0
 
 
@@ -91,6 +94,10 @@ class AppState:
     workspace: Workspace
     strengths: Strengths
     readings: StoredReadings
+    kept_assets: KeptAssets
+    previews: WarmProcesses = field(
+        default_factory=lambda: WarmProcesses(_PREVIEWS, most=_PREVIEWING_OWNERS, idle_s=_PREVIEWS_IDLE_S)
+    )
     # Requests whose files are checked and stored at the same time, in threads: others never wait for a decoder.
     intake: FairSlots = field(
         default_factory=lambda: FairSlots(
@@ -107,8 +114,8 @@ class AppState:
     record_health: Probe = field(default_factory=Probe)
     redis_health: Probe = field(default_factory=Probe)
     store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
-    # Searches of parts, readings of drawings and makings of shapes, and words: each in a process of its own.
-    naming: FairSlots = field(default_factory=_processes("parts are being found"))
+    # Searches of parts and previews, readings of drawings and makings of shapes, and words: each in a process.
+    naming: FairSlots = field(default_factory=_processes("parts are being found or previews made"))
     sketching: FairSlots = field(default_factory=_processes("drawings are being read"))
     wording: FairSlots = field(default_factory=_processes("words are being made"))
     # Threads that resolve the hosts of webhooks.
@@ -135,6 +142,7 @@ class AppState:
             workspace=workspace,
             strengths=Strengths(record, store, workspace, limits),
             readings=StoredReadings(store, samples_in(settings.cache_folder)),
+            kept_assets=KeptAssets(workspace.folder / "kept"),
         )
 
     async def take_in(self, owner_id: str, work: Callable[[*_Arguments], _Result], *arguments: *_Arguments) -> _Result:
@@ -143,7 +151,8 @@ class AppState:
             return await to_thread.run_sync(work, *arguments, limiter=self._intake_threads)
 
     def close(self) -> None:
-        """Remove the temporary folders and close the connections."""
+        """End the processes of previews, remove the temporary folders and close the connections."""
+        self.previews.close()
         self.workspace.close()
         self.queue.close()
         self.record.close()

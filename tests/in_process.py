@@ -13,12 +13,14 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
 from meshdeform.assets import check
 from meshdeform.assets.limits import ChildOutcome
 from meshdeform.runs import derive, questions
+from meshdeform.runs.warm_processes import Asked, StoppedError, WarmProcesses, verdict_of
 
 __all__ = ["children_in_process"]
 
@@ -39,10 +41,23 @@ def _run_here(module: str, arguments: list[str], *, timeout_s: float, temporary:
     return ChildOutcome(code, json.loads(printed[-1]))
 
 
+def _ask_here(
+    processes: WarmProcesses, owner: str, task: dict[str, Any], timeout_s: float, asked: Asked
+) -> dict[str, Any]:
+    del owner, timeout_s
+    with _one_at_a_time:
+        verdict = verdict_of(import_module(processes.module).answer, task, lambda: asked.stopped)
+    if verdict.get("stopped"):
+        raise StoppedError
+    return verdict
+
+
 @contextmanager
 def children_in_process() -> Iterator[None]:
     """Let the API check files and make artifacts in this process, while the block runs."""
     with pytest.MonkeyPatch.context() as patch:
         for parent in _PARENTS:
             patch.setattr(parent, "run_child", _run_here)
+        patch.setattr(WarmProcesses, "prepare", lambda _: None)
+        patch.setattr(WarmProcesses, "ask", _ask_here)
         yield

@@ -9,6 +9,7 @@ workers.
 from __future__ import annotations
 
 import logging
+import os
 import signal
 import time
 
@@ -92,6 +93,8 @@ class Supervisor:
         # The libraries used by torch and numba read these variables when they are loaded.
         threads = str(self._settings.threads)
         limits = {"OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads} if self._settings.threads else {}
+        # One thread for numpy's: two make a fit dearer, and its last bits other than those of its preview.
+        limits["OPENBLAS_NUM_THREADS"] = os.environ.get("OPENBLAS_NUM_THREADS", "1")
         self._worker_id = new_worker_id()
         if self._monitor is not None:
             self._monitor.close()

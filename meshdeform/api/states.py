@@ -141,6 +141,12 @@ MAX_PAGE = 200
 MAX_SEARCH = 200
 """Maximum characters of a search for jobs."""
 
+MAX_PREVIEWED = 6
+"""Most seeds of one preview."""
+
+PREVIEW_S = 60.0
+"""Longest time that a preview may take, in seconds."""
+
 MAX_WAIT_S = 60
 """Longest `Prefer: wait`, in seconds."""
 

@@ -12,6 +12,7 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -21,7 +22,8 @@ from meshdeform.errors import (
     AssetTooLargeError,
     DependencyError,
     MeshdeformError,
-    ParameterError,
+    NumericalError,
+    RequestError,
     UnavailableError,
 )
 
@@ -115,6 +117,8 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _PASSED_ON = frozenset({
     "PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "TMP", "SYSTEMROOT", "LD_LIBRARY_PATH",
     "DYLD_LIBRARY_PATH", "PYTHONHOME",
+    # What decides the last bits of a number: a preview is to have those of its job.
+    "OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE", "NVPL_BLAS_DEBUG_CPU_TYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES",
 })
 # fmt: on
 
@@ -133,25 +137,40 @@ def run_child(module: str, arguments: list[str], *, timeout_s: float, temporary:
     `module`: its full name. `arguments`: its command line; paths must be absolute. `temporary`: the folder for the
     child's temporary files. Default: the system's.
     """
+    try:
+        with start_child(module, arguments, temporary=temporary) as child:
+            try:
+                stdout, _ = child.communicate(timeout=timeout_s)
+            except BaseException:
+                child.kill()
+                raise
+    except subprocess.TimeoutExpired as error:
+        raise TimeoutError from error
+    return ChildOutcome(child.returncode, _verdict(stdout))
+
+
+def start_child(
+    module: str, arguments: list[str], *, passed: Sequence[int] = (), temporary: Path | None = None
+) -> subprocess.Popen[bytes]:
+    """Start the function `main` of a module of this package in a child process, as `run_child` does.
+
+    `passed`: file descriptors that it gets. `UnavailableError`: the machine cannot start a process now.
+    """
     root = Path(__file__).resolve().parents[2]
     # -P leaves the current folder out of the module path.
     command = [sys.executable, "-P", "-c", _PROGRAM.format(module=module), str(root), *arguments]
     try:
-        child = subprocess.run(
+        return subprocess.Popen(
             command,
             env=_environment(temporary),
             cwd=root.anchor,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            timeout=timeout_s,
-            check=False,
+            pass_fds=passed,
         )
-    except subprocess.TimeoutExpired as error:
-        raise TimeoutError from error
     except OSError as error:
         raise UnavailableError(f"No process can be started now: {error.strerror}.") from error
-    return ChildOutcome(child.returncode, _verdict(child.stdout))
 
 
 def _environment(temporary: Path | None = None) -> dict[str, str]:
@@ -179,7 +198,7 @@ def error_to_json(error: MeshdeformError) -> dict[str, Any]:
 
 def error_from(document: dict[str, Any]) -> MeshdeformError:
     """Return the error that a child has printed."""
-    others = (DependencyError, ParameterError, UnavailableError)
+    others = (*RequestError.__subclasses__(), DependencyError, NumericalError, UnavailableError)
     kinds: list[type[MeshdeformError]] = [AssetError, *AssetError.__subclasses__(), *others]
     kind = next((kind for kind in kinds if kind.code == document["code"]), AssetError)
     return kind(document["detail"], advice=document["advice"], **document["extra"])

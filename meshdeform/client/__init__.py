@@ -32,6 +32,7 @@ from meshdeform.client.documents import JobView, Validation
 from meshdeform.client.orders import AssetLike
 from meshdeform.client.problems import WaitTimeoutError
 from meshdeform.client.sync.client import Client, Result
+from meshdeform.requests.previews import PreviewShape, PreviewShapes, PrimitivePositions
 
 __all__ = [
     "ArtifactView",
@@ -52,6 +53,9 @@ __all__ = [
     "Limits",
     "ModelList",
     "ModelView",
+    "PreviewShape",
+    "PreviewShapes",
+    "PrimitivePositions",
     "Result",
     "SignedUrl",
     "SketchGuess",

@@ -49,6 +49,7 @@ class Order:
     retention_s: float | None = None
     kind: str | None = None
     webhook: str | Mapping[str, Any] | None = None
+    seeds: Sequence[int] | None = None  # of a preview
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document."""
@@ -62,6 +63,7 @@ class Order:
             "deadline_s": self.deadline_s,
             "max_run_s": self.max_run_s,
             "retention_s": self.retention_s,
+            "seeds": None if self.seeds is None else list(self.seeds),
             "webhook": {"url": self.webhook} if isinstance(self.webhook, str) else self.webhook,
         }
         values = {name: value for name, value in members.items() if value is not None}

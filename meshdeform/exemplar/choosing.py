@@ -44,11 +44,12 @@ from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.support.recent import Recent
 from meshdeform.vocabulary.nouns import AFLOAT
 from meshdeform.vocabulary.solids import PART_NAMES
-from meshdeform.words.in_use import like_of
+from meshdeform.words.in_use import like_of, own_word
 
-__all__ = ["Exemplar", "exemplars", "nearest_of"]
+__all__ = ["Compared", "Exemplar", "exemplars", "nearest_of"]
 
 _EASE = 1.15
 _FEW, _DENSE = 220, 2500
@@ -61,6 +62,8 @@ _QUARTERS, _TURNED_IF = (0.0, 90.0, 180.0, -90.0), 1.13
 _STILL_NEAR, _LEAST_NEAR, _MOST_NEAR = 1.25, 10, 40
 """Ratio to the best merit up to which members are near; how many are at least, and at most."""
 _CENTRES = 8
+_CHOOSERS, _DRAWN = 2, 64
+"""Wishes of an asset, and drawn members of a wish, that are kept for other seeds."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +80,8 @@ class Exemplar:
     told: Mapping[str, object] = field(default_factory=dict)
 
 
-class _Asset:
-    """What members are compared with."""
+class Compared:
+    """An asset as members are compared with it."""
 
     def __init__(self, source: Shape) -> None:
         standing = source.labels != GROUND
@@ -91,6 +94,17 @@ class _Asset:
         self.dense = _dense(self.shape.verts, self.shape.faces, 3)
         labels = self.shape.labels[self.samples.faces]
         self.shares = _shares(labels[labels >= 0])
+        self._choosers: Recent[_Chooser] = Recent(_CHOOSERS)
+
+    def chooser(self, wish: Wish, cache: Path | None) -> _Chooser:
+        """Return the members of a wish beside the asset, which all seeds share."""
+        word = own_word(wish.noun)
+        key = wish.noun, wish.attributes, None if word is None else word.sha256, cache
+        chooser = self._choosers.get(key)
+        if chooser is None:
+            chooser = _Chooser(self, wish, cache)
+            self._choosers.put(key, chooser)
+        return chooser
 
     @property
     def has_parts(self) -> bool:
@@ -123,7 +137,9 @@ class _Graded:
     merit: float
 
 
-def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = None) -> list[Exemplar]:
+def exemplars(
+    source: Shape, wish: Wish, count: int, *, cache: Path | None = None, compared: Compared | None = None
+) -> list[Exemplar]:
     """Return the members of the wished noun to which an asset is fitted best, the best first.
 
     Parameters
@@ -136,33 +152,35 @@ def exemplars(source: Shape, wish: Wish, count: int, *, cache: Path | None = Non
         How many there are to be, at most.
     cache : Path, optional
         A folder in which tables of members are kept (`reading.banks`).
+    compared : Compared, optional
+        That of the source, which keeps what it has found of a wish for other seeds.
     """
-    asset = _Asset(source)
-    chooser = _Chooser(asset, wish, cache)
+    chooser = (compared or Compared(source)).chooser(wish, cache)
     if chooser.few:
         return chooser.drawn([chooser.few[wish.seed % len(chooser.few)]])
     graded = [one for one in chooser.graded if chooser.is_plain(one.number)] if is_clay(source) else chooser.graded
     nearest = chooser.drawn(graded[: max(_FINALISTS, 2 * count)])[:count]
     if wish.seed == 0:
         return nearest
-    return chooser.drawn(chooser.cell({one.told["number"] for one in nearest})[:count])
+    return chooser.drawn(chooser.cell({one.told["number"] for one in nearest}, wish.seed)[:count])
 
 
 def nearest_of(source: Shape, noun: str) -> Exemplar:
     """Return the nearest of a few members of a noun, drawn without a table: to tell how near the noun is at all."""
     some = range(_SKETCHED)
-    chooser = _Chooser(_Asset(source), Wish(noun))
+    chooser = _Chooser(Compared(source), Wish(noun))
     return chooser.drawn(_Graded(number, 0.0, 0.0, 0.0) for number in some)[0]
 
 
 class _Chooser:
     """The members of a wish, beside an asset."""
 
-    def __init__(self, asset: _Asset, wish: Wish, cache: Path | None = None) -> None:
+    def __init__(self, asset: Compared, wish: Wish, cache: Path | None = None) -> None:
         self._asset, self._wish, self._cache = asset, wish, cache
         whole = any(attribute.part == "whole" for attribute in wish.attributes)
         self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
         self._afloat = like_of(wish.noun) in AFLOAT
+        self._known: Recent[Exemplar] = Recent(_DRAWN)
 
     @cached_property
     def _bank(self) -> Bank:
@@ -178,12 +196,12 @@ class _Chooser:
             nearest.setdefault(one.number, one)
         return list(nearest.values())
 
-    def cell(self, taken: Set[object]) -> list[_Graded]:
+    def cell(self, taken: Set[object], seed: int) -> list[_Graded]:
         """Return the members that a seed other than 0 takes, none of those that 0 does."""
         others = [one for one in self.graded if one.number not in taken]
         near = sum(one.merit <= _STILL_NEAR * self.graded[0].merit for one in others)
         cells = self._cells(others[: int(np.clip(near, _LEAST_NEAR, _MOST_NEAR))])
-        rounds, number = divmod(self._wish.seed - 1, len(cells))
+        rounds, number = divmod(seed - 1, len(cells))
         first = rounds % len(cells[number])
         return cells[number][first:] + cells[number][:first]
 
@@ -262,6 +280,14 @@ class _Chooser:
         return sorted((self._drawn(one) for one in members), key=lambda one: (one.merit, str(one.told)))
 
     def _drawn(self, graded: _Graded) -> Exemplar:
+        key = graded.number, graded.turn_deg
+        exemplar = self._known.get(key)
+        if exemplar is None:
+            exemplar = self._draw(graded)
+            self._known.put(key, exemplar)
+        return exemplar
+
+    def _draw(self, graded: _Graded) -> Exemplar:
         """Draw a member, give it the asset's posture, place and grade it."""
         wish, asset = self._wish, self._asset
         member = candidate_member(wish.noun, graded.number, wish.attributes)

@@ -28,8 +28,7 @@ from meshdeform.exemplar.borrowing import with_part_of
 from meshdeform.exemplar.choosing import Exemplar, exemplars
 from meshdeform.exemplar.clay import is_clay, moulded
 from meshdeform.exemplar.distances import between, stretch
-from meshdeform.exemplar.faults import Faults
-from meshdeform.exemplar.fitting import SourceFit
+from meshdeform.exemplar.known import known_source
 from meshdeform.exemplar.mending import mended
 from meshdeform.exemplar.pieces import Matching, face_areas
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
@@ -113,7 +112,8 @@ class ExemplarFit:
         self._wish, self._cache = wish, cache
         standing = faces[labels != GROUND]
         self._standing = standing if len(standing) else faces
-        self._faults, self._fit = Faults(self.source.verts, faces), SourceFit(self.source)
+        self._known = known_source(self.source)
+        self._faults, self._fit = self._known.faults, self._known.fit
 
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
@@ -137,7 +137,7 @@ class ExemplarFit:
         if wish.borrowed and wish.noun == self.source.noun and not wish.attributes:
             chosen = [Exemplar(self._standing_shape(), 0.0, 0.0, {"noun": wish.noun, "form": "the asset itself"})]
         else:
-            chosen = exemplars(self.source, wish, _TRIED, cache=self._cache)
+            chosen = exemplars(self.source, wish, _TRIED, cache=self._cache, compared=self._known.compared)
         return [self._borrowing(one) for one in chosen]
 
     def _standing_shape(self) -> Shape:
@@ -151,7 +151,7 @@ class ExemplarFit:
         for each in self._wish.borrowed:
             other = Wish(each.noun, each.attributes, seed=self._wish.seed)
             part = part_label(each.part)
-            near = exemplars(self.source, other, _LENDERS, cache=self._cache)
+            near = exemplars(self.source, other, _LENDERS, cache=self._cache, compared=self._known.compared)
             lender = next((one for one in near if (one.shape.labels == PART_NAMES.index(part)).any()), near[0])
             shape = with_part_of(shape, lender.shape, part)
             told.append({**lender.told, "part": each.part})

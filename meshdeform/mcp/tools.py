@@ -143,6 +143,24 @@ class Tools:
             checked = await client.validate(self._folders.source(asset), prompt, params=params, target=wanted)
             return checked.model_dump(mode="json")
 
+    async def try_prompt(
+        self,
+        asset: Asset,
+        prompt: Annotated[str, Field(description='What the asset is to become: "a tall vase", "longer legs".')],
+        path: Annotated[str, Field(description="The new GLB to write, for example vase-try.glb.")],
+        ctx: Context,
+        params: Params = None,
+    ) -> dict[str, Any]:
+        """Write what deform would make, in seconds and without a job, picture or verdict: to look before you start it.
+
+        Other seeds in params give other designs. deform with the same prompt and params makes the same file.
+        """
+        where = self._folders.destination(path)
+        async with self._client(ctx) as client:
+            made = await client.preview_glb(self._folders.source(asset), prompt, params=params)
+        where.write_bytes(made)
+        return {"path": str(where), "bytes": len(made)}
+
     async def deform(
         self,
         asset: Asset,

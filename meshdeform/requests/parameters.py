@@ -65,6 +65,7 @@ __all__ = [
     "GUIDANCES",
     "MAX_PROMPTS",
     "MAX_PROMPT_LENGTH",
+    "MAX_SEED",
     "MAX_SILHOUETTES",
     "MAX_STEPS",
     "MAX_TARGETS",
@@ -103,6 +104,7 @@ _Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, ma
 
 
 MAX_STEPS = 50_000
+MAX_SEED = 2**63 - 1
 
 MAX_PROMPT_LENGTH = 1_000
 
@@ -221,7 +223,7 @@ class CommonParams(Parameters):
     seed: int = Field(
         0,
         ge=0,
-        le=2**63 - 1,
+        le=MAX_SEED,
         description="Seed of every random draw (cameras, timesteps, noise), and with `exemplar` of the design that is "
         "taken. The same seed gives the same result on the same machine on the CPU.",
         examples=[0],

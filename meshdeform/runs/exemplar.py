@@ -38,7 +38,7 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
-from meshdeform.reading import NO_PART
+from meshdeform.reading import NO_PART, Reading
 from meshdeform.rendering.cameras import Frame
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, WORDS_PART
@@ -192,6 +192,16 @@ class ExemplarRun(JobRun):
             lambda outcome: exemplar_report(self._facts, self._fits, self._mended, outcome, self.log, self._foreseen),
             self.log,
         )
+
+    @property
+    def reading(self) -> Reading | None:
+        """What the asset was read as."""
+        return self._facts.reading
+
+    @property
+    def members(self) -> list[dict[str, Any]]:
+        """What the asset was fitted to, by prompt, as far as that is done."""
+        return [dict(fit.result.member) for fit in self._fits]
 
     def as_start(self) -> Start:
         """Return the result, once all steps are done, for an optimisation that starts from it."""

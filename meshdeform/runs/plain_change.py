@@ -71,6 +71,11 @@ class PlainChangeRun(JobRun):
         # Of an affine change, the file's own vertices are moved, not those that were welded.
         self._verts = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
 
+    @property
+    def reading(self) -> Reading | None:
+        """What the asset was read as; None if nobody asked."""
+        return self._reading
+
     def _steps(self) -> Iterator[dict[str, float]]:
         return iter(())
 

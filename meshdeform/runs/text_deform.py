@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from meshdeform.assets import load_asset
 from meshdeform.errors import PartNotFoundError
 from meshdeform.plain.words import Sentence
 from meshdeform.requests.choices import GuidanceKind
@@ -19,8 +18,8 @@ from meshdeform.runs.base import JobRun, RunInput, RunLog, import_extra, load_mo
 from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.devices import resolve_device
+from meshdeform.runs.opened import opened
 from meshdeform.runs.plain_change import source_body, start_change
-from meshdeform.runs.surfaces import drawn_triangles, prepared, welded_surface
 from meshdeform.runs.text_deform_kind import resolved_params
 from meshdeform.runs.text_report import AssetFacts
 from meshdeform.runs.word_pins import KnowingRun, words_of
@@ -53,10 +52,10 @@ def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:
     prior = _prior(params, job_input) if optimised else None
     file = replace(file, sha256=file.digest)
     with log.phase("read"):
-        asset, division = prepared(load_asset(file.data, file.filename, limits), params, request.output, limits)
-        welded = welded_surface(asset, params.backdrop)
+        known = opened(file, params, request.output, limits)
+        asset, welded = known.asset, known.welded
     # The optimiser alone has another device.
-    facts = AssetFacts(request, params, file, asset, division, drawn_triangles(asset, params.backdrop), welded, "cpu")
+    facts = AssetFacts(request, params, file, asset, known.division, known.drawn, welded, "cpu")
     if sentence is not None:
         change = _change(facts, sentence, job_input, log)
         if change is not None:

@@ -130,6 +130,11 @@ class KnowingRun(JobRun):
             self.step = report.step
             yield report
 
+    @property
+    def run(self) -> JobRun:
+        """The run itself."""
+        return self._run
+
     def _steps(self) -> Iterator[dict[str, float]]:
         raise NotImplementedError  # its iterator is that of the run
 

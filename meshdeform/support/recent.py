@@ -12,11 +12,15 @@ _MOST = 64
 
 
 class Recent(Generic[_T]):
-    """The last values by their keys, `most` of them, for any number of threads."""
+    """The last values by their keys, `most` of them, for any number of threads.
 
-    def __init__(self, most: int = _MOST) -> None:
+    `most_bytes` bounds what `put` says that they take together; a value that takes more alone is not kept.
+    """
+
+    def __init__(self, most: int = _MOST, most_bytes: int = 0) -> None:
         self._values: OrderedDict[Hashable, _T] = OrderedDict()
-        self._most, self._lock = most, Lock()
+        self._sizes: dict[Hashable, int] = {}
+        self._most, self._most_bytes, self._lock = most, most_bytes, Lock()
 
     def get(self, key: Hashable) -> _T | None:
         """Return a value, which is the last to be forgotten now."""
@@ -25,9 +29,14 @@ class Recent(Generic[_T]):
                 self._values.move_to_end(key)
             return self._values.get(key)
 
-    def put(self, key: Hashable, value: _T) -> None:
-        """Keep a value, and forget the one that was used least recently."""
+    def put(self, key: Hashable, value: _T, size: int = 0) -> None:
+        """Keep a value that takes so many bytes, and forget those that were used least recently."""
         with self._lock:
-            self._values[key] = value
-            while len(self._values) > self._most:
-                self._values.popitem(last=False)
+            self._values.pop(key, None)
+            self._values[key], self._sizes[key] = value, size
+            while len(self._values) > self._most or self._too_large:
+                del self._sizes[self._values.popitem(last=False)[0]]
+
+    @property
+    def _too_large(self) -> bool:
+        return 0 < self._most_bytes < sum(self._sizes.values())

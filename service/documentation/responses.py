@@ -42,7 +42,14 @@ from meshdeform.requests.document import PARAMS_OF_KIND, JobKind
 from meshdeform.requests.sketches import Sketch
 from meshdeform.serving import DEFAULT_URL
 from service.http.idempotency import REPLAYED
-from service.jobs.documents import BranchDocument, JobDocument, UploadCompletion, UploadDocument, WordDocument
+from service.jobs.documents import (
+    BranchDocument,
+    JobDocument,
+    PreviewDocument,
+    UploadCompletion,
+    UploadDocument,
+    WordDocument,
+)
 from service.schemas import Problem
 
 JobId = Annotated[
@@ -105,7 +112,16 @@ def json_body(model: str, example: dict[str, Any]) -> dict[str, Any]:
 
 
 # Documents missing from the routes' signatures: bodies that are streamed, and problems.
-_MODELS = (JobDocument, BranchDocument, UploadDocument, UploadCompletion, WordDocument, Sketch, Problem)
+_MODELS = (
+    JobDocument,
+    PreviewDocument,
+    BranchDocument,
+    UploadDocument,
+    UploadCompletion,
+    WordDocument,
+    Sketch,
+    Problem,
+)
 _REFERENCE = "#/components/schemas/{model}"
 _DESCRIPTION = (
     "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "

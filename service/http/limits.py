@@ -23,7 +23,7 @@ from redis import Redis
 from redis.backoff import NoBackoff
 from redis.retry import Retry
 
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import LimitError, UnavailableError
 from meshdeform.record.queue import REDIS_AWAY
 
 _log = logging.getLogger(__name__)
@@ -175,20 +175,35 @@ class FairSlots:
         self._waiting: OrderedDict[str, deque[anyio.Event]] = OrderedDict()
 
     @asynccontextmanager
-    async def slot(self, owner_id: str) -> AsyncIterator[None]:
-        """Hold a slot while the block runs, after waiting for a turn; `UnavailableError`: none became free in time."""
-        await self._acquire(owner_id)
+    async def slot(self, owner_id: str, *, soon_s: float | None = None, most: int = 0) -> AsyncIterator[None]:
+        """Hold a slot while the block runs, after waiting for a turn; `UnavailableError`: none became free in time.
+
+        `soon_s`: the most seconds to wait, after which, or if `most` of the owner's wait already, it is `LimitError`.
+        """
+        if soon_s is None:
+            await self._acquire(owner_id, self.wait_s)
+        else:
+            await self._acquire_soon(owner_id, soon_s, most)
         try:
             yield
         finally:
             self._release(owner_id)
 
-    async def _acquire(self, owner_id: str) -> None:
+    async def _acquire_soon(self, owner_id: str, wait_s: float, most: int) -> None:
+        too_many = f"Too many {self._purpose} at the same time."
+        if len(self._waiting.get(owner_id, ())) >= most:
+            raise LimitError(too_many, retry_after_s=math.ceil(wait_s))
+        try:
+            await self._acquire(owner_id, wait_s)
+        except UnavailableError as error:
+            raise LimitError(error.detail, retry_after_s=math.ceil(wait_s)) from error
+
+    async def _acquire(self, owner_id: str, wait_s: float) -> None:
         turn = anyio.Event()
         self._waiting.setdefault(owner_id, deque()).append(turn)
         self._grant()
         try:
-            with anyio.move_on_after(self.wait_s):
+            with anyio.move_on_after(wait_s):
                 await turn.wait()
                 return
         except BaseException:

@@ -64,16 +64,16 @@ _UPLOAD = {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}
 _DOCUMENT = {"prompt": "a mushroom", "params": {"seed": 7}}
 _HEADERS = {**LOCATION, **RETRY_AFTER, **ETAG, **REPLAY}
 # `format: binary` comes from OpenAPI 3.0; code generators still rely on it to recognise files.
-_FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
-_PARTS = {
+FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
+PARTS = {
     part.name: {
-        **_FILE,
+        **FILE,
         "description": f"{part.summary} If absent, `request.files.{part.name}` names a stored file.",
     }
     for kind in reversed(kinds())  # where kinds share a part, the first describes it
     for part in kind.reads
 }
-_BODY: dict[str, Any] = {
+BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
@@ -82,10 +82,10 @@ _BODY: dict[str, Any] = {
                     "type": "object",
                     "required": ["request"],
                     "additionalProperties": False,
-                    "properties": {**_PARTS, "request": {"$ref": "#/components/schemas/JobDocument"}},
+                    "properties": {**PARTS, "request": {"$ref": "#/components/schemas/JobDocument"}},
                 },
                 "encoding": {
-                    **{name: {"contentType": "application/octet-stream"} for name in _PARTS},
+                    **{name: {"contentType": "application/octet-stream"} for name in PARTS},
                     "request": {"contentType": "application/json"},
                 },
                 "examples": {
@@ -128,7 +128,7 @@ _BODY: dict[str, Any] = {
     }
 }
 # The Python generator writes code that cannot be imported for an operation with two media types and no parameter.
-_RequestId = Annotated[
+RequestId = Annotated[
     str | None,
     Header(
         description="Your id of this request, returned in the response and written to the server's log. "
@@ -156,7 +156,7 @@ _RequestId = Annotated[
             StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, *NEW_JOB_ERRORS, ConflictError, *CALLER_ERRORS
         ),
     },
-    openapi_extra=_BODY,
+    openapi_extra=BODY,
 )
 async def create_job(
     request: Request,
@@ -167,7 +167,7 @@ async def create_job(
 ) -> Response:
     """The files and the request are checked completely first. An accepted job reaches exactly one terminal state."""
     caller = Caller.of(request, principal, idempotency_key)
-    async with _submitted(request, app, principal.owner_id) as submission:
+    async with submitted(request, app, principal.owner_id) as submission:
         answer = await app.take_in(principal.owner_id, accept_job, app, caller, submission)
     wait_s = preferred_wait(request)
     if wait_s is None or answer.replayed:
@@ -185,16 +185,16 @@ async def create_job(
         200: {"model": Validation, "description": "The job would be accepted."},
         **problem_responses(StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, *CALLER_ERRORS),
     },
-    openapi_extra=_BODY,
+    openapi_extra=BODY,
 )
 async def validate_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
+    x_request_id: RequestId = None,  # noqa: ARG001 - read by the middleware
 ) -> Response:
     """Takes the bodies of `POST /v1/jobs`, reports the same problems, and estimates the run time. Stores nothing."""
-    async with _submitted(request, app, principal.owner_id) as submission:
+    async with submitted(request, app, principal.owner_id) as submission:
         validation = await app.take_in(principal.owner_id, validate, app, principal, submission)
     return Response(validation.model_dump_json(), media_type="application/json")
 
@@ -209,7 +209,7 @@ async def validate_job(
             StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, DependencyError, *CALLER_ERRORS
         ),
     },
-    openapi_extra=_BODY,
+    openapi_extra=BODY,
 )
 async def list_job_parts(
     request: Request,
@@ -223,14 +223,15 @@ async def list_job_parts(
             examples=["attribute"],
         ),
     ] = None,
-    x_request_id: _RequestId = None,  # noqa: ARG001 - read by the middleware
+    x_request_id: RequestId = None,  # noqa: ARG001 - read by the middleware
 ) -> Response:
     """Takes the bodies of `POST /v1/jobs`, which need no prompt, and stores nothing.
 
     With a prompt that is a change in plain words, only the parts that it names, and the asset as it would become. It
     takes a second, in a process of its own on the API's machine, which needs the extra `deform`.
     """
-    async with _submitted(request, app, principal.owner_id) as submission:
+    app.previews.prepare()  # whoever asks for parts is about to type
+    async with submitted(request, app, principal.owner_id) as submission:
         parts = await list_parts(app, principal.owner_id, submission, glb)
     return Response(parts.model_dump_json(), media_type="application/json")
 
@@ -312,22 +313,24 @@ async def _check_webhook(app: AppState, owner_id: str, request: JobRequest) -> N
         raise WebhookAddressError(error.detail, advice=error.advice_text, errors=[place]) from error
 
 
-async def _received_document(request: Request, app: AppState, owner_id: str, held: AsyncExitStack) -> JobDocument:
+async def _received_document(
+    request: Request, app: AppState, owner_id: str, held: AsyncExitStack, model: type[JobDocument]
+) -> JobDocument:
     """Receive a JSON document; a long one, or one with a file to fetch, holds a slot as a form does."""
     length = request.headers.get("content-length", "")
     if not length.isdigit() or int(length) > MAX_DOCUMENT_BYTES:
         await held.enter_async_context(app.bodies.slot(owner_id))
         text = await receive_document(request, min(MAX_INLINE_BYTES, app.settings.max_upload_bytes))
-        return await to_thread.run_sync(_parsed, text)
-    document = _parsed(await receive_document(request))
+        return await to_thread.run_sync(_parsed, text, model)
+    document = _parsed(await receive_document(request), model)
     if document.sources:
         await held.enter_async_context(app.bodies.slot(owner_id))
     return document
 
 
-def _parsed(text: bytes) -> JobDocument:
+def _parsed(text: bytes, model: type[JobDocument]) -> JobDocument:
     """Parse a document; what it has beside its files is no longer than any other document."""
-    document = parse_document(JobDocument, text)
+    document = parse_document(model, text)
     inline = sum(len(source.data or "") for source, _ in document.sources.values())
     if len(text) - inline > MAX_DOCUMENT_BYTES:
         raise RequestError(f"The document is longer than {MAX_DOCUMENT_BYTES} bytes without its files.")
@@ -335,12 +338,14 @@ def _parsed(text: bytes) -> JobDocument:
 
 
 @asynccontextmanager
-async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIterator[Submission]:
+async def submitted(
+    request: Request, app: AppState, owner_id: str, model: type[JobDocument] = JobDocument
+) -> AsyncIterator[Submission]:
     """Receive a request's document and files; the files are deleted when the block ends."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "application/json":
         async with AsyncExitStack() as held:
-            document = await _received_document(request, app, owner_id, held)
+            document = await _received_document(request, app, owner_id, held, model)
             folder = held.enter_context(app.workspace.temporary_folder())
             await _check_webhook(app, owner_id, document)
             yield await take_along(app, owner_id, Submission(document, {}, folder))
@@ -355,7 +360,7 @@ async def _submitted(request: Request, app: AppState, owner_id: str) -> AsyncIte
                 folder,
                 app.settings.max_upload_bytes,
             )
-            document = parse_document(JobDocument, text, "The part `request`")
+            document = parse_document(model, text, "The part `request`")
             for name in missing_files(document, files):
                 raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
             await _check_webhook(app, owner_id, document)

@@ -7,9 +7,10 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from meshdeform.api.states import MAX_FILENAME, MAX_INLINE_BYTES
+from meshdeform.api.states import MAX_FILENAME, MAX_INLINE_BYTES, MAX_PREVIEWED
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.parameters import MAX_SEED
 from meshdeform.webhooks.addresses import MAX_URL
 from meshdeform.words.limits import MAX_SHAPES, MAX_SYNONYMS, MAX_TEXT
 
@@ -46,7 +47,8 @@ class _Reference(_Strict):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        ways = [name for name in ("upload_id", "job_id", "url", "data") if name in type(self).model_fields]
+        every = ("upload_id", "job_id", "url", "data", "sha256")
+        ways = [name for name in every if name in type(self).model_fields]
         named = [name for name in ways if getattr(self, name) is not None]
         if len(named) != 1:
             raise ValueError(f"name {'either ' if len(ways) == 2 else 'one of '}{', '.join(ways[:-1])} or {ways[-1]}")
@@ -90,6 +92,7 @@ class FileSource(_Reference):
 
 
 _Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+_Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]
 
 
 class _WithFiles(JobRequest):
@@ -152,6 +155,37 @@ class JobDocument(_WithFiles):
         return bare
 
 
+class PreviewSource(FileSource):
+    """A file that is not sent along: as for a job, or one of an earlier preview that is still kept."""
+
+    sha256: _Sha256 | None = Field(
+        None,
+        description="SHA-256 of the asset of an earlier preview of yours, hexadecimal, as long as that is kept.",
+        examples=[_SHA256],
+    )
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the file is not stored."""
+        return super().is_own or self.sha256 is not None
+
+
+class PreviewDocument(JobDocument):
+    """A request for a job, and the seeds whose results are to be seen before it is sent."""
+
+    asset: PreviewSource | None = Field(
+        None,
+        description="The file to deform, unless it is sent as the part `asset`.",
+        examples=[{"sha256": _SHA256}],
+    )
+    seeds: list[Annotated[int, Field(ge=0, le=MAX_SEED)]] = Field(
+        default_factory=list,
+        max_length=MAX_PREVIEWED,
+        description="The seeds whose shapes are wanted, instead of `params.seed`. Default: that.",
+        examples=[[0, 1, 2, 3, 4, 5]],
+    )
+
+
 class BranchDocument(_WithFiles):
     """A request for a job that starts from a checkpoint of another job and has the same required files."""
 
@@ -212,9 +246,6 @@ class WordDocument(_Strict):
         description="Stored files that are meshes of it, beside those that are sent along.",
         examples=[[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}]],
     )
-
-
-_Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]
 
 
 class UploadDocument(_Strict):

@@ -65,7 +65,7 @@ from meshdeform.words import Word, in_use, read_words
 from service.http.auth import Principal
 from service.http.bodies import ReceivedFile, clean_filename
 from service.http.idempotency import Answer, Caller, claimed, request_hash
-from service.jobs.documents import FileReference, FileSource, JobDocument
+from service.jobs.documents import FileReference, FileSource, JobDocument, PreviewSource
 from service.jobs.estimates import estimate
 from service.state import AppState
 from service.words.known import pin_words, with_others
@@ -114,14 +114,23 @@ def check_job(
     """
     params = check_params(submission.document, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
+    summaries = check_files(app, owner_id, submission.document, params, files)
     kind = kind_of(submission.document.kind)
-    sent = [name for name in files if name != WORDS_PART]  # words are the owner's, or were checked when they were read
-    summaries = {name: check_file(app, owner_id, kind, name, files[name]) for name in sent}
-    meshes = {name: each for name, each in summaries.items() if isinstance(each, AssetSummary)}
-    kind.check_files(submission.document, params, meshes)
     first = files[kind.parts[0]]
     kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits, app.readings)
     return params, files, summaries
+
+
+def check_files(
+    app: AppState, owner_id: str, request: JobRequest, params: BaseModel, files: Mapping[str, ReceivedFile]
+) -> dict[str, AssetSummary | PictureSummary]:
+    """Decode the files of a job completely, and refuse parameters that do not fit them; return their summaries."""
+    kind = kind_of(request.kind)
+    sent = [name for name in files if name != WORDS_PART]  # words are the owner's, or were checked when they were read
+    summaries = {name: check_file(app, owner_id, kind, name, files[name]) for name in sent}
+    meshes = {name: each for name, each in summaries.items() if isinstance(each, AssetSummary)}
+    kind.check_files(request, params, meshes)
+    return summaries
 
 
 def check_file(
@@ -435,6 +444,9 @@ async def take_along(app: AppState, owner_id: str, submission: Submission) -> Su
     files = dict(submission.files)
     for name, (source, place) in submission.document.sources.items():
         path = submission.folder / name
+        if isinstance(source, PreviewSource) and source.sha256 is not None:
+            files[name] = app.kept_assets.fetch(owner_id, source.sha256, path)
+            continue
         if source.url is None:
             files[name] = await to_thread.run_sync(_decode, source, place, path)
             continue

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import typer.main
+from pydantic import BaseModel
 
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
-from service.jobs.documents import WordDocument
+from service.jobs.documents import PreviewDocument, WordDocument
 from tests.cases import each_case
 
 # Read by the client and the command line, not by the service.
@@ -114,12 +115,16 @@ def test_the_path_of_a_reader_is_short_and_ends_in_something_that_works(reader: 
     assert sum(len((repository / "docs" / page).read_text().split()) for page in pages) <= 3000
 
 
+_DOCUMENTS: dict[str, type[BaseModel]] = {"/v1/words": WordDocument, "/v1/jobs:preview": PreviewDocument}
+
+
 def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:
     lines = [line for _, line in shell_lines(repository)]
     shown = [(line, text) for line in lines for text in re.findall(r"request='?(\{.*?\})'(?=[\s;])", line)]
     assert shown
     for line, text in shown:
-        (WordDocument if "/v1/words" in line else JobRequest).model_validate_json(text)
+        model = next((each for path, each in _DOCUMENTS.items() if path in line), JobRequest)
+        model.model_validate_json(text)
     for page in ("parameters", "control"):
         for block in snippets(repository / f"docs/{page}.md", "json"):
             JobRequest.model_validate_json(block)

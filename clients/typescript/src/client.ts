@@ -3,7 +3,7 @@ import { events, type WatchOptions } from "./events.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Parts, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation, type Word,
+  type JobState, type Limits, type Models, type Parts, type PreviewRequest, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation, type Word,
   type WordDetail, type WordRequest,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
@@ -20,6 +20,17 @@ export interface SubmitOptions {
   /** Requests with the same key within a day make one job, also from another process. */
   idempotencyKey?: string;
   signal?: AbortSignal;
+}
+
+export interface PreviewOptions extends Omit<SubmitOptions, "idempotencyKey"> {
+  /** `positions` (the default) of all seeds, for `readPreview`; or `glb`: the `result.glb` of one seed. */
+  as?: "positions" | "glb";
+}
+
+export interface Preview {
+  data: ArrayBuffer;
+  /** SHA-256 of the asset, by which the next preview can name it: `{ sha256 }`. */
+  asset: string;
 }
 
 /** Which jobs to list. */
@@ -104,6 +115,18 @@ export class Client {
   async parts(asset: Asset, request: JobRequest, options: SubmitOptions = {}): Promise<Parts> {
     const body = await this.#body(asset, request, options);
     return this.#transport.json<Parts>("v1/jobs:parts", { method: "POST", ...body, signal: options.signal });
+  }
+
+  /**
+   * Make what a job would, in seconds and without one. An asset that was sent with an earlier preview can be named by its hash, until that is
+   * refused with `asset_not_kept`. The request is not repeated by itself: whoever looks on may want something else by then.
+   */
+  async preview(asset: Asset | { sha256: string; filename?: string }, request: PreviewRequest, options: PreviewOptions = {}): Promise<Preview> {
+    const { as = "positions", ...more } = options;
+    const kept = "sha256" in asset && !("id" in asset);
+    const body = kept && !more.files ? { json: { ...request, asset } } : await this.#body(kept ? null : asset, kept ? ({ ...request, asset } as PreviewRequest) : request, more);
+    const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal, once: true });
+    return { data: await response.arrayBuffer(), asset: response.headers.get("Meshdeform-Asset") ?? "" };
   }
 
   /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */

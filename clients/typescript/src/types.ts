@@ -5,6 +5,8 @@ type Schemas = components["schemas"];
 
 /** A request for a job, without its files. */
 export type JobRequest = Omit<Schemas["JobDocument"], "asset" | "target" | "files">;
+/** A request for a preview, without its files. */
+export type PreviewRequest = Omit<Schemas["PreviewDocument"], "asset" | "target" | "files">;
 /** A request for a job that begins with the shape of a checkpoint. */
 export type BranchRequest = Schemas["BranchDocument"];
 export type Job = Schemas["JobView"];

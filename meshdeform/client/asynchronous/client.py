@@ -8,6 +8,7 @@ import math
 import os
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -82,6 +83,7 @@ from meshdeform.client.requests import (
 )
 from meshdeform.client.retries import Patience, Policy, left_s, pace
 from meshdeform.errors import (
+    AssetNotKeptError,
     ChecksumError,
     JobNotFinishedError,
     MeshdeformError,
@@ -89,6 +91,7 @@ from meshdeform.errors import (
     UnavailableError,
 )
 from meshdeform.requests.choices import JobKind, PartsAs
+from meshdeform.requests.previews import PreviewShapes
 from meshdeform.verdicts import read_verdict
 
 M = TypeVar("M", bound=BaseModel)
@@ -143,6 +146,7 @@ class AsyncClient:
         # No limit on connections: each task that follows events keeps one open.
         self._http = http or httpx.AsyncClient(limits=httpx.Limits(max_connections=None))
         self._connection = AsyncConnection(self._http, self._endpoint, policy)
+        self._kept: set[str] = set()  # SHA-256 of the assets of previews, which the service may still have
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._endpoint.base_url!r})"
@@ -364,6 +368,69 @@ class AsyncClient:
         url = "/v1/jobs:parts" if glb is None else f"/v1/jobs:parts?glb={PartsAs(glb).value}"
         parts_found, _ = await self._post(FoundParts, url, Order(prompt, params), request_files)
         return parts_found
+
+    async def preview(
+        self,
+        asset: AssetLike | None = None,
+        prompt: str = "",
+        *,
+        seeds: Sequence[int] = (),
+        params: Params | None = None,
+        output: Output | None = None,
+        target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
+        filename: str | None = None,
+    ) -> PreviewShapes:
+        """Return the shapes that a job would give the asset, within seconds and without one.
+
+        They are the positions of the vertices of `result.glb`, quantised. The file is sent with the first preview, and
+        again when the service has forgotten it. Parameters and errors are those of `submit`.
+
+        Parameters
+        ----------
+        seeds : sequence of int, optional
+            Up to 6 seeds, one for each shape. Default: that of the parameters.
+
+        Raises
+        ------
+        LimitError
+            Too many previews are made at the moment.
+        DependencyError, UnavailableError
+            The service cannot make previews, or it takes too long.
+        """
+        order = Order(prompt, params, output, seeds=seeds or None)
+        made = await self._previewed("positions", order, Files.of(asset, target, files, filename, False, None))
+        return PreviewShapes.read(made)
+
+    async def preview_glb(
+        self,
+        asset: AssetLike | None = None,
+        prompt: str = "",
+        *,
+        params: Params | None = None,
+        output: Output | None = None,
+        target: AssetLike | None = None,
+        files: Mapping[str, AssetLike] | None = None,
+        filename: str | None = None,
+    ) -> bytes:
+        """Return the bytes of `result.glb` that a job would make. Parameters and errors are those of `preview`."""
+        order = Order(prompt, params, output)
+        return await self._previewed("glb", order, Files.of(asset, target, files, filename, False, None))
+
+    async def _previewed(self, form: str, order: Order, files: Files) -> bytes:
+        with contextlib.ExitStack() as opened:
+            call, sent = await prepared(self._connection, "/v1/jobs:preview", order, files, opened)
+            call = replace(call, query={"as": form}, read_timeout_s=_MAKE_S)
+            asset = sent.get("asset")
+            if asset is not None and asset.sha256 in self._kept:
+                others = tuple(part for part in call.parts if part.name != "asset")
+                document = {**call.document, "asset": {"sha256": asset.sha256, "filename": asset.filename}}
+                with contextlib.suppress(AssetNotKeptError):
+                    return (await self._connection.answered(replace(call, document=document, parts=others))).content
+            answer = await self._connection.answered(call)
+            if asset is not None:
+                self._kept.add(asset.sha256)
+            return answer.content
 
     async def upload(
         self, asset: AssetLike, *, filename: str | None = None, idempotency_key: str | None = None

@@ -25,6 +25,8 @@ export class Asset {
     this.format = formatOf(name, SURFACE_FORMATS);
     /** What is sent: the file, or its upload. @type {Promise<any> | null} */
     this._sent = null;
+    /** Its SHA-256 where the server keeps it for previews; empty: it does not. */
+    this.kept = "";
     /** Called with the share of the file that has been uploaded. @type {(share: number) => void} */
     this.onProgress = () => {};
   }

@@ -60,6 +60,17 @@ export class Client {
         const body = await this.#body(asset, request, options);
         return this.#transport.json("v1/jobs:parts", { method: "POST", ...body, signal: options.signal });
     }
+    /**
+     * Make what a job would, in seconds and without one. An asset that was sent with an earlier preview can be named by its hash, until that is
+     * refused with `asset_not_kept`. The request is not repeated by itself: whoever looks on may want something else by then.
+     */
+    async preview(asset, request, options = {}) {
+        const { as = "positions", ...more } = options;
+        const kept = "sha256" in asset && !("id" in asset);
+        const body = kept && !more.files ? { json: { ...request, asset } } : await this.#body(kept ? null : asset, kept ? { ...request, asset } : request, more);
+        const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal, once: true });
+        return { data: await response.arrayBuffer(), asset: response.headers.get("Meshdeform-Asset") ?? "" };
+    }
     /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
     async guessSketch(drawing, options = {}) {
         const query = options.family ? `?family=${encodeURIComponent(options.family)}` : "";

@@ -28,11 +28,14 @@ const MOST = 1.5;
 /** A mesh that can be moved between the two. The source's geometry is kept aside and comes back with `dispose`. */
 class Blend {
   /** @param {Pair} pair */
-  constructor({ mesh, after, normals, tangents, targets }) {
+  constructor({ mesh, after, normals, tangents, targets, place, count, order }) {
     this.mesh = mesh;
+    this.place = place;
+    this.count = count;
+    this.order = order;
     this.original = mesh.geometry;
     this.geometry = shareGeometry(this.original);
-    /** @type {{ attribute: BufferAttribute, before: Float32Array, after: Float32Array }[]} */
+    /** @type {{ name: string, attribute: BufferAttribute, before: Float32Array, after: Float32Array }[]} */
     this.tracks = [];
     this.before = floats(this.original.attributes.position, 3, null);
     this.after = after;
@@ -46,7 +49,12 @@ class Blend {
     }
     this.geometry.morphAttributes = bothTargets(this.original.morphAttributes, targets);
     mesh.geometry = this.geometry;
-    // One sphere for both ends: whatever lies between them is inside, and nothing is culled away.
+    this.#enclose();
+  }
+
+  /** Fit the sphere around both ends: whatever lies between them is inside, and nothing is culled away. */
+  #enclose() {
+    const { after } = this;
     const both = new BufferGeometry();
     const joined = new Float32Array(this.before.length + after.length);
     joined.set(this.before);
@@ -58,11 +66,33 @@ class Blend {
     this.geometry.boundingBox = both.boundingBox;
   }
 
+  /** What it leads to, to lead there again. */
+  get end() {
+    return [this.after, ...this.tracks.map(({ after }) => after)];
+  }
+
+  set end([after, ...tracks]) {
+    this.after = after;
+    this.tracks.forEach((track, i) => (track.after = tracks[i]));
+    this.#enclose();
+  }
+
+  /** Lead to another shape. @param {Float32Array} positions (3V) in the mesh's own space, in the order of the result */
+  reshape(positions) {
+    const { order } = this;
+    this.after = order ? Float32Array.from({ length: 3 * order.length }, (_, i) => positions[3 * order[Math.floor(i / 3)] + (i % 3)]) : positions;
+    for (const track of this.tracks) {
+      if (track.name === "position") track.after = this.after;
+      if (track.name === "normal") track.after = normalsOf(this.after, this.original.index);
+    }
+    this.#enclose();
+  }
+
   /** @param {string} name @param {number} size @param {Float32Array} before @param {Float32Array} after */
   #track(name, size, before, after) {
     const attribute = new BufferAttribute(before.slice(), size).setUsage(DynamicDrawUsage);
     this.geometry.setAttribute(name, attribute);
-    this.tracks.push({ attribute, before, after });
+    this.tracks.push({ name, attribute, before, after });
   }
 
   /** @param {number} t */
@@ -101,6 +131,33 @@ export class Deformation {
   setMorph(t) {
     this.morph = Math.min(Math.max(t, 0), MOST);
     this.show(this.morph);
+  }
+
+  /** Lead to another shape of the same asset, whose normals are those of its faces. @param {Map<string, Float32Array>} positions by the place of each mesh in the result */
+  reshape(positions) {
+    for (const blend of this.blends) {
+      const own = positions.get(blend.place);
+      if (own?.length === 3 * blend.count) blend.reshape(own);
+    }
+    this.measured.clear();
+    this.show(this.morph);
+  }
+
+  /** Do something while another shape is shown. @template T @param {Map<string, Float32Array>} positions As for `reshape`. @param {() => T} act @returns {T} */
+  peek(positions, act) {
+    const { morph, measured } = this;
+    const kept = this.blends.map((blend) => blend.end);
+    this.measured = new Map();
+    this.morph = 1;
+    try {
+      this.reshape(positions);
+      return act();
+    } finally {
+      this.blends.forEach((blend, i) => (blend.end = kept[i]));
+      this.measured = measured;
+      this.morph = morph;
+      this.show(morph);
+    }
   }
 
   /** Look at another share of the way, for a moment. @param {number} t */

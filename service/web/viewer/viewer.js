@@ -191,6 +191,37 @@ export class MeshViewer extends EventTarget {
     }
   }
 
+  /**
+   * Lead to another result of what is loaded, after one that came as a file.
+   * @param {Map<string, Float32Array>} positions by the numbers of mesh and primitive in the file of the result, such as "0/1"
+   */
+  setShape(positions) {
+    this.#deformation?.reshape(positions);
+    this.#grounded = false;
+    this.stage.refreshShadow();
+    this.invalidate();
+  }
+
+  /** A picture of another result, from where the camera is. @param {Map<string, Float32Array>} positions as for `setShape` @param {import("./snapshot.js").SnapshotOptions} options @returns {Promise<Blob>} PNG */
+  async pictureOf(positions, { width = 256, height = 256, background } = {}) {
+    const deformation = this.#deformation;
+    if (!deformation) throw new Error("There is no result yet.");
+    const renderer = this.#start();
+    try {
+      return await deformation.peek(positions, () => {
+        this.rig.update();
+        this.#grounded = false;
+        this.#ground();
+        this.stage.refreshShadow();
+        return drawSnapshot(renderer, this.stage, this.rig.camera, { width, height, background });
+      });
+    } finally {
+      this.#grounded = false;
+      this.stage.refreshShadow();
+      this.invalidate();
+    }
+  }
+
   /** @param {number} t 0 shows the source, 1 the result, up to 1.5 what lies beyond it, all on straight lines */
   setMorph(t) {
     this.#deformation?.setMorph(t);

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import LimitError, UnavailableError
 from service.http.limits import _MOST_BUCKETS, Buckets, FairSlots, Rate, RateLimiter
 
 
@@ -41,6 +41,31 @@ class Crowd:
         async with self.slots.slot(name[0]):
             self.granted.append(name)
             await self.ends[name].wait()
+
+
+def test_who_looks_on_waits_a_moment_and_few_of_one_owner_do() -> None:
+    async def story() -> None:
+        slots = FairSlots(2, 1, wait_s=60, purpose="previews are being made")
+        async with slots.slot("a"):
+            with pytest.raises(LimitError) as late:
+                async with slots.slot("a", soon_s=0.01, most=1):
+                    pass
+            assert late.value.extra["retry_after_s"] == 1
+
+            async def wait() -> None:
+                async with slots.slot("a", soon_s=60, most=1):
+                    pass
+
+            waiting = asyncio.create_task(wait())
+            await settle()
+            with pytest.raises(LimitError):
+                async with slots.slot("a", soon_s=60, most=1):
+                    pass
+            async with slots.slot("b", soon_s=60, most=1):  # another owner has a place of its own
+                pass
+        await waiting
+
+    asyncio.run(story())
 
 
 def test_an_owner_never_takes_every_slot_and_owners_take_turns() -> None:

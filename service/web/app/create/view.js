@@ -18,6 +18,7 @@ import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { controlParams, isEmpty, readingOf } from "./control/model.js";
 import { ControlPanel } from "./control/panel.js";
 import { intro, JobForm, kindsNav } from "./form.js";
+import { Live } from "./live.js";
 import { GuidePanel } from "./guide/panel.js";
 import { EXEMPLAR, guideParams } from "./guide/model.js";
 import { FrontControl } from "./front-control.js";
@@ -77,10 +78,16 @@ export class CreateView {
     };
     this.parts = new PartsControl(this.assets.box, this.control, this.front, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt), turn);
     this.parts.onRead = () => this._foresee();
+    this.live = new Live(this.assets.box, scope, (form, seeds, signal) => this._previewed(form, seeds, signal), (seed) => {
+      this.settings.seed.input.value = String(seed);
+      this._changed();
+    }, () => this.control.view.reshape());
     this.assets.onShown = () => {
       this._suitParts();
+      this._suitLive();
       this._suitRig([]);
     };
+    this.assets.addBelow(this.live.element);
     this.assets.addBelow(this.parts.element);
     this.guide = new GuidePanel(this.assets, this.control.view, scope, () => this._changed());
     this.assets.guide = (files) => this.guide.take(files);
@@ -260,6 +267,7 @@ export class CreateView {
     this.inUse.textContent = used ? "· in use" : "";
     const { variationCount, variations } = this.settings;
     const named = variationCount > 1 && Number(variations.input.value) === variationCount; // none that the field refuses
+    this._suitLive();
     this.form.rename(named ? `Deform, ${variationCount} variations` : "Deform");
     this.check();
   }
@@ -290,6 +298,38 @@ export class CreateView {
     const asset = /** @type {Asset} */ (this.assets.asset);
     const document = documents({ ...this.settings.wish(prompt), ...this._said(), variations: 1 }, null, "", this.settings.offered)[0];
     return client.parts(...(await asset.submission(document, {}, signal)));
+  }
+
+  /** Let the view show what the form asks for, as far as that takes no model. */
+  _suitLive() {
+    const { asset, shown } = this.assets;
+    const wish = this._liveWish();
+    const seen = asset && asset === shown && this.begun && this.way.byShape && this.guide.isEmpty && !wish.subdivide && !this._aimless(wish) && !this.parts.wanted.length;
+    const { seed: _, ...goal } = { ...wish, seed: 0 };
+    this.live.suit(seen ? JSON.stringify([this.assets.choices, asset.name, asset.size, goal]) : "", wish.seed, Number(this.settings.strength.value || this.settings.strength.usual / 100));
+  }
+
+  /** What a preview is asked for: a slider shows the shares of its way. */
+  _liveWish() {
+    const wish = this._wish();
+    return { ...wish, variations: 1, advanced: { ...wish.advanced, [this.settings.strength.name]: "" } };
+  }
+
+  /** @param {"glb" | "positions"} form @param {number[]} seeds @param {AbortSignal} signal @returns {Promise<ArrayBuffer>} */
+  async _previewed(form, seeds, signal) {
+    const asset = /** @type {Asset} */ (this.assets.asset);
+    const { metadata: _, ...document } = { metadata: null, ...documents(this._liveWish(), null, "", this.settings.offered)[0], seeds };
+    if (asset.kept) {
+      try {
+        return (await client.preview({ sha256: asset.kept, filename: asset.name }, document, { as: form, signal })).data;
+      } catch (error) {
+        if (!(error instanceof MeshdeformError && error.code === "asset_not_kept")) throw error;
+      }
+    }
+    const [sent, , more] = await asset.submission(document, {}, signal);
+    const made = await client.preview(sent, document, { ...more, as: form });
+    asset.kept = made.asset;
+    return made.data;
   }
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */

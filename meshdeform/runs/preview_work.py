@@ -1,0 +1,126 @@
+"""Make a preview in a child process: the result of a job with other seeds, without its report and its picture.
+
+What was made is remembered, so that the file of a shape that was seen costs no second fit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.limits import Limits
+from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.requests.previews import MOST_LEVELS, PreviewShape, PreviewShapes, PrimitivePositions, pack
+from meshdeform.runs import text_deform
+from meshdeform.runs.base import InputFile, JobRun, RunInput
+from meshdeform.runs.exemplar import ExemplarRun
+from meshdeform.runs.kept_readings import FolderReadings
+from meshdeform.runs.plain_change import PlainChangeRun
+from meshdeform.runs.reading import reading_document
+from meshdeform.runs.warm_processes import StoppedError
+from meshdeform.runs.word_pins import KnowingRun
+from meshdeform.support.recent import Recent
+
+__all__ = ["answer", "positions_of"]
+
+_MOST, _MOST_BYTES = 64, 128 * 2**20
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A result: its GLB, whether it is a change in plain words, what it was fitted to, and how the asset was read."""
+
+    glb: bytes
+    change: bool
+    member: dict[str, Any]
+    reading: dict[str, Any] | None
+
+
+_recent: Recent[_Made] = Recent(_MOST, _MOST_BYTES)
+
+
+def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> None:
+    """Carry out a task: write the GLB of its only seed, or the positions of all its seeds, where it says.
+
+    Raises what a job does, and StoppedError.
+    """
+    files = {
+        name: InputFile(Path(each["path"]).read_bytes(), each["filename"], each["sha256"])
+        for name, each in task["files"].items()
+    }
+    readings = FolderReadings(Path(task["readings"]))
+    readings.samples = None if task["samples"] is None else Path(task["samples"])
+    made: list[_Made] = []
+    for seed in task["seeds"]:
+        same = made and made[0].change and task["as"] != "glb"  # seeds are nothing to a change
+        made.append(made[0] if same else _made(task, seed, files, readings, stopped))
+    target = Path(task["result"])
+    if task["as"] == "glb":
+        target.write_bytes(made[0].glb)
+        return
+    shapes = [
+        PreviewShape(seed, positions_of(each.glb), each.member) for seed, each in zip(task["seeds"], made, strict=True)
+    ]
+    target.write_bytes(pack(PreviewShapes(files["asset"].digest, made[0].change, made[0].reading, shapes)))
+
+
+def _made(
+    task: dict[str, Any], seed: int, files: dict[str, InputFile], readings: FolderReadings, stopped: Callable[[], bool]
+) -> _Made:
+    request, resolved = (json.loads(json.dumps(task[name])) for name in ("request", "resolved"))
+    request.setdefault("params", {})["seed"] = resolved["seed"] = seed
+    digests = {name: [file.digest, file.filename] for name, file in files.items()}
+    told = json.dumps([request, resolved, digests, task["limits"]], sort_keys=True)
+    key = hashlib.sha256(told.encode()).digest()
+    known = _recent.get(key)
+    if known is not None:
+        return known
+    given = RunInput(
+        JobRequest.model_validate(request),
+        files,
+        resolved,
+        default_model=task["default_model"],
+        limits=Limits(**task["limits"]),
+        readings=readings,
+    )
+    run = text_deform.start(given)
+    for _ in run:
+        if stopped():
+            raise StoppedError
+    made = _Made(run.snapshot().data, run.total_steps == 0, *_told(run, resolved))
+    _recent.put(key, made, len(made.glb))
+    return made
+
+
+def _told(run: JobRun, resolved: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """Return what a run fitted the asset to, and what it was read as."""
+    run = run.run if isinstance(run, KnowingRun) else run
+    assert isinstance(run, ExemplarRun | PlainChangeRun)
+    members = run.members if isinstance(run, ExemplarRun) else []
+    reading = reading_document(run.reading, ResolvedParams.model_validate(resolved))
+    return (members[0] if members else {}), reading
+
+
+def positions_of(glb: bytes) -> list[PrimitivePositions]:
+    """Return the positions of a GLB's vertices, quantised, in the order of its meshes and their primitives."""
+    document = Document.parse(glb, Limits.unlimited(), glb=True)
+    return [
+        _positions(mesh, number, read_floats(document, primitive["attributes"]["POSITION"]).astype(np.float64))
+        for mesh, each in enumerate(document.root.get("meshes", []))
+        for number, primitive in enumerate(each["primitives"])
+        if "POSITION" in primitive["attributes"]
+    ]
+
+
+def _positions(mesh: int, primitive: int, points: np.ndarray[Any, np.dtype[np.float64]]) -> PrimitivePositions:
+    low, high = points.min(0), points.max(0)
+    step = (high - low) / MOST_LEVELS
+    values = np.rint((points - low) / np.where(step > 0, step, 1.0)).astype("<u2")
+    return PrimitivePositions(mesh, primitive, tuple(low.tolist()), tuple(step.tolist()), values.tobytes())

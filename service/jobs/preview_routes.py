@@ -1,0 +1,109 @@
+"""Show what a job would make before it is sent."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from anyio import to_thread
+from fastapi import APIRouter, Query, Request, Response
+
+from meshdeform.api.states import MAX_PREVIEWED, PREVIEW_S
+from meshdeform.errors import AssetNotKeptError, ConflictError, DependencyError, NumericalError, StoredFileError
+from service.documentation.responses import ASSET_ERRORS, CALLER_ERRORS, REQUEST_ERRORS, header
+from service.http.auth import PrincipalDep
+from service.http.errors import KNOWN_QUERY, problem_responses
+from service.jobs.creation_routes import FILE, PARTS, RequestId, submitted
+from service.jobs.documents import PreviewDocument
+from service.jobs.previews import As, preview
+from service.state import AppStateDep
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
+
+_SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+_DOCUMENT = {"prompt": "a mushroom", "seeds": [0, 1, 2, 3, 4, 5]}
+_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["request"],
+                    "additionalProperties": False,
+                    "properties": {**PARTS, "request": {"$ref": "#/components/schemas/PreviewDocument"}},
+                },
+                "encoding": {
+                    **{name: {"contentType": FILE["contentMediaType"]} for name in PARTS},
+                    "request": {"contentType": "application/json"},
+                },
+                "examples": {
+                    "first": {
+                        "summary": "The first preview of an asset",
+                        "value": {"asset": "the bytes of sphere.glb", "request": _DOCUMENT},
+                    }
+                },
+            },
+            "application/json": {
+                "schema": {"$ref": "#/components/schemas/PreviewDocument"},
+                "examples": {
+                    "next": {"summary": "The next prompt", "value": {**_DOCUMENT, "asset": {"sha256": _SHA256}}}
+                },
+            },
+        },
+    }
+}
+
+
+@router.post(
+    ":preview",
+    operation_id="preview_job",
+    summary="Show what a job would make",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "The shapes, as `as` says.",
+            "headers": {
+                "Meshdeform-Asset": header(
+                    "SHA-256 of the asset, by which the next preview can name it: `asset.sha256`.", _SHA256
+                )
+            },
+            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+        },
+        **problem_responses(
+            StoredFileError,
+            NumericalError,
+            *ASSET_ERRORS,
+            *REQUEST_ERRORS,
+            AssetNotKeptError,
+            ConflictError,
+            DependencyError,
+            *CALLER_ERRORS,
+        ),
+    },
+    openapi_extra=_BODY,
+    description=f"Takes the bodies of `POST /v1/jobs`, with up to {MAX_PREVIEWED} `seeds`, and the same problems "
+    "answer them. Nothing is stored: a job with the same request and seed makes the same bytes. Only what `exemplar` "
+    f"guidance and changes in plain words make, within {PREVIEW_S:g} s, in a process of its own on the API's machine, "
+    "which needs the extra `deform`. It ends when the client goes.",
+)
+async def preview_job(
+    request: Request,
+    app: AppStateDep,
+    principal: PrincipalDep,
+    form: Annotated[
+        As,
+        Query(
+            alias="as",
+            description="`positions`: of the vertices of `result.glb`, quantised, for all seeds "
+            "(docs/http.md#post-v1jobspreview); `glb`: the `result.glb` of one seed.",
+            examples=["positions"],
+        ),
+    ] = "positions",
+    x_request_id: RequestId = None,  # noqa: ARG001 - read by the middleware
+) -> Response:
+    """Make a preview."""
+    async with submitted(request, app, principal.owner_id, PreviewDocument) as submission:
+        made, digest = await preview(app, request, principal.owner_id, submission, form)
+        data = await to_thread.run_sync(made.read_bytes)
+    # As described: code generators know no other media type for bytes.
+    return Response(data, media_type="application/octet-stream", headers={"Meshdeform-Asset": digest})

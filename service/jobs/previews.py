@@ -1,0 +1,147 @@
+"""Make previews: what jobs would make of an asset, within seconds, in a process of its own; nothing is recorded."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal
+
+from anyio import CancelScope, to_thread
+from fastapi import Request
+
+from meshdeform.api.states import PREVIEW_S
+from meshdeform.assets.limits import error_from
+from meshdeform.errors import DependencyError, ParameterError, UnavailableError
+from meshdeform.requests.choices import GuidanceKind
+from meshdeform.requests.document import JobRequest, ResolvedParams
+from meshdeform.runs.changes import asked_changes, is_change
+from meshdeform.runs.kept_readings import FolderReadings, key_of
+from meshdeform.runs.warm_processes import Asked, StoppedError
+from meshdeform.words import in_use
+from service.http.bodies import ReceivedFile
+from service.jobs.documents import PreviewDocument
+from service.jobs.intake import Submission, check_files, check_params, ready
+from service.state import AppState
+
+As = Literal["positions", "glb"]
+_ADVICE = "Send the job."
+_SOON_S, _MOST_WAITING = 10.0, 2
+"""How long a preview waits for its turn, and how many of one owner do."""
+
+
+async def preview(app: AppState, request: Request, owner_id: str, submission: Submission, form: As) -> tuple[Path, str]:
+    """Return the file of a preview, in the folder of the submission, and the SHA-256 of its asset.
+
+    Raises what a job's check and its run do, `LimitError` where too many are asked for, and UnavailableError where it
+    takes too long. It ends when the caller goes.
+    """
+    task, asset = await app.take_in(owner_id, _task, app, owner_id, submission, form)
+    app.previews.prepare()
+    asked = Asked()
+    with CancelScope() as waiting:
+        watching = asyncio.create_task(_stop_when_gone(request, asked, waiting))
+        try:
+            async with app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
+                await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
+        finally:
+            watching.cancel()
+    if asked.stopped:
+        raise UnavailableError("The caller has gone.")
+    return Path(task["result"]), asset[0].sha256
+
+
+async def _stop_when_gone(request: Request, asked: Asked, waiting: CancelScope) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+    asked.stop()
+    waiting.cancel()  # where it waits for its turn
+
+
+def _task(
+    app: AppState, owner_id: str, submission: Submission, form: As
+) -> tuple[dict[str, Any], tuple[ReceivedFile, ResolvedParams]]:
+    """Check a request, and return the task of the process that makes its preview, its asset and its parameters."""
+    document = submission.document
+    assert isinstance(document, PreviewDocument)
+    submission, words = ready(app, owner_id, submission)
+    with in_use(words):
+        params = check_params(submission.document, app.settings, files=submission.names)
+        if not isinstance(params, ResolvedParams):
+            raise ParameterError("Jobs of this kind have no preview.", advice=_ADVICE)
+        _refuse_slow(submission.document, params)
+        files = submission.fetch_all(app, owner_id)
+        check_files(app, owner_id, submission.document, params, files)
+    seeds = list(dict.fromkeys(document.seeds)) or [params.seed]
+    if form == "glb" and len(seeds) > 1:
+        raise ParameterError.at(["seeds"], "A GLB has one shape.", "Give one seed, or ask for positions.")
+    asset, limits = files["asset"], app.assets.limits
+    app.kept_assets.keep(owner_id, asset)
+    request = submission.document.model_dump(
+        mode="json", exclude_unset=True, exclude={*PreviewDocument.model_fields} - {*JobRequest.model_fields}
+    )
+    samples = app.readings.samples
+    task = {
+        "request": request,
+        "resolved": params.model_dump(mode="json"),
+        "seeds": seeds,
+        "as": form,
+        "files": {
+            name: {"path": str(file.path.absolute()), "filename": file.filename, "sha256": file.sha256}
+            for name, file in files.items()
+        },
+        "limits": asdict(limits),
+        "default_model": app.settings.model,
+        "samples": None if samples is None else str(samples.absolute()),
+        "result": str(submission.folder.absolute() / "preview"),
+    }
+    return task, (asset, params)
+
+
+def _refuse_slow(request: JobRequest, params: ResolvedParams) -> None:
+    """Refuse what an optimiser makes, which takes longer than anybody looks on."""
+    sentence = asked_changes(request.prompt, params)
+    if params.guidance is GuidanceKind.EXEMPLAR or (sentence is not None and is_change(sentence)):
+        return
+    raise ParameterError.at(
+        ["params", "guidance", "kind"],
+        f"`{params.guidance}` guidance has no preview: its jobs take longer.",
+        "Set params.guidance.kind to exemplar, or send the job.",
+    )
+
+
+def _answered(
+    app: AppState, owner_id: str, task: dict[str, Any], asset: tuple[ReceivedFile, ResolvedParams], asked: Asked
+) -> None:
+    """Let a process of the owner carry out the task, with the reading of the asset that is kept; keep a new one."""
+    folder = app.workspace.folder / f"readings-{hashlib.sha256(owner_id.encode()).hexdigest()[:16]}"
+    folder.mkdir(exist_ok=True)
+    task = {**task, "readings": str(folder.absolute())}
+    file, params = asset
+    key = key_of(file.sha256, Path(file.filename).suffix, params)
+    here = FolderReadings(folder)
+    known = here.get(key)
+    if known is None and (kept := app.readings.get(key)) is not None:
+        here.put(key, kept)
+        known = kept
+    try:
+        verdict = app.previews.ask(owner_id, task, PREVIEW_S, asked)
+    except StoppedError:
+        return
+    except TimeoutError as error:
+        raise UnavailableError(f"A preview of this takes longer than {PREVIEW_S:g} s.", advice=_ADVICE) from error
+    if (made := here.get(key)) is not None and made != known:
+        app.readings.put(key, made)
+    if verdict is None:
+        raise UnavailableError("The process that made the preview has ended.", advice=_ADVICE)
+    if not verdict["ok"]:
+        raise _error(verdict["error"])
+
+
+def _error(told: Mapping[str, Any]) -> Exception:
+    if told["code"] == DependencyError.code:
+        lacks = "Previews are made with the extra `deform`, which the API of this server lacks"
+        return DependencyError(f"{lacks}: {told['detail']}", advice=_ADVICE)
+    return error_from(dict(told))
