@@ -102,7 +102,7 @@ class Network:
         self._blocks = [_Block(state, f"blocks.{number}") for number in range(len(weights.config.channels))]
         self._head, self._bias = state["noun_head.weight"].T, state["noun_head.bias"]
         self.commonness = state["commonness"]
-        """(N,): half the logarithm of how many packs of public collections have each noun."""
+        """(N,): how much likelier each noun is of somebody's asset, as a logarithm."""
         self.sharpness = float(state["sharpness"])
         """Factor of the mean over the views: views of one mesh are correlated, so their sum would be overconfident."""
 

@@ -143,8 +143,7 @@ class Judge:
     def noun_probabilities(self, mesh: TriangleMesh, *, of_public: bool = False) -> dict[str, float]:
         """Return the probability of each noun that it knows; they sum to 1.
 
-        All nouns are equally likely beforehand, or, `of_public`, common ones more likely: half as much, in logarithms,
-        as more packs of public collections have them.
+        All nouns are equally likely beforehand, or, `of_public`, as likely as they are among public assets.
 
         Raises
         ------

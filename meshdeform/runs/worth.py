@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _SHOWN = 0.5
 """Probability of the noun from which a shape shows it."""
-_UNLIKE = 20
+_UNLIKE = 16
 """Rank of the noun from which a fit is nothing like it: 6 % of members of the families, roughened, have it, as they had
 8 among 149 nouns."""
 _SWOLLEN = 0.7

@@ -25,6 +25,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from meshdeform.judge.network import WEIGHTS, JudgeConfig
+from meshdeform.priors.builtin.vocabulary import NOUNS as FIRST_NOUNS
 from meshdeform.vocabulary.nouns import NOUNS
 from training.collections.count import packs_of_nouns
 from training.collections.members import RealShapes
@@ -129,9 +130,14 @@ def targets(noun: Tensor, unknown: Tensor) -> Tensor:
 
 
 def commonness(nouns: Sequence[str]) -> Tensor:
-    """Return half the logarithm of how many packs of public collections have each noun (N,), 0 where none is known."""
+    """Return how much likelier each noun is of somebody's asset (N,), as a logarithm.
+
+    Half the logarithm of how many packs of public collections have it, and 1 for the nouns that came first, because
+    people asked for them first.
+    """
     packs = packs_of_nouns()
-    return 0.5 * torch.tensor([float(packs.get(noun, 1)) for noun in nouns]).log()
+    of_packs = torch.tensor([float(packs.get(noun, 1)) for noun in nouns]).log()
+    return 0.5 * of_packs + torch.tensor([float(noun in FIRST_NOUNS) for noun in nouns])
 
 
 @torch.no_grad()
