@@ -47,7 +47,7 @@ def glb(name: str) -> bytes:
 def sphere() -> Example:
     """Return an icosphere of radius 0.5 with 5,120 triangles, with longitude and latitude as UVs."""
     mesh = icosphere(4)
-    points, triangles = mesh.verts.numpy(), mesh.faces.numpy()
+    points, triangles = mesh.verts, mesh.faces
     u = np.arctan2(points[:, 0], points[:, 2]) / (2 * np.pi) + 0.5
     v = np.arccos(np.clip(points[:, 1], -1, 1)) / np.pi
     corner_u, corner_v = u[triangles], v[triangles]

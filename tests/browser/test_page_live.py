@@ -65,7 +65,7 @@ class Previews:
 def asset(tmp_path: Path) -> Path:
     """An asset that is not the example with which the form begins."""
     ball, path = icosphere(3), tmp_path / "ball.glb"
-    path.write_bytes(build_glb(ball.verts.numpy(), ball.faces.numpy()))
+    path.write_bytes(build_glb(ball.verts, ball.faces))
     return path
 
 

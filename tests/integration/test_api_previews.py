@@ -45,7 +45,7 @@ from tests.unit.plain.test_change import two_nodes
 from tests.waiting import until
 
 BALL = icosphere(2)
-ASSET = build_glb(BALL.verts.numpy(), BALL.faces.numpy())
+ASSET = build_glb(BALL.verts, BALL.faces)
 DIGEST = hashlib.sha256(ASSET).hexdigest()
 GIVEN = {"guidance": {"source_noun": "pumpkin", "orientation": 0}}
 _servers: list[FastAPI] = []
@@ -279,7 +279,7 @@ def test_a_process_that_dies_or_takes_too_long_is_said_to(
 def test_the_reading_of_a_preview_is_kept_for_the_job(two: tuple[Api, Api]) -> None:
     ann, _ = two
     before = len(list(ann.store.list("readings/")))
-    shapes(preview(ann, build_glb(1.2 * BALL.verts.numpy(), BALL.faces.numpy())))
+    shapes(preview(ann, build_glb(1.2 * BALL.verts, BALL.faces)))
     assert len(list(ann.store.list("readings/"))) == before + 1
 
 
@@ -287,7 +287,7 @@ def test_the_state_has_nothing_of_a_preview(two: tuple[Api, Api]) -> None:
     ann, _ = two
     state: AppState = _servers[-1].state.app_state
     assets = len(list(ann.store.list("assets/")))
-    other = build_glb(1.1 * BALL.verts.numpy(), BALL.faces.numpy())
+    other = build_glb(1.1 * BALL.verts, BALL.faces)
     shapes(preview(ann, other))
     assert len(list(ann.store.list("assets/"))) == assets
     assert not list(state.workspace.folder.glob("tmp*"))
@@ -300,7 +300,7 @@ def test_a_client_sends_a_file_once_and_again_when_it_was_forgotten(two: tuple[A
     def note(request: httpx.Request) -> None:
         sizes.append(int(request.headers.get("content-length", 0)))
 
-    asset = build_glb(1.3 * BALL.verts.numpy(), BALL.faces.numpy())
+    asset = build_glb(1.3 * BALL.verts, BALL.faces)
     with httpx.Client(base_url=ann.url, timeout=30, event_hooks={"request": [note]}) as http:
         client = Client(http=http)
         found = client.preview(asset, "a giraffe", params=GIVEN, seeds=[0, 1])

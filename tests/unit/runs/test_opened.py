@@ -18,7 +18,7 @@ from meshdeform.support.recent import Recent
 from tests.unit.plain.test_change import two_nodes
 
 BALL = icosphere(2)
-FILE = InputFile(build_glb(BALL.verts.numpy(), BALL.faces.numpy()), "a.glb")
+FILE = InputFile(build_glb(BALL.verts, BALL.faces), "a.glb")
 PARAMS = resolve(DeformParams())
 PLAIN = OutputOptions()
 
