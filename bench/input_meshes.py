@@ -227,7 +227,7 @@ def _cubes(size: float) -> Input:
 
 
 def _confetti(size: float) -> Input:
-    random = np.random.default_rng(0)
+    random = np.random.default_rng(1)
     count = _count(size, 400)
     centres = safe_normalize(random.normal(size=(count, 1, 3)))
     corners = (centres + 0.05 * random.normal(size=(count, 3, 3))).reshape(-1, 3)

@@ -132,6 +132,7 @@ def test_the_judge_proposes_nouns_and_a_skeleton_of_a_person_is_one(
     readings_made: list[tuple[dict[str, float], float | None]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nouns = {f"noun{number}": 0.3 - number / 100 for number in range(9)}
+    monkeypatch.setattr(reading, "nouns_alike", lambda *_: dict.fromkeys([*nouns, "robot"], 0.1))
     monkeypatch.setattr(reading, "_judged", lambda *_: nouns)
     for front in ("auto", "keep"):
         read_source(BODY, params(source_noun=None, orientation=front))
@@ -142,8 +143,14 @@ def test_the_judge_proposes_nouns_and_a_skeleton_of_a_person_is_one(
     figures = nouns | {"robot": 0.6}
     monkeypatch.setattr(reading, "_judged", lambda *_: figures)
     read_source(person, params(source_noun=None, orientation=-90))
-    assert readings_made[0] == readings_made[1] == (nouns, None)
-    assert readings_made[2:] == [({"person": 1.0}, -90.0), (nouns, -90.0), (figures, -90.0)]
+    assert [front for _, front in readings_made] == [None, None, -90.0, -90.0, -90.0]
+    proposed = [each for each, _ in readings_made]
+    assert proposed[0] == proposed[1] == proposed[3]
+    assert sum(proposed[0].values()) == pytest.approx(1.0)
+    # Alike in shape: the judge decides their order, and what it does not know is last.
+    assert sorted(proposed[0], key=lambda noun: -proposed[0][noun]) == [*nouns, "robot"]
+    assert proposed[2] == {"person": 1.0}
+    assert max(proposed[4], key=lambda noun: proposed[4][noun]) == "robot"
 
 
 def test_what_cannot_be_read_has_no_reading(monkeypatch: pytest.MonkeyPatch) -> None:
