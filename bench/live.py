@@ -64,7 +64,10 @@ def service(folder: Path) -> Iterator[str]:
                     if httpx.get(f"{url}/readyz").status_code == 200:
                         break
                 except httpx.TransportError:
-                    time.sleep(0.1)
+                    pass
+                time.sleep(0.1)
+            else:
+                raise SystemExit(f"{url} was not ready within {READY_S} s")
             yield url
         finally:
             process.terminate()
