@@ -55,7 +55,10 @@ def limbs(member: LabelledMember, part: str) -> list[Index]:
     side = np.sign((low + high)[:, 0].round(3))
     touch = (low[:, None] <= high[None] + _TOUCHING).all(2) & (low[None] <= high[:, None] + _TOUCHING).all(2)
     _, owner = csgraph.connected_components(sparse.csr_matrix(touch & (side[:, None] == side[None])), directed=False)
-    return [np.flatnonzero(np.isin(member.solids, numbers[owner == k])) for k in range(owner.max() + 1)]
+    owner_of_solid = np.full(int(member.solids.max()) + 1, -1)
+    owner_of_solid[numbers] = owner
+    owners = owner_of_solid[member.solids]
+    return [np.flatnonzero(owners == k) for k in range(owner.max() + 1)]
 
 
 def posed(member: LabelledMember, pose: str, rng: np.random.Generator) -> LabelledMember:
