@@ -36,7 +36,7 @@ llama = breed(
     cap=0.8, muzzle=0.95, snout=(0.7, 0.55), drop=-15, ear=0.24, tails="over", tail=0.2, brush=(0.07, 0.09, 0.08, 0.04),
 )  # fmt: skip
 zebra = breed(
-    "zebra", HORSE, leg=0.44, girth=0.29, waist=1.06, nape=0.95, neck=0.38, tilt=58, head=0.18, muzzle=1.6, mane=0.26,
+    "zebra", HORSE, leg=0.44, girth=0.29, waist=1.06, nape=0.95, neck=0.38, tilt=58, head=0.17, muzzle=1.45, mane=0.26,
     snout=(0.74, 0.6), ears="leaf", ear=0.19, tail=0.45, brush=(0.035, 0.03, 0.03, 0.08),
 )  # fmt: skip
 
