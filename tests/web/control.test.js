@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl, promptWords } from "../../service/web/app/create/control/model.js";
-import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
+import { documentOf, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
 import { keptFaces, Neighbours, pulledFaces, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
 
@@ -29,7 +29,7 @@ test("a job that is asked for again brings its control, and nothing twice", () =
   const wish = wishOf(job, []);
   assert.equal(wish.control.of, fileKey("a.glb", 7));
   assert.deepEqual(wish.kept.params, { rigid: [{ node: "wheel" }] });
-  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documents(wish, null, "", FORM)[0].params;
+  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documentOf(wish, null, FORM).params;
   assert.deepEqual(params, { ...job.params, guidance: { kind: "sds" } });
 });
 
@@ -46,12 +46,12 @@ test("further prompts keep their regions through the form, and each is sent as d
   const told = [{ prompt: "a mushroom", weight: 1, outside: false, regions: [{ box, node: null, faces: null }] }];
   assert.deepEqual(controlParams(controlOf({ prompts: told })).prompts, [{ prompt: "a mushroom", regions: [{ box }] }]);
   const wish = wishOf({ prompt: "", params: { guidance: { prompts } } }, []);
-  const [document] = documents(wish, null, "", FORM);
+  const document = documentOf(wish, null, FORM);
   assert.deepEqual(document.params.guidance.prompts, prompts);
   assert.equal("prompt" in document, false);
   assert.deepEqual(wish.kept.params, {});
   // A target mesh takes no prompt at all.
-  assert.deepEqual(documents({ ...wish, guide: { ...wish.guide, targets: 1 } }, null, "", FORM)[0].params.guidance, { kind: "target" });
+  assert.deepEqual(documentOf({ ...wish, guide: { ...wish.guide, targets: 1 } }, null, FORM).params.guidance, { kind: "target" });
 });
 
 test("what of further prompts cannot be sent is said, and an empty row asks for nothing", () => {
