@@ -65,7 +65,7 @@ test("a job's own parameters fill the form again, and what it has no field for i
   };
   const kept = { params: { timestep_min: 0.5, exclude: ["Ground"] }, output: { morph: true, other: 1 } };
   const wish = wishOf(job, FIELDS);
-  const control = { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], prompts: [], of: "" };
+  const control = { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], targets: 0 };
   assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
   const document = documentOf(wish, null, FORM);

@@ -109,13 +109,9 @@ export function integerProblem(text, min, max) {
  * @returns {Record<string, any>}
  */
 export function documentOf(wish, steps, { fields, groups }) {
-  const { prompts: further, ...control } = controlParams(wish.control ?? noControl());
   const targets = wish.guide?.targets ?? 0;
-  // A target mesh takes the place of all prompts.
-  const prompts = targets || !further ? {} : { prompts: further };
-  const goal = wish.prompt.trim() || (targets ? "" : (further?.[0].prompt ?? ""));
   /** @type {Record<string, any>} */
-  const params = { ...wish.kept.params, ...control, ...prompts, ...guideParams(wish.guide ?? noGuide(), targets, goal, wish.byShape), preset: wish.preset, seed: wish.seed };
+  const params = { ...wish.kept.params, ...controlParams(wish.control ?? noControl()), ...guideParams(wish.guide ?? noGuide(), targets, wish.prompt.trim(), wish.byShape), preset: wish.preset, seed: wish.seed };
   if (wish.model) params.model = wish.model;
   for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
@@ -126,6 +122,7 @@ export function documentOf(wish, steps, { fields, groups }) {
   const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
   return {
+    // A target mesh takes the place of a prompt.
     ...(targets || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: wish.prompt.trim() }),
     params: groupedParams(params, groups),
     output: { ...wish.kept.output, ...(wish.subdivide ? { subdivide: true } : {}), ...(wish.rig ? { rig: wish.rig } : {}) },

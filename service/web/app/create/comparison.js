@@ -48,7 +48,7 @@ export class Comparison {
     this.legend = h("div", { class: "legend", hidden: true });
     this.element = h("div", { class: "row compare-tools", hidden: true }, this.ways, this.hold, this.with);
     this.view = this._view();
-    assets.stage.append(this.place, this.wipe, this.legend);
+    assets.stage.append(this.wipe, this.legend);
     this._holds();
     linkViews(assets.box, this.box);
   }
@@ -156,6 +156,7 @@ export class Comparison {
     this.place.hidden = seen === "none";
     this.wipe.hidden = seen !== "wipe";
     if (seen === "wipe") this._wipe();
+    if (seen !== "none" && !this.place.isConnected) this.wipe.before(this.place);
     if (seen !== "none") await this._load();
   }
 

@@ -32,6 +32,7 @@ const PAUSE_MS = 300;
 const MEMBERS = 6;
 export const PICTURE = 168; // pixels, twice as many as are seen
 const AGAIN_S = 5;
+const AGAIN_MS = 3000;
 const KNOWN = 12;
 
 /** @param {string} goal @param {number} seed */
@@ -64,6 +65,8 @@ export class Live {
     this.known = new Map();
     /** What the view leads to; null: the asset alone. @type {Shape | null} */
     this.shape = null;
+    /** Whether there is a way from the asset to it. */
+    this.morphs = true;
     /** Whether this server makes previews. */
     this.able = true;
     this.asking = new AbortController();
@@ -84,7 +87,7 @@ export class Live {
     if (same) return this._blend();
     this.asking.abort();
     const known = this.known.get(this.key);
-    if (known && asked.goal) return void this._look(known);
+    if (known && asked.goal) return void this.look(known);
     if (!asked.goal || !asked.possible || !this.able) return this.clear();
     this.show();
   }
@@ -104,24 +107,29 @@ export class Live {
     this.known.delete(shape.key);
     this.known.set(shape.key, shape);
     for (const key of this.known.keys()) if (this.known.size > KNOWN && key !== this.key) this.known.delete(key);
-    if (shape.key === this.key && this.asked.goal) void this._look(shape);
+    if (shape.key === this.key && this.asked.goal) void this.look(shape);
   }
 
-  /** Show a shape, whatever the form asks for. @param {Shape} shape */
-  async _look(shape) {
+  /** Show a shape, whatever the form asks for. Until it is there, the asset must not pass for it. @param {Shape} shape */
+  async look(shape) {
     this.asking.abort();
     const { signal } = (this.asking = new AbortController());
-    this._designs(this.of !== "" && this.of === this.asked.goal);
-    try {
-      await this._put(shape, await shape.load(), signal);
-    } catch (error) {
-      if (!signal.aborted && !isAbort(error)) this._failed(error);
+    if (this.of !== this.asked.goal) this._designs(false);
+    const first = this.shape === null && shape.stored !== undefined;
+    if (first) this.box.say("Loading the shape…", "", "", true);
+    while (!signal.aborted) {
+      try {
+        await this._put(shape, await shape.load(), signal);
+        return;
+      } catch (error) {
+        if (signal.aborted || isAbort(error)) return;
+        // A step gives way to newer ones, which come by themselves.
+        if (!shape.stored || (error instanceof MeshdeformError && error.status === 404)) return this._failed(error);
+        console.warn(error);
+        if (!this.shape) this.box.say("This shape could not be loaded", "Trying again…", "warn", true);
+        if (!(await this.scope.sleep(AGAIN_MS))) return;
+      }
     }
-  }
-
-  /** @param {Shape} shape */
-  look(shape) {
-    return this._look(shape);
   }
 
   /** Show the asset as it is. */
@@ -132,6 +140,7 @@ export class Live {
     fill(this.strip);
     this._designs(false);
     say(this.note, "");
+    if (this.box.note.classList.contains("viewer-cover")) this.box.say("");
     if (!this.shape) return;
     this.box.viewer?.clearDeformed();
     this._see(null);
@@ -182,8 +191,10 @@ export class Live {
     await this.box.ready;
     const { viewer } = this.box;
     if (!viewer?.ready || signal.aborted) return;
-    await viewer.setDeformed(glb.slice(0), { keepCamera: true });
+    // Where the vertices do not fit, the file is shown by itself.
+    this.morphs = await this.box.deform(glb.slice(0));
     if (signal.aborted) return;
+    this.box.say("");
     this._see(shape);
     this._blend();
     this.known.set(shape.key, shape);
@@ -260,7 +271,7 @@ export class Live {
     if (!(error instanceof MeshdeformError)) return say(this.note, "The view cannot show this file changed. The job changes it all the same.");
     if (error.code === "dependency_missing" || error.code === "not_found") this.able = false;
     // Of what is wrong with the form, its check says what.
-    if (!this.able || error.status === 422) return this.clear();
+    if (!this.able || [404, 422].includes(error.status)) return this.clear();
     if (error.code !== "rate_limited") return say(this.note, plainWords(error.message) || error.title);
     say(this.note, "Waiting for its turn…");
     const { goal } = this.asked;

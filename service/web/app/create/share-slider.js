@@ -25,14 +25,21 @@ export class ShareSlider {
     this.set("");
   }
 
-  /** From 0 to 1. */
+  /** From 0; beyond 1 where more can be seen of a result than can be asked for. */
   get share() {
     return Number(this.input.value) / 100;
   }
 
+  /** @param {boolean} on Whether it goes beyond the whole way. */
+  exaggerate(on) {
+    this.input.max = on ? "150" : "100";
+    this._draw();
+  }
+
   /** As in a request; empty: as the server has it. */
   get value() {
-    return Number(this.input.value) === this.usual ? "" : String(this.share);
+    const share = Math.min(1, this.share);
+    return Math.round(100 * share) === this.usual ? "" : String(share);
   }
 
   /** @param {string} text As `value` gave it. */

@@ -176,10 +176,8 @@ export class Workbench {
     this.panel = job ? new JobPanel(job, this.scope, { offer: (...shapes) => this._offerShapes(...shapes), finished: (report, names) => this._finished(report, names) }) : null;
     this.code = h("div", { class: "slot-code" });
     this.inUse = h("span", { class: "small muted" });
-    const making = this.shared ? [] : [this.settings.element, this.control.further.element, this.control.element, this.code];
+    const making = this.shared ? [] : [this.settings.element, this.control.element, this.code];
     this.more = h("details", { class: "advanced bench-details" }, h("summary", null, "Details ", this.inUse), this.panel?.results, this.comparison.view, making, this.panel?.settings);
-    // A fold within it that opens by itself has something to say.
-    this.more.addEventListener("toggle", (event) => event.target instanceof HTMLDetailsElement && (this.more.open ||= event.target.open), true);
     const words = [this.restored, this.prompt.element, this.outlook, this.problem, this.parts.element, this.guide.element, this.live.element];
     this.form.element.append(
       ...(this.panel ? [this.panel.head, this.panel.top] : [h("h1", null, "Describe what it ", h("em", null, "should become"))]),
@@ -196,7 +194,7 @@ export class Workbench {
   /** @param {string | null} from */
   async _begin(from) {
     this.fields = this._learnFields();
-    if (this.shared) return void (await this._openShared());
+    if (this.shared) return this._openShared();
     const models = client.models(this.scope.signal).catch(() => ({}));
     const last = this.panel ? null : await lastDraft();
     if (this.scope.over) return;
@@ -404,7 +402,7 @@ export class Workbench {
     if (shape && shape.key === this.live.key) shape.wish ??= this._wish();
     this.strip.show(shape);
     this.comparison.offer(shape !== null);
-    this.settings.strength.element.hidden = shape === null;
+    this.settings.strength.element.hidden = shape === null || !this.live.morphs;
     this._offerKeep();
   }
 
@@ -436,13 +434,19 @@ export class Workbench {
 
   /** Offer what can be done with what is shown. */
   _offerKeep() {
-    const { shape } = this.live;
-    const running = this.panel !== null && !isTerminal(this.panel.state || this.panel.job.state);
-    const same = this._isJob && (this.panel?.state === "succeeded" || running) && (!this.settings.byShape || this.live.share === 1 || running);
-    this.form.button.hidden = same;
-    this.estimate.hidden = same;
+    const { panel } = this;
+    const state = panel?.state ?? "";
+    const running = panel !== null && !isTerminal(state || panel.job.state);
+    const done = this._isJob && state === "succeeded";
+    this.settings.strength.exaggerate(done && this.live.morphs);
+    const { share } = this.live;
+    // A job has the strength of a fit; any other result is only shown weaker.
+    const same = this.shared || (this._isJob && running) || (done && (!this.settings.byShape || share >= 1));
+    this.form.button.hidden = this.estimate.hidden = same;
     this.form.rename(this.start !== null || !this._possible() || !this.live.able ? "Run" : "Keep");
-    this.downloads.show(shape ? { shape, share: this.live.share, job: this.panel?.job ?? null, result: shape.key === this.jobKey && this.panel?.state === "succeeded" } : null, () => this._fakeJob());
+    // Where nothing can be drawn, the result is there all the same.
+    const shape = this.live.shape ?? (done && this.assets.box.failed ? (this.strip.stored.at(-1) ?? null) : null);
+    this.downloads.show(shape && { shape, share: this.live.morphs ? share : 1, job: panel?.job ?? null, result: done && shape.key === this.jobKey }, () => this._fakeJob());
   }
 
   /** What names the files of a shape that no job has. */
@@ -468,11 +472,11 @@ export class Workbench {
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
     const wish = this._wish();
     if (this.begun && !this.panel) keepDraft({ from: this.from, wish: { ...wish, prompt: this.prompt.input.value }, asset, files: this.guide.parts });
-    this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
+    this.prompt.element.hidden = this.guide.target !== null;
     const targets = this.guide.meshes.length;
     const { byShape } = this.settings;
     this.guide.suit(byShape);
-    const { guidance = "sds" } = guideParams(this.guide.guide, targets, this.prompt.value || (this.control.further.any ? "further" : ""), byShape);
+    const { guidance = "sds" } = guideParams(this.guide.guide, targets, this.prompt.value, byShape);
     this.settings.suit(guidance, targets);
     this.front.offer(this.settings.offers("orientation"));
     if (this.foreseen !== this._goal()) this._showOutlook(null);
@@ -583,7 +587,7 @@ export class Workbench {
 
   /** Whether nothing says yet what the asset should become. @param {import("../params.js").Wish} wish */
   _aimless(wish) {
-    return !this.shared && !wish.prompt && !this.control.further.any && this.guide.isEmpty;
+    return !this.shared && !wish.prompt && this.guide.isEmpty;
   }
 
   /** Return whether all settings can be sent; what cannot is marked. */
@@ -599,7 +603,7 @@ export class Workbench {
 
   /** Whether the fold holds anything that the job will have. */
   _usesMore() {
-    return !isEmpty(this.control.control) || this.control.control.prompts.length > 0 || this.settings.inUse;
+    return !isEmpty(this.control.control) || this.settings.inUse;
   }
 
   async _check() {
@@ -662,7 +666,6 @@ export class Workbench {
     this.steps = found.params.steps;
     this._showOutlook(found.outlook ?? null);
     this.prompt.refuse(null);
-    this.control.further.accept();
     fill(this.problem);
     this.settings.resolved(found.params);
     this.front.resolve(found.params.orientation);
@@ -685,14 +688,12 @@ export class Workbench {
     this.estimate.textContent = "";
     const code = error instanceof MeshdeformError ? error.code : "";
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
-    const further = about && this.control.further.refuse(error, !this.prompt.value);
-    if (!further) this.control.further.accept();
-    if (!further && about && isAboutNegative(error, this.prompt.value)) {
+    if (about && isAboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
     this._block(true);
-    this.prompt.refuse(about && !further ? error : null);
+    this.prompt.refuse(about ? error : null);
     if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof MeshdeformError) {
       const fit = h("a", { class: "chip", href: routeHash({ name: "surface", from: null, quick: true }) }, "Fit a surface to it");
@@ -725,7 +726,6 @@ export class Workbench {
     if (this.sent !== this.assets.asset) return; // that file has given way to another
     this._refused(error);
     if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
-    else if (this.control.further.refused.size) this.control.further.focusProblem();
   }
 
   /** Make a job of what the form asks for, and return its address. */

@@ -81,7 +81,7 @@ export class PartsControl {
       front.input.focus();
     });
     this.corrector = new Corrector(panel, scope, (part) => this._origin(part), (parts, name) => this._rename(parts, name));
-    panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, text) };
+    panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, plainWords(text) || "That cannot be said of it.") };
     this.wrong = h("details", { class: "advanced not-right" }, h("summary", null, "Not right?"), this.line.element, front.element, this.corrector.element);
     this.element = h("div", { class: "parts", hidden: true }, this.sentence, h("div", { class: "read" }, this.chips), this.words, row, this.note, this.wrong);
   }
