@@ -31,6 +31,8 @@ export class AssetPanel {
     this.asset = null;
     /** That with triangles in the view. @type {Asset | null} */
     this.shown = null;
+    /** Whether nothing can be drawn here, or not this. */
+    this.flat = false;
     this.onShown = () => {};
     /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
     this.choices = 0;
@@ -135,6 +137,7 @@ export class AssetPanel {
     if (this.scope.over || this.asset !== asset) return;
     if (found) this.describe(found.triangles, found.vertices);
     this.shown = found ? asset : null;
+    this.flat = found === null;
     this.onShown();
     announce(`${asset.name} loaded`);
   }

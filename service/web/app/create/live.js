@@ -45,7 +45,7 @@ export class Live {
    * @param {import("../viewer-box.js").ViewerBox} box
    * @param {import("../scope.js").Scope} scope
    * @param {object} does
-   * @param {(form: "glb" | "positions", seed: number, signal: AbortSignal) => Promise<ArrayBuffer>} does.ask The server, about the form, at full strength.
+   * @param {(form: "glb" | "positions", seed: number, signal: AbortSignal, draft: boolean) => Promise<{data: ArrayBuffer, draft?: boolean}>} does.ask The server, about the form, at full strength. `draft`: whether of a large asset a draft will do, and whether it is one.
    * @param {(seed: number) => void} does.take A design.
    * @param {() => void} does.reshaped What is shown has another shape.
    * @param {(shape: Shape | null) => void} does.shown A shape is shown as it is; null: the asset alone.
@@ -171,13 +171,13 @@ export class Live {
     this.element.setAttribute("aria-busy", "true");
     const slow = setTimeout(() => signal.aborted || say(this.note, "Making the shape…"), 700);
     try {
-      const glb = await this.does.ask("glb", seed, signal);
-      const shape = { key: shapeKey(goal, seed), label: this.does.label(), load: async () => glb, strength: 1, tag: "Preview" };
-      await this._put(shape, glb, signal);
+      const isDraft = await this._make(goal, seed, signal, true);
       if (signal.aborted) return;
-      say(this.note, "");
+      say(this.note, isDraft ? "A draft; the exact shape follows." : "");
       announce("The preview is shown");
       if (this.of !== goal || !this.members.some((member) => member.seed === seed)) await this._others(goal, seed, signal);
+      if (isDraft && !signal.aborted) await this._make(goal, seed, signal, false);
+      if (!signal.aborted) say(this.note, "");
     } catch (error) {
       if (!signal.aborted && !isAbort(error)) this._failed(error);
     } finally {
@@ -186,8 +186,16 @@ export class Live {
     }
   }
 
-  /** @param {Shape} shape @param {ArrayBuffer} glb @param {AbortSignal} signal */
-  async _put(shape, glb, signal) {
+  /** Show what the server makes of a goal. @param {string} goal @param {number} seed @param {AbortSignal} signal @param {boolean} fast Whether of a large asset a draft will do. @returns {Promise<boolean>} whether it is one */
+  async _make(goal, seed, signal, fast) {
+    const { data, draft = false } = await this.does.ask("glb", seed, signal, fast);
+    const shape = { key: shapeKey(goal, seed), label: this.does.label(), load: async () => data, strength: 1, tag: draft ? "Draft" : "Preview" };
+    await this._put(shape, data, signal, draft);
+    return draft;
+  }
+
+  /** @param {Shape} shape @param {ArrayBuffer} glb @param {AbortSignal} signal @param {boolean} [passing] Whether another one takes its place at once. */
+  async _put(shape, glb, signal, passing = false) {
     await this.box.ready;
     const { viewer } = this.box;
     if (!viewer?.ready || signal.aborted) return;
@@ -197,6 +205,7 @@ export class Live {
     this.box.say("");
     this._see(shape);
     this._blend();
+    if (passing) return;
     this.known.set(shape.key, shape);
     if (!shape.picture) shape.picture = await viewer.snapshot({ width: PICTURE, height: PICTURE }).catch(() => undefined);
     if (!signal.aborted) this.does.shown(shape);
@@ -208,7 +217,7 @@ export class Live {
     this.members = [];
     fill(this.strip);
     for (let k = 0; k < MEMBERS; k++) {
-      const { change, shapes } = readPreview(await this.does.ask("positions", first + k, signal));
+      const { change, shapes } = readPreview((await this.does.ask("positions", first + k, signal, true)).data);
       // A change in plain words is the same with every seed.
       if (signal.aborted || change) return;
       const [{ seed, primitives, member }] = shapes;

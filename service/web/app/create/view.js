@@ -5,6 +5,7 @@
  */
 import { Asset } from "../assets.js";
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
+import { DEMO } from "../demo.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
@@ -125,7 +126,7 @@ export class Workbench {
     });
     this.control = new ControlPanel(this.assets.box, () => this._changed());
     this.live = new Live(this.assets.box, scope, {
-      ask: (form, seed, signal) => this._previewed(form, seed, signal),
+      ask: (form, seed, signal, draft) => this._asked(this._liveWish(), form, seed, signal, draft),
       take: (seed) => {
         this.settings.seed.input.value = String(seed);
         this._changed();
@@ -144,6 +145,7 @@ export class Workbench {
       this._suitParts();
       this._suitLive();
       this._suitRig([]);
+      this._offerKeep();
     };
   }
 
@@ -154,7 +156,7 @@ export class Workbench {
     this.outlook = h("div", { class: "outlook", "aria-live": "polite", hidden: true });
     this.parts = new PartsControl(this.assets.box, this.control, this.front, scope, {
       ask: (signal) => this._parts(signal),
-      change: (prompt, form, signal) => this._asked({ ...this._saidWish(prompt) }, form, this._wish().seed, signal),
+      change: async (prompt, form, signal) => (await this._asked(this._saidWish(prompt), form, this._wish().seed, signal)).data,
       write: (prompt) => this.prompt.set(prompt),
     });
     this.parts.onRead = () => this._foresee();
@@ -193,7 +195,7 @@ export class Workbench {
 
   /** @param {string | null} from */
   async _begin(from) {
-    this.fields = this._learnFields();
+    if (!DEMO) this.fields = this._learnFields();
     if (this.shared) return this._openShared();
     const models = client.models(this.scope.signal).catch(() => ({}));
     const last = this.panel ? null : await lastDraft();
@@ -386,7 +388,8 @@ export class Workbench {
   async _finished(report, names) {
     this.downloads.names = names;
     this._suitLive();
-    if (!this.assets.box.failed || !names.includes("preview.png")) return;
+    this._offerKeep();
+    if (!this.assets.flat || !names.includes("preview.png")) return;
     this.assets.showPicture(await client.download(this.panel?.job, "preview.png", { signal: this.scope.signal }));
   }
 
@@ -445,7 +448,7 @@ export class Workbench {
     this.form.button.hidden = this.estimate.hidden = same;
     this.form.rename(this.start !== null || !this._possible() || !this.live.able ? "Run" : "Keep");
     // Where nothing can be drawn, the result is there all the same.
-    const shape = this.live.shape ?? (done && this.assets.box.failed ? (this.strip.stored.at(-1) ?? null) : null);
+    const shape = this.live.shape ?? (done && this.assets.flat ? (this.strip.stored.at(-1) ?? null) : null);
     this.downloads.show(shape && { shape, share: this.live.morphs ? share : 1, job: panel?.job ?? null, result: done && shape.key === this.jobKey }, () => this._fakeJob());
   }
 
@@ -458,7 +461,7 @@ export class Workbench {
   async _exact(signal) {
     const { shape, asked } = this.live;
     if (shape && asked.strength === shape.strength) return shape.load();
-    return this._asked(this._wish(), "glb", asked.seed, signal);
+    return (await this._asked(this._wish(), "glb", asked.seed, signal)).data;
   }
 
   _changed() {
@@ -547,26 +550,22 @@ export class Workbench {
     return { ...wish, advanced: { ...wish.advanced, [this.settings.strength.name]: "" } };
   }
 
-  /** @param {"glb" | "positions"} form @param {number} seed @param {AbortSignal} signal @returns {Promise<ArrayBuffer>} */
-  _previewed(form, seed, signal) {
-    return this._asked(this._liveWish(), form, seed, signal);
-  }
-
-  /** @param {import("../params.js").Wish} wish @param {"glb" | "positions"} form @param {number} seed @param {AbortSignal} signal @returns {Promise<ArrayBuffer>} */
-  async _asked(wish, form, seed, signal) {
+  /** @param {import("../params.js").Wish} wish @param {"glb" | "positions"} form @param {number} seed @param {AbortSignal} signal @param {boolean} [draft] Whether of a large asset a draft will do. @returns {Promise<{data: ArrayBuffer, draft?: boolean}>} */
+  async _asked(wish, form, seed, signal, draft = false) {
+    const options = /** @type {any} */ ({ as: form, draft, signal });
     const asset = /** @type {Asset} */ (this.assets.asset);
     const document = { ...documentOf(wish, null, this.settings.offered), seeds: [seed] };
     if (asset.kept) {
       try {
-        return (await client.preview({ sha256: asset.kept, filename: asset.name }, document, { as: form, signal })).data;
+        return await client.preview({ sha256: asset.kept, filename: asset.name }, document, options);
       } catch (error) {
         if (!(error instanceof MeshdeformError && error.code === "asset_not_kept")) throw error;
       }
     }
     const [sent, , more] = await asset.submission(document, {}, signal);
-    const made = await client.preview(sent, document, { ...more, as: form });
+    const made = await client.preview(sent, document, { ...more, ...options });
     asset.kept = made.asset;
-    return made.data;
+    return made;
   }
 
   // What is asked for.
