@@ -359,7 +359,7 @@ export class Workbench {
 
   /** Show the shapes that jobs have; the newest of this one is what its form asks for. */
   _storedShapes() {
-    if (!this.panel || !this.jobKey) return;
+    if (!this.panel || !this.jobKey) return this.strip.offer(this.versions);
     const { job } = this.panel;
     const { steps, finished, lastStep } = this.offered;
     const found = shapesOf(job, steps, finished ? lastStep : null);
