@@ -24,9 +24,9 @@ const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared", "field"])
 /** Load the modules of a view. @type {Record<string, (route: any) => Promise<View>>} */
 const VIEWS = {
   async create(route) {
-    const [{ CreateView }, { exampleOrigin, resultOrigin }] = await Promise.all([import("./create/view.js"), import("./create/origins.js")]);
+    const [{ Workbench }, { exampleOrigin, resultOrigin }] = await Promise.all([import("./create/view.js"), import("./create/origins.js")]);
     const example = route.example ? exampleOrigin(route.example) : null;
-    return (root, scope) => new CreateView(root, scope, route.result ? resultOrigin(route.from) : (route.from ?? example));
+    return (root, scope) => new Workbench(root, scope, { from: route.result ? resultOrigin(route.from) : (route.from ?? example) });
   },
   surface: ({ from, quick }) => import("./create/surface-view.js").then(({ SurfaceView }) => (root, scope) => new SurfaceView(root, scope, from, quick)),
   field: () => import("./own-field.js").then(({ OwnField }) => (root, scope) => new OwnField(root, scope)),
@@ -34,10 +34,10 @@ const VIEWS = {
   words: () => import("./words/view.js").then(({ WordsView }) => (root, scope) => new WordsView(root, scope)),
   examples: () => import("./examples/view.js").then(({ showExamples }) => showExamples),
   example: ({ id }) => import("./examples/view.js").then(({ ExampleView }) => (root, scope) => new ExampleView(root, scope, id)),
-  compare: ({ ids }) => import("./compare/view.js").then(({ CompareView }) => (root, scope) => new CompareView(root, scope, ids)),
+  compare: ({ ids: [before, after] }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, after, before)),
   jobs: ({ state, search }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { state, search })),
   group: ({ id }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { group: id })),
-  job: ({ id }) => import("./job/view.js").then(({ JobView }) => (root, scope) => new JobView(root, scope, id)),
+  job: ({ id }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, id)),
   shared: (route) => VIEWS.job(route),
   unknown: async ({ path }) => (root) => fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${path}. `, h("a", { href: "#/" }, "Create something"))),
 };
