@@ -16,8 +16,8 @@ from meshdeform.record.counters import Counters
 from meshdeform.record.database import Database, NewRow, insert
 from meshdeform.record.deliveries import write_deliveries
 from meshdeform.record.models import Event, EventType, Job, JobState, Progress
-from meshdeform.record.usage import UsageCounts
 from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
+from meshdeform.record.usage import UsageCounts
 from meshdeform.requests.choices import member_of
 
 Row = sa.Row[Any]

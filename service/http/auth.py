@@ -124,7 +124,7 @@ class Gate:
             raise UnauthorizedError(
                 "The request was sent by a web page from another host.",
                 advice="Open the service as localhost or by its IP address, or send an API key. The server's operator "
-                "can allow other names in MESHDEFORM_ALLOWED_HOSTS, and pages of other origins in MESHDEFORM_CORS_ORIGINS.",
+                "can allow other names in MESHDEFORM_ALLOWED_HOSTS, and pages in MESHDEFORM_CORS_ORIGINS.",
             )
 
     async def _verified(self, text: str, peer: str) -> ApiKey:

@@ -112,7 +112,7 @@ class HeadAsGet:
             scope["route"] = as_get.get("route")  # for the log and the metrics
 
     def _only_get(self, scope: Scope) -> bool:
-        """Return whether a path has a GET that ends by itself, and no HEAD; a stream of events lasts as its job does."""
+        """Return whether a path has a GET, and no HEAD. A stream of events does not count: it lasts as its job does."""
         return not scope["path"].endswith("/events") and not self._has(scope) and self._has({**scope, "method": "GET"})
 
     def _has(self, scope: Scope) -> bool:
