@@ -38,7 +38,7 @@ def control(name: str, *members: dict[str, Any]) -> dict[str, Any]:
 
 
 REQUESTS: list[dict[str, Any]] = [
-    {"params": {"guidance": {"kind": "sds", "prompts": [{"text": "a vase", "outside": True}]}}},
+    {"params": {"guidance": {"kind": "sds", "prompts": [{"prompt": "a vase", "outside": True}]}}},
     control("parts", *({"name": name, "parts": ["horns"]} for name in ("ears", "tail"))),
     {"params": {"guidance": "sds"}},
     {"params": {"guidance": {"kind": "exmplar"}}},
@@ -107,10 +107,7 @@ def test_no_word_of_the_library_is_in_what_is_said(model: type[BaseModel], docum
         asyncio.run(explained(tool)())
     said.append(str(told.value))
     with pytest.raises(MeshdeformError) as answered:
-        if model is Settings:
-            load_settings(**document)
-        else:
-            parse_document(model, json.dumps(document).encode())
+        load_settings(**document) if model is Settings else parse_document(model, json.dumps(document).encode())
     said += [answered.value.detail, json.dumps(answered.value.extra)]
     if model is JobRequest:
         with pytest.raises(ParameterError) as printed:
