@@ -211,6 +211,8 @@ artifacts = sa.Table(
     sa.Column("sha256", sa.String(64), nullable=False),
     sa.Column("key", sa.String(255), nullable=False),
     sa.Column("created_at", UtcDateTime, nullable=False),
+    # What its format cannot hold, in sentences; null if there are none.
+    sa.Column("warnings", sa.JSON(none_as_null=True)),
 )
 
 checkpoints = sa.Table(
