@@ -169,9 +169,9 @@ class _Baker:
 
     def _place(self, rows: dict[str, Floats], placement: Placement) -> None:
         """Place the vertices in the world, then in the space of the node."""
-        back = np.eye(4)
+        back: Floats = np.eye(4)
         if is_invertible(self._world) and not np.array_equal(self._world, back):
-            back = np.linalg.inv(self._world)
+            back = np.asarray(np.linalg.inv(self._world), np.float64)
         turn = back[:3, :3]
         rows["POSITION"] = placement.places(rows["POSITION"]) @ turn.T + back[:3, 3]
         mirrored = placement.mirrors != bool(np.linalg.det(turn) < 0)

@@ -62,7 +62,7 @@ def _slerp(a: Floats, b: Floats, t: float) -> Floats:
     b, cosine = (-b, -cosine) if cosine < 0 else (b, cosine)
     angle = np.arccos(min(cosine, 1.0))
     shares = (1 - t, t) if angle < 1e-6 else (np.sin((1 - t) * angle), np.sin(t * angle))
-    mixed = shares[0] * a / max(np.linalg.norm(a), 1e-30) + shares[1] * b / max(np.linalg.norm(b), 1e-30)
+    mixed = shares[0] * a / max(float(np.linalg.norm(a)), 1e-30) + shares[1] * b / max(float(np.linalg.norm(b)), 1e-30)
     return np.asarray(mixed / np.linalg.norm(mixed))
 
 

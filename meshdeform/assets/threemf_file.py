@@ -81,7 +81,7 @@ class _Model:
         origin = far_origin([positions])
         precise = positions if origin is not None else positions.astype(np.float32) + np.float32(0)  # -0.0 is 0.0
         places, at = np.unique(precise, axis=0, return_inverse=True)
-        lines = []
+        lines: list[str] = []
         for piece, start in zip(pieces, starts, strict=False):
             corners = at.reshape(-1)[start + piece.triangles]
             whole = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
