@@ -297,7 +297,7 @@ def convert(
 
     read = read_asset(asset, Limits.from_settings(load_settings()))
     made = export(read, output.name, pose=moment, up=up, unit=unit)
-    files = {output.with_name(name): data for name, data in made.files.items()}
+    files = {output.parent / name: data for name, data in made.files.items()}
     check_free([path for path in files if path != output], [asset], force=force)
     write_all(files, what=output)
     if as_json:
