@@ -132,7 +132,7 @@ def html_of(job: JobView, png: bytes | None) -> str:
     return f'<figure><img alt="{words}" src="data:image/png;base64,{shown}"><figcaption>{words}</figcaption></figure>'
 
 
-AFTERWARDS = ("morph.glb", "map.safetensors", "result.stl")
+AFTERWARDS = ("morph.glb", "map.safetensors", "result.usdz", "result.obj.zip", "result.3mf", "result.stl")
 """The artifacts that the service can make of a job that has succeeded."""
 
 _BATCH = 2**20

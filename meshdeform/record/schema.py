@@ -7,7 +7,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-HEAD = "0012"
+HEAD = "0013"
 """The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
@@ -211,6 +211,8 @@ artifacts = sa.Table(
     sa.Column("sha256", sa.String(64), nullable=False),
     sa.Column("key", sa.String(255), nullable=False),
     sa.Column("created_at", UtcDateTime, nullable=False),
+    # What its format cannot hold, in sentences; null if there are none.
+    sa.Column("warnings", sa.JSON(none_as_null=True)),
 )
 
 checkpoints = sa.Table(

@@ -236,7 +236,7 @@ export class Client {
     return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
   }
 
-  /** Make `morph.glb`, `map.safetensors` or `result.stl` of a job that was not asked for it. */
+  /** Make `morph.glb`, `map.safetensors` or another format of the result; `warnings` says what that cannot hold. */
   async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
     return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
   }
@@ -249,9 +249,11 @@ export class Client {
     return this.bytes(path(job, `apply?${query}`), { method: "POST", body: blob, headers, signal: options.signal });
   }
 
-  /** Download an artifact; `result.glb` at any strength from 0 to 1.5. */
-  async download(job: JobLike, name = "result.glb", options: { strength?: number; signal?: AbortSignal } = {}): Promise<Blob> {
-    const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
+  /** Download an artifact; `result.glb` at any strength from 0 to 1.5, and it and its other formats in a pose, `CLIP@SECONDS`. */
+  async download(job: JobLike, name = "result.glb", options: { strength?: number; pose?: string; signal?: AbortSignal } = {}): Promise<Blob> {
+    const { strength, pose } = options;
+    const asked = Object.entries({ strength, pose }).filter(([, value]) => value !== undefined);
+    const query = asked.length ? `?${new URLSearchParams(asked.map(([key, value]) => [key, String(value)]))}` : "";
     return this.#blob(path(job, `artifacts/${encodeURIComponent(name)}${query}`), options.signal);
   }
 

@@ -5,9 +5,10 @@
  *     <script type="module" src="web/viewer/embed.js"></script>
  *     <meshdeform-result source="vase.glb" result="lamp.glb" label="A vase becomes a lamp"></meshdeform-result>
  *
- * Below it what the asset's clips are played with, if it has any. `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it. Events: `ready`,
+ * Below it what the asset's clips are played with, if it has any. `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it. With `usdz`, the result as USDZ, iPhones show it in the room, and Android does with the GLB. Events: `ready`,
  * and `failed`, whose `detail` is the error.
  */
+import { arLink } from "./ar.js";
 import { ClipPlayer, MeshViewer } from "./viewer.js";
 
 const STYLE = new CSSStyleSheet();
@@ -40,6 +41,9 @@ class MeshdeformResult extends HTMLElement {
     const bar = Object.assign(document.createElement("div"), { className: "bar" });
     const clips = Object.assign(document.createElement("div"), { className: "clips", hidden: true });
     bar.append("Before", slider, "After");
+    const [glb, usdz, title] = ["result", "usdz", "label"].map((name) => this.getAttribute(name) ?? "");
+    const room = arLink({ glb, usdz, title });
+    if (room) bar.append(room);
     root.replaceChildren(view, bar, clips);
     void this.#open(view, bar, clips);
   }
