@@ -93,19 +93,15 @@ def _order_rings(corners: Index, begin: Index, apex: int, rings: Rings, degrees:
 @kernel
 def _cost(quadrics: Floats, places: Floats, u: int, v: int, degree: int) -> float:
     """Return what it costs to move u to v, which then has so many neighbours."""
-    p, q = quadrics[u], quadrics[v]
-    x, y, z = places[v, 0], places[v, 1], places[v, 2]
-    error = (p[0] + q[0]) * x * x
-    error += 2 * ((p[1] + q[1]) * x * y)
-    error += 2 * ((p[2] + q[2]) * x * z)
-    error += 2 * ((p[3] + q[3]) * x)
-    error += (p[4] + q[4]) * y * y
-    error += 2 * ((p[5] + q[5]) * y * z)
-    error += 2 * ((p[6] + q[6]) * y)
-    error += (p[7] + q[7]) * z * z
-    error += 2 * ((p[8] + q[8]) * z)
-    error += p[9] + q[9]
-    length = (places[u, 0] - x) ** 2 + (places[u, 1] - y) ** 2 + (places[u, 2] - z) ** 2
+    place = (places[v, 0], places[v, 1], places[v, 2], 1.0)
+    error, at, length = 0.0, 0, 0.0
+    for i in range(4):
+        for j in range(i, 4):
+            value = (quadrics[u, at] + quadrics[v, at]) * place[i] * place[j]
+            error += value if i == j else 2 * value
+            at += 1
+    for i in range(3):
+        length += (places[u, i] - places[v, i]) ** 2
     return (max(error, 0.0) + 1e-5 * length * length + 1e-16) * (1 + 0.02 * max(degree - 6, 0) ** 2)
 
 
