@@ -26,7 +26,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.mcp.tools import Folders, Tools
 from meshdeform.requests.document import read_stored
 from meshdeform.requests.previews import MOST_LEVELS, PreviewShapes
-from meshdeform.runs import preview_work, start_run
+from meshdeform.runs import drafts, preview_work, start_run
 from meshdeform.runs import reading as runs_reading
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.runs.warm_processes import Asked, StoppedError, WarmProcesses
@@ -83,12 +83,15 @@ def _fitted_at_once(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     fake_exemplars.FakeFit.made.clear()
 
 
-def preview(api: Api, file: bytes | None = ASSET, form: str = "positions", **document: Any) -> httpx.Response:
+def preview(
+    api: Api, file: bytes | None = ASSET, form: str = "positions", *, draft: bool = False, **document: Any
+) -> httpx.Response:
     body = {"prompt": "a giraffe", "params": GIVEN, **document}
+    query = {"as": form, **({"draft": True} if draft else {})}
     if file is None:
-        return api.http.post("/v1/jobs:preview", params={"as": form}, json=body)
+        return api.http.post("/v1/jobs:preview", params=query, json=body)
     files = {"asset": ("a.glb", file), "request": (None, json.dumps(body))}
-    return api.http.post("/v1/jobs:preview", params={"as": form}, files=files)
+    return api.http.post("/v1/jobs:preview", params=query, files=files)
 
 
 def shapes(answer: httpx.Response) -> PreviewShapes:
@@ -203,6 +206,35 @@ def test_only_what_takes_seconds_has_a_preview_and_a_file_has_one_shape(two: tup
     assert problem["errors"][0]["loc"] == ["seeds"]
 
 
+def test_of_a_large_asset_a_draft_has_the_same_vertices_near_where_they_will_be(
+    two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ann, _ = two
+    asset = two_nodes("Plinth", "Head")
+    assert preview(ann, asset, draft=True).headers["meshdeform-draft"] == "false"  # it is not large
+    monkeypatch.setattr(drafts, "_LARGE", 100)
+    monkeypatch.setattr(drafts, "_FACES", 100)
+    monkeypatch.setattr(preview_work, "_recent", Recent(8, 2**20))
+    fake_exemplars.FakeFit.made.clear()
+    answer = preview(ann, asset, draft=True)
+    first, glb = shapes(answer), places(preview(ann, asset, form="glb", draft=True).content)
+    assert (answer.headers["meshdeform-draft"], first.draft) == ("true", True)
+    (fit,) = fake_exemplars.FakeFit.made
+    assert (len(fit.faces) < 200, 0 if fit.labels is None else len(fit.labels), fit.mends) == (
+        True,
+        len(fit.faces),
+        False,
+    )
+    exact = preview(ann, asset)
+    assert (exact.headers["meshdeform-draft"], shapes(exact).draft) == ("false", False)
+    for one, other, file in zip(first.shapes[0].primitives, shapes(exact).shapes[0].primitives, glb, strict=True):
+        assert np.ptp(np.array(one.points), axis=0) == pytest.approx(np.ptp(file, axis=0), rel=1e-3)
+        size = np.linalg.norm(np.ptp(np.array(other.points), axis=0))
+        apart = np.linalg.norm(np.array(one.points) - np.array(other.points), axis=1)
+        assert 0 < apart.max() < 0.1 * size
+    assert preview(ann, asset, draft=True).content == exact.content  # which is remembered
+
+
 class Holding:
     """Processes that answer when they are let."""
 
@@ -217,7 +249,7 @@ class Holding:
         if asked.stopped:
             raise StoppedError
         Path(task["result"]).write_bytes(b"made")
-        return {"ok": True, "found": None}
+        return {"ok": True, "found": {"draft": False}}
 
 
 def test_more_previews_than_there_may_be_are_refused_until_there_is_room(
