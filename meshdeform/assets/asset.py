@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.archive import Archive, open_archive
 from meshdeform.assets.bundle import pack_gltf
+from meshdeform.assets.companions import read_companions
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC, Json
 from meshdeform.assets.corners import corner_colors, corner_weights
@@ -91,6 +92,7 @@ class Asset:
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks, self._loose = read_surface(document, excluded)
+        self._companions, unread = read_companions(document, self.surface, excluded)
         self.backdrop = find_backdrop(document, self.surface, self._blocks)
         backdrops = () if self.backdrop is None else (self.backdrop.warning,)
         parts = self.parts()
@@ -110,7 +112,7 @@ class Asset:
             triangles=len(self.surface.triangles),
             bounds=_bounds(self.surface.positions[triangles_drawn]),
             skipped=tuple(self.surface.skipped),
-            warnings=(*summary.warnings, *self.repairs.warnings, *notices),
+            warnings=(*summary.warnings, *self.repairs.warnings, *unread, *notices),
         )
 
     def to_bytes(self) -> bytes:
@@ -299,7 +301,7 @@ class Asset:
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
         shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints)
         finish = Finish(self._usage if compact else None, provenance)
-        return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
+        return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish, self._companions)
 
     def morph(
         self,

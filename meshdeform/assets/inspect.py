@@ -30,6 +30,7 @@ from meshdeform.assets.container import (
     parse_json,
     text,
 )
+from meshdeform.assets.extensions import notices, rule_of
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, no_triangles, refuse_other_format
 from meshdeform.errors import (
@@ -73,15 +74,6 @@ LOOSE = "points and lines only follow a surface"
 
 # A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
 _ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
-
-# Required extensions that are supported, or that change neither positions nor their meaning.
-_READ = {DRACO, GPU_INSTANCING, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization"}
-
-_HARMLESS = (
-    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_node_"),
-    *("EXT_texture_", "EXT_lights_", "EXT_materials_", "MSFT_texture_", "VRMC_", "VRM", "EXT_structural_metadata"),
-    *("EXT_mesh_features", "EXT_instance_features", "CESIUM_primitive_outline", "CESIUM_RTC", "GODOT_", "AGI_"),
-)
 
 _INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 
@@ -310,8 +302,10 @@ def check_extensions(root: Json) -> None:
     if not isinstance(required, list) or not all(isinstance(name, str) for name in required):
         raise AssetError("extensionsRequired must be an array of names.")
     for name in required:
-        if name not in _READ and not name.startswith(_HARMLESS):
-            raise AssetUnsupportedError(f"The asset requires the extension {name[:100]!r}.")
+        rule = rule_of(name)
+        if rule is None or rule.refused:
+            reason = f": {rule.refused}" if rule else ""
+            raise AssetUnsupportedError(f"The asset requires the extension {name[:100]!r}{reason}.")
 
 
 def check_nodes(root: Json) -> None:
@@ -462,7 +456,12 @@ def instances_of(root: Json) -> list[Instance]:
 
 def shown_nodes(root: Json) -> list[int]:
     """List the nodes of the default scene, each before those below it."""
-    listed = list(dict.fromkeys(_top_nodes(root)))
+    return nodes_below(root, _top_nodes(root))
+
+
+def nodes_below(root: Json, nodes: list[int]) -> list[int]:
+    """Return nodes and all below them, each before those below it."""
+    listed = list(dict.fromkeys(nodes))
     known = set(listed)
     for at in listed:  # grows while it is read; nodes form a forest
         below = [child for child in root["nodes"][at].get("children", []) if child not in known]
@@ -673,8 +672,24 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
         + [_beside(beside)] * bool(beside)
         + [_foreign(foreign)] * bool(foreign)
     )
-    warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []))
+    warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []), *_scenes(root, shown), *notices(root))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
+
+
+def _scenes(root: Json, shown: list[Instance]) -> list[str]:
+    """Return a sentence about scenes that are not deformed, if they show other meshes."""
+    scenes = objects(root, "scenes")
+    known = {instance.node for instance in shown}
+    others = {
+        node
+        for scene in scenes
+        for node in nodes_below(root, indices(scene, "nodes", len(objects(root, "nodes")), "scene"))
+        if "mesh" in root["nodes"][node]
+    } - known
+    if len(scenes) < 2 or not (others or "scene" not in root):
+        return []
+    default = "" if "scene" in root else " The file names none as its default, so the first one is meant."
+    return [f"The file has {len(scenes)} scenes, of which one is deformed; the others stay as they are.{default}"]
 
 
 def _foreign(links: list[str]) -> str:
