@@ -124,9 +124,13 @@ def _channels(channel: Any, copies: Mapping[int, Sequence[int]]) -> Iterator[Jso
     """Yield a channel of an animation for each copy of the mesh that it points to."""
     pointer = _member(channel, "target", "extensions", "KHR_animation_pointer").get("pointer")
     match = _MESH.match(pointer) if isinstance(pointer, str) else None
-    for mesh in copies.get(int(match[1]), []) if match else ():
+    if match is None:
+        return
+    for mesh in copies.get(int(match[1]), []):
         copy: Json = clone(channel)
-        copy["target"]["extensions"]["KHR_animation_pointer"]["pointer"] = _MESH.sub(f"/meshes/{mesh}", pointer, 1)
+        copy["target"]["extensions"]["KHR_animation_pointer"]["pointer"] = (
+            f"/meshes/{mesh}{match.string[match.end() :]}"
+        )
         yield copy
 
 

@@ -2,8 +2,8 @@
 
 A box, sphere, capsule or cylinder grows along the axes of its node as the volume around its middle does. Where that
 middle goes elsewhere than its node, which stands for the whole asset for instance, the shape gets a node of its own
-below. Offsets of an avatar's bones (its point of view, the colliders of its spring bones) go where an affine map that is
-fitted to the surface around them takes them, and radii grow with the volume.
+below. Offsets of an avatar's bones (its point of view, the colliders of its spring bones) go where an affine map takes
+them that is fitted to the surface around them, and radii grow with the volume.
 
 Sources: KHR_implicit_shapes and KHR_physics_rigid_bodies, as proposed; OMI_physics_shape; VRM 0.x, whose offsets have
 the z axis of Unity; VRMC_vrm and VRMC_springBone 1.0.
@@ -11,7 +11,7 @@ the z axis of Unity; VRMC_vrm and VRMC_springBone 1.0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -48,15 +48,10 @@ class Volumes:
         for collider in list(colliders(self.root)):
             if collider.node < len(self.worlds) and collider.shape is not None:
                 self._follow_shape(collider)
-        extensions = self.root.get("extensions")
-        for name, change in (
-            ("VRM", self._avatar_of_zero),
-            ("VRMC_vrm", self._avatar),
-            ("VRMC_springBone", self._springs),
-        ):
-            body = extensions.get(name) if isinstance(extensions, dict) else None
-            if isinstance(body, dict):
-                change(body)
+        extensions = _dict(self.root.get("extensions"))
+        self._avatar_of_zero(_dict(extensions.get("VRM")))
+        self._avatar(_dict(extensions.get("VRMC_vrm")))
+        self._springs(_dict(extensions.get("VRMC_springBone")))
 
     def _move(self, place: Floats) -> NodeMove:
         key = place.tobytes()
@@ -78,7 +73,7 @@ class Volumes:
         own_shape(collider, shape)
         beside = move.shift - self.shifts[collider.node]
         if np.abs(beside).max() > 1e-6 * float(np.ptp(self.motion.positions, axis=0).max()):
-            self._apart(collider, np.linalg.solve(world[:3, :3], beside))
+            self._apart(collider, np.asarray(np.linalg.solve(world[:3, :3], beside)))
 
     def _apart(self, collider: Collider, translation: Floats) -> None:
         """Give what collides at a node a node of its own below it."""
@@ -92,11 +87,9 @@ class Volumes:
         nodes.append({"name": name, "translation": place, "extensions": {collider.name: part}})
         node.setdefault("children", []).append(len(nodes) - 1)
 
-    def _offset(
-        self, node: Any, holder: Json, key: str, get: Callable[[Any], Floats | None], put: Callable[[Floats], Any]
-    ) -> None:
+    def _offset(self, node: Any, holder: Json, key: str, *, of_unity: bool = False) -> None:
         """Move an offset from a node, and let the radius beside it grow."""
-        offset = get(holder.get(key))
+        offset = (_of_unity if of_unity else _of_list)(holder.get(key))
         if not isinstance(node, int) or not 0 <= node < len(self.worlds) or offset is None:
             return
         world = self.worlds[node]
@@ -105,7 +98,8 @@ class Volumes:
         move = self._move(world[:3, :3] @ offset + world[:3, 3])
         changed = move.shift - self.shifts[node]
         if np.abs(changed).max() > 0.0:
-            holder[key] = put(offset + np.linalg.solve(world[:3, :3], changed))
+            new = offset + np.linalg.solve(world[:3, :3], changed)
+            holder[key] = _to_unity(new) if of_unity else _to_list(new)
         if _is_number(holder.get("radius")) and key == "offset":
             holder["radius"] = holder["radius"] * move.growth
 
@@ -121,23 +115,23 @@ class Volumes:
         bones = _dicts(_dict(body.get("humanoid")).get("humanBones"))
         head = next((each.get("node") for each in bones if each.get("bone") == "head"), None)
         known = isinstance(bone, int) and bone >= 0
-        self._offset(bone if known else head, first, "firstPersonBoneOffset", _of_unity, _to_unity)
+        self._offset(bone if known else head, first, "firstPersonBoneOffset", of_unity=True)
         springs = _dict(body.get("secondaryAnimation"))
         for group in _dicts(springs.get("colliderGroups")):
             for collider in _dicts(group.get("colliders")):
-                self._offset(group.get("node"), collider, "offset", _of_unity, _to_unity)
+                self._offset(group.get("node"), collider, "offset", of_unity=True)
         for group in _dicts(springs.get("boneGroups")):
             self._radius(group["bones"] if isinstance(group.get("bones"), list) else [], group)
 
     def _avatar(self, body: Json) -> None:
         head = _dict(_dict(_dict(body.get("humanoid")).get("humanBones")).get("head")).get("node")
-        self._offset(head, _dict(body.get("lookAt")), "offsetFromHeadBone", _of_list, _to_list)
+        self._offset(head, _dict(body.get("lookAt")), "offsetFromHeadBone")
 
     def _springs(self, body: Json) -> None:
         for collider in _dicts(body.get("colliders")):
             for holder in _shapes(collider):
-                self._offset(collider.get("node"), holder, "tail", _of_list, _to_list)
-                self._offset(collider.get("node"), holder, "offset", _of_list, _to_list)
+                self._offset(collider.get("node"), holder, "tail")
+                self._offset(collider.get("node"), holder, "offset")
         for spring in _dicts(body.get("springs")):
             for joint in _dicts(spring.get("joints")):
                 self._radius([joint.get("node")], joint)
