@@ -80,9 +80,10 @@ _INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 _POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)
 
 
-FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", *CONVERTERS})
+FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", "3mf", *CONVERTERS})
 """File extensions that `asset_format` distinguishes."""
 
+ZIPS = frozenset({"zip", "3mf"})
 _SURFACES = {"xyz": "points", "npz": "grid", "safetensors": "network"}
 
 
@@ -520,13 +521,13 @@ class PictureSummary:
 class AssetSummary:
     """The size and contents of an asset.
 
-    `format`: `glb`, `gltf`, `obj`, `ply`, `stl` or `zip`. `vertices` and `triangles`: counts in the default scene, over
-    all instances. For OBJ, PLY and STL an estimate until the file is decoded, and 0 for ZIP. `meshes`: number of mesh
-    instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: parts that are not deformed, and why;
-    `warnings`: sentences about anything in the file that may surprise or get in the way. `nodes`, `materials`,
-    `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is deformed
-    (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is drawn, (2,
-    3), in the file's world; empty until the file is decoded.
+    `format`: `glb`, `gltf`, `obj`, `ply`, `stl`, `3mf` or `zip`. `vertices` and `triangles`: counts in the default
+    scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded, and 0 for ZIP and 3MF.
+    `meshes`: number of mesh instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: parts that are
+    not deformed, and why; `warnings`: sentences about anything in the file that may surprise or get in the way.
+    `nodes`, `materials`, `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is
+    deformed (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is
+    drawn, (2, 3), in the file's world; empty until the file is decoded.
     """
 
     format: str
@@ -552,7 +553,7 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
     limits = limits or Limits()
     limits.check_bytes(len(data))
     kind = asset_format(data, filename)
-    if kind == "zip":
+    if kind in ZIPS:
         inspect_archive(data, limits)
         return AssetSummary(kind, 0, 0)
     if kind not in {"glb", "gltf"}:
@@ -583,14 +584,14 @@ def asset_format(data: Data, filename: str) -> str:
     if ending in _SURFACES:  # an NPZ is a ZIP
         raise no_triangles(_SURFACES[ending])
     if head.startswith(ZIP_MAGIC):
-        return "zip"
+        return "3mf" if ending == "3mf" else "zip"
     if ending == "gltf" or (not ending and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")):
         return "gltf"
     if ending in {"obj", "stl"} and head:
         return ending
-    if ending in {"glb", "ply", "zip"}:
+    if ending in {"glb", "ply", "zip", "3mf"}:
         raise AssetFormatError(f"The file is named .{ending}, but its content is something else.")
-    raise AssetFormatError("The file is neither glTF (.glb), an OBJ, PLY or STL mesh, nor a ZIP of one.")
+    raise AssetFormatError("The file is neither glTF (.glb), an OBJ, PLY or STL mesh, a 3MF, nor a ZIP of one.")
 
 
 def surface_format(head: bytes, filename: str) -> str | None:
