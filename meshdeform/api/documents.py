@@ -243,7 +243,7 @@ class FoundParts(Document):
 class FileLimits(Document):
     """Limits on a file."""
 
-    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "zip"]])
+    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "3mf", "zip"]])
     max_bytes: int = Field(description="Bytes of a request's body, and of an upload.", examples=[104857600])
     max_json_bytes: int = Field(description="Bytes of a GLB's JSON chunk.", examples=[16777216])
     max_accessor_elements: int = Field(description="Elements of one accessor.", examples=[20000000])
