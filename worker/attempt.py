@@ -31,7 +31,6 @@ from meshdeform.errors import (
     CheckpointError,
     MeshdeformError,
     NotFoundError,
-    RunTimeError,
     StaleAttemptError,
     UnavailableError,
 )
@@ -47,6 +46,7 @@ from meshdeform.storage.readings import StoredReadings
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import bound, carried, span
 from worker.health import Pulse
+from worker.overdue import OPTIMIZING, over_time, time_limit
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -116,7 +116,7 @@ class Ended:
 
 
 class _InterruptedError(Exception):
-    """The job was canceled, or the process is stopping, during a wait."""
+    """The job was canceled, makes room for another one, or the process is stopping, during a wait."""
 
 
 class Attempt:
@@ -128,8 +128,7 @@ class Attempt:
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
         self._steps, self._steps_s = 0, 0.0
-        limits = [limit for limit in (job.request.max_run_s, at.settings.max_run_s) if limit]
-        self._max_run_s = min(limits, default=math.inf)
+        self._max_run_s = time_limit(job.document, at.settings.max_run_s)
         self._ends = time.monotonic() + self._max_run_s - job.ran_s
 
     def run(self) -> Ended:
@@ -151,7 +150,7 @@ class Attempt:
         with span("start"):
             run = self._run = self._start()
         failpoint("worker.started")
-        self._phase("optimizing", run)
+        self._phase(OPTIMIZING, run)
         if self._must_stop():
             return self._stopped()
         with span("optimize"):
@@ -188,17 +187,11 @@ class Attempt:
             if stop:
                 return self._interrupted()
             if over:
-                raise self._run_time_error(report)
+                raise over_time(self._max_run_s, f"done {report.step} of {report.total_steps} steps")
             if yields and saved:
                 return Outcome.HANDED_OVER
             began = time.monotonic()
         return None
-
-    def _run_time_error(self, report: StepReport) -> RunTimeError:
-        return RunTimeError(
-            f"The job has run for the {self._max_run_s:g} s that it may run, and done {report.step} of "
-            f"{report.total_steps} steps."
-        )
 
     def _start(self) -> JobRun:
         """Start from the newest usable checkpoint, otherwise from the job's origin or its files."""
@@ -272,11 +265,15 @@ class Attempt:
 
     def _go_on(self) -> None:
         self._at.pulse.beat()
-        if self._must_stop():
+        if self._must_stop() or self._watch.yields:
             raise _InterruptedError
+        if time.monotonic() >= self._ends:
+            raise over_time(self._max_run_s, f"was {self._watch.doing}")
 
     def _interrupted(self) -> Outcome:
-        return Outcome.CANCELED if self._watch.canceled else Outcome.HANDED_BACK
+        if self._watch.canceled:
+            return Outcome.CANCELED
+        return Outcome.HANDED_BACK if self._at.stopping() else Outcome.HANDED_OVER
 
     def _stopped(self) -> Ended:
         return self._ended(self._interrupted())
@@ -669,7 +666,8 @@ class JobWatch:
         end_s: float = 0.0,
     ) -> None:
         self._leases, self._worker, self._job, self._listen = leases, worker, job, listen
-        self._lease_s, self._turns, self._turn_ends = lease_s, turns, time.monotonic() + turns.turn_s
+        self._lease_s, self._turns, self._began = lease_s, turns, time.monotonic()
+        self._turn_s: float | None = None
         self._end_s = end_s
         self._heartbeat_every_s = min(lease_s / _HEARTBEATS_PER_LEASE, _LONGEST_HEARTBEAT_S)
         self._timer = StepTimer()
@@ -705,6 +703,11 @@ class JobWatch:
             at.step if step is None else step, at.total_steps if total_steps is None else total_steps, name, at.losses
         )
         self._timer.start()
+
+    @property
+    def doing(self) -> str:
+        """The phase."""
+        return self._latest.phase
 
     def step(self, report: StepReport) -> None:
         """Note a finished step. This takes microseconds: the thread publishes it."""
@@ -743,7 +746,7 @@ class JobWatch:
                 elif due:
                     # One statement for both.
                     self._attempt(lambda: self._publish(self._lease_s))
-                if due and now >= self._turn_ends and not self.yields:
+                if due and now >= self._began + self._turns.turn_s and not self.yields:
                     self._attempt(self._look_who_waits)
                 self._attempt(self._publish)
                 self._wake.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
@@ -779,7 +782,11 @@ class JobWatch:
         self._note(self._leases.heartbeat(self._job.id, self._job.attempt, self._lease_s, worker=worker))
 
     def _look_who_waits(self) -> None:
-        self.yields = self._leases.hand_over(self._job, self._turns)
+        if self._turn_s is None:
+            # What has no steps begins anew after a hand-over. Each turn is twice as long, so that it ends some day.
+            self._turn_s = self._turns.turn_s * 2.0 ** self._leases.fruitless(self._job)
+        if time.monotonic() >= self._began + self._turn_s:
+            self.yields = self._leases.hand_over(self._job, self._turns)
 
     def _note(self, state: JobState) -> None:
         if state is JobState.CANCELING:

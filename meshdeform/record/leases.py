@@ -35,6 +35,8 @@ _ALIVE_S = 30.0
 """Seconds without a renewal after which a worker counts as silent: three times the renewal interval."""
 _KEPT_S = 86_400.0
 _LONGEST_WAIT_S = 600.0
+HANDED_OVER = "handed_over"
+"""The reason in the event of a job that makes room for another one."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,17 @@ class Leases:
         mark = sa.update(jobs).where(stays, waiting.exists()).values(yielded_at=self._database.now())
         with self._database.write() as connection:
             return connection.execute(mark.returning(jobs.c.id)).first() is not None
+
+    def fruitless(self, job: Job) -> int:
+        """Return how often a job was handed over since its last checkpoint: all that it did in these turns is lost."""
+        mine, after = events.c.job_id == job.id, events.alias("after")
+        saved = sa.select(sa.func.max(after.c.seq)).where(
+            after.c.job_id == job.id, after.c.type == EventType.CHECKPOINT
+        )
+        since = events.c.seq > sa.func.coalesce(saved.scalar_subquery(), 0)
+        queued = sa.and_(events.c.type == EventType.QUEUED, events.c.data["reason"].as_string() == HANDED_OVER)
+        with self._database.read() as connection:
+            return connection.execute(sa.select(sa.func.count()).where(mine, since, queued)).scalar_one()
 
     def _last_served(self) -> Any:
         """Return the owner whom this process served last, else the one whom any worker did."""
@@ -359,7 +372,7 @@ class Leases:
         With `handed_over` it makes room for others (`hand_over`), and waits as if it had been queued now.
         """
         values = {"yielded_at": self._database.now()} if handed_over else {}
-        why = _why("handed_over" if handed_over else "handed_back")
+        why = _why(HANDED_OVER if handed_over else "handed_back")
         counter = "hand_overs" if handed_over else ""
         self._write(job_id, attempt, self._back(values), _queued_or_canceled, why, counter=counter)
 

@@ -56,7 +56,8 @@ def estimate(
         pace, basis = history.pace(request.kind, request.workload)
         if pace is None:
             return JobEstimate(basis=basis, steps=steps)
-        run_s = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace).of(steps)
+        seconds = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace)
+        run_s = seconds.of(steps)
 
         def seconds_left(row: _Row) -> float:
             left_s: float = history.seconds_left(row, run_s)
@@ -64,10 +65,14 @@ def estimate(
 
         ahead = _Ahead.of(connection, request.priority, owner_id, seconds_left)
     workers = leases.alive(queue)
-    if workers == 0:
-        return JobEstimate(run_s=run_s, basis=f"{basis}; no worker is alive", steps=steps)
-    basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
-    return JobEstimate(queue_s=ahead.seconds_until_free(workers), run_s=run_s, basis=basis, steps=steps)
+    alive = f"{workers} worker{'s' * (workers > 1)}" if workers else "no worker is"
+    return JobEstimate(
+        queue_s=ahead.seconds_until_free(workers) if workers else None,
+        run_s=run_s,
+        not_resumable_s=seconds.once,
+        basis=f"{basis}; {alive} alive",
+        steps=steps,
+    )
 
 
 class _History:

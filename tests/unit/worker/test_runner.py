@@ -148,14 +148,48 @@ def test_a_start_that_takes_long_hears_that_it_must_stop(world: World, stop: str
 
     def start(given: RunInput) -> JobRun:
         ask_to_stop(world, job, stop)
-        until_at = time.monotonic() + 30
-        while time.monotonic() < until_at:
-            given.on_wait()
-        raise AssertionError("nothing stopped the start")
+        return waits(given)
 
     # As above, the record alone must be enough for a cancel.
     world.runner(start=start, settings=Settings(lease_s=1.0)).run(job.id)
     assert world.record.get(job.id).state is state
+
+
+def waits(given: RunInput) -> JobRun:
+    """Start for ever, or until it is told to stop."""
+    until_at = time.monotonic() + 60
+    while time.monotonic() < until_at:
+        given.on_wait()
+    raise AssertionError("nothing stopped the start")
+
+
+def test_the_time_of_a_job_is_over_also_while_it_starts(world: World) -> None:
+    job = world.create()
+    world.runner(start=waits, settings=Settings(max_run_s=0.5)).run(job.id)
+    failed = world.record.get(job.id)
+    assert failed.error is not None
+    assert (failed.state, failed.error.code) == (JobState.FAILED, "run_time_exceeded")
+    assert failed.error.detail == "The job has run for the 0.5 s that it may run, and was loading."
+
+
+def test_a_start_makes_room_and_has_twice_as_long_each_time(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Turns, "of", lambda settings: Turns(0.2))
+    job, others = world.create(), []
+
+    def start(given: RunInput) -> JobRun:
+        return waits(given) if given.request.priority == 0 else world.kind.start(given)
+
+    for turns in range(3):
+        assert world.record.leases.fruitless(world.record.get(job.id)) == turns
+        others.append(world.create(priority=1))
+        with world.record.database.write() as connection:  # that is not taken first
+            waits_for = sa.update(jobs).where(jobs.c.id == others[-1].id)
+            connection.execute(waits_for.values(retry_at=world.record.database.now(0.1)))
+        began = time.monotonic()
+        world.runner(start=start, settings=Settings(lease_s=1.0)).run(job.id)
+        taken_s = time.monotonic() - began
+        assert taken_s >= 0.2 * 2**turns
+    assert [world.record.get(each.id).state for each in others] == [JobState.SUCCEEDED] * 3
 
 
 @each_case(("at", "kept"), [(17, [17, 10]), (STEPS, [50, 40, 30, 20, 10])])
@@ -233,9 +267,12 @@ def test_a_job_that_runs_for_too_long_fails_with_a_checkpoint(
     assert world.kind.started_at == [0, 17]
 
 
-def test_a_job_that_is_through_when_its_time_is_over_succeeds(world: World) -> None:
+def test_a_job_that_is_through_when_its_time_is_over_succeeds(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("worker.attempt.time", SimpleNamespace(monotonic=lambda: now[0]))
+    world.kind.on_step = lambda step: now.append(now.pop() + 1.2)
     job = world.create(steps=1)
-    world.runner(settings=Settings(max_run_s=1e-9)).run(job.id)
+    world.runner(settings=Settings(max_run_s=1.0)).run(job.id)
     assert world.record.get(job.id).state is JobState.SUCCEEDED
 
 
