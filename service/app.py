@@ -26,6 +26,7 @@ from service.http.errors import add_error_handlers, problem_responses
 from service.http.middleware import RequestFrame, TracingMiddleware
 from service.jobs import creation_routes, preview_routes
 from service.jobs import routes as job_routes
+from service.jobs.arrivals import give_up_late
 from service.operations import routes as operation_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
@@ -122,6 +123,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
                     yield
             finally:
                 returning.cancel()
+                await give_up_late(state)
     finally:
         app.state.gate.close()
         state.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from collections.abc import Callable
@@ -33,6 +34,8 @@ from service.workspace import Workspace
 # One more than an owner may have: nobody waits for the files of one other owner.
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
+# Of one owner so few that those of three slow ones leave room for others.
+_FETCHES_AT_ONCE, _FETCHES_PER_OWNER, _FETCH_WAIT_S = 16, 4, 120.0
 _PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
 _PREVIEWS, _PREVIEWING_OWNERS, _PREVIEWS_IDLE_S = "meshdeform.runs.preview_work", 8, 600.0
@@ -110,6 +113,14 @@ class AppState:
             _BODIES_AT_ONCE, _BODIES_PER_OWNER, wait_s=_BODY_WAIT_S, purpose="files are being received"
         )
     )
+    # Files that are fetched from URLs at the same time.
+    fetches: FairSlots = field(
+        default_factory=lambda: FairSlots(
+            _FETCHES_AT_ONCE, _FETCHES_PER_OWNER, wait_s=_FETCH_WAIT_S, purpose="files are being fetched"
+        )
+    )
+    # Jobs whose files are still being fetched after they were accepted.
+    late: set[asyncio.Task[None]] = field(default_factory=set)
     # What `/readyz` asks. The answer of the object store is kept, because it lists a bucket, and nobody needs a key.
     record_health: Probe = field(default_factory=Probe)
     redis_health: Probe = field(default_factory=Probe)

@@ -185,6 +185,7 @@ class NewJob:
 
     request: JobRequest
     files: Mapping[str, StoredFile]  # its files by the names of the parts of its kind; already stored
+    fetching: bool = False  # whether its files are still to come (`record.fetching`)
     owner_id: str = ""  # empty if keys are off
     origin: Origin | None = None
     retention_s: float | None = None  # the retention if the request has none

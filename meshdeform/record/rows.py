@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from typing import Any, TypeVar
 
 import sqlalchemy as sa
@@ -18,7 +19,7 @@ from meshdeform.record.models import (
 )
 from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.choices import JobKind, member_of
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import DeformParams, JobRequest
 
 Row = sa.Row[Any]
 _Value = TypeVar("_Value")
@@ -34,6 +35,10 @@ def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
     return sa.and_(
         jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED), jobs.c.worker_id.is_not(None)
     )
+
+
+FETCHING = "fetching"
+"""The phase of a job that was accepted before its files were there."""
 
 
 def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]:
@@ -65,7 +70,7 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "step": 0,
         "total_steps": 0,
         "fraction": 0.0,
-        "phase": "queued",
+        "phase": FETCHING if new.fetching else "queued",
         "losses": {},
         "stored_bytes": 0,
     }
@@ -103,6 +108,7 @@ def job(row: Row) -> Job:
         state=member_of(JobState, row.state),
         document=row.request,
         origin=_origin(row.origin) if row.origin else None,
+        retry_at=None if row.phase == FETCHING else row.retry_at,
         progress=Progress.model_construct(**{name: row._mapping[name] for name in Progress.model_fields}),
         artifacts=(),
     )
@@ -115,3 +121,21 @@ def _origin(document: dict[str, Any]) -> Origin:
 def event(row: Row) -> Event:
     """Return the event of a row."""
     return read(Event, row, type=member_of(EventType, row.type))
+
+
+def folded(text: str) -> str:
+    """Return a text in the form in which texts are compared: without differences of case and Unicode composition."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
+
+
+def searched_text(new: NewJob) -> str:
+    """Return the text in which a search looks for a new job: its prompts, file names and values of labels."""
+    names = [file.filename for file in new.files.values()]
+    return folded(
+        "\n".join([new.request.prompt, *_further_prompts(new.request), *names, *new.request.metadata.values()])
+    )
+
+
+def _further_prompts(request: JobRequest) -> list[str]:
+    """Return the prompts beside that of the request; parameters of other kinds of job have none."""
+    return [each.prompt for each in request.params.prompts] if isinstance(request.params, DeformParams) else []

@@ -46,6 +46,8 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 f"The job is {job.state}; only a failed, canceled or expired job can be retried.",
                 state=job.state.value,
             )
+        if not job.files:
+            raise ConflictError("The job has no files, because they were never fetched.", advice="Send the job again.")
         with in_use(words_of_job(app, job)):
             params = check_params(job.request, app.settings, files=job.files)
         app.record.check_room(caller.owner_id, {}, app.settings.max_stored_bytes)
