@@ -107,14 +107,14 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     try:
         with (
             Reconciler(
-                state.record,
+                state.background,
                 state.queue,
                 settings.max_attempts,
                 settings.lease_s,
                 store=state.store,
                 max_running=settings.max_running_jobs,
             ),
-            WebhookDelivery(state.record, settings),
+            WebhookDelivery(state.background, settings),
             on_termination(state.waiters.close),
         ):
             returning = asyncio.create_task(_return_memory(state))

@@ -58,14 +58,14 @@ from meshdeform.record.words import WordLedger
 
 
 class JobRecord:
-    """Every job, from 202 to its deletion. Safe to share between threads. The URL is as of `Database`.
+    """Every job, from 202 to its deletion. Safe to share between threads. The URL and options are as of `Database`.
 
     Every method raises `UnavailableError` if the database does not answer; every method about one job raises
     `NotFoundError` if there is no such job or another owner has it.
     """
 
-    def __init__(self, url: str, connections: int = MAX_CONNECTIONS, *, upgrade_elsewhere: bool = False) -> None:
-        self.database = self._database = Database(url, connections, upgrade_elsewhere=upgrade_elsewhere)
+    def __init__(self, url: str, connections: int = MAX_CONNECTIONS, **options: Any) -> None:
+        self.database = self._database = Database(url, connections, **options)
         self.leases = Leases(self._database)
         self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)
