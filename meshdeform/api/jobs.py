@@ -147,7 +147,7 @@ class JobView(Document):
             started_at=job.started_at,
             finished_at=job.finished_at,
             deadline_at=job.deadline_at,
-            max_run_s=job.document.get("max_run_s"),
+            max_run_s=_number(written.get("max_run_s")),
             retain_until=job.retain_until,
             retry_at=job.retry_at,
             progress=job.progress,
@@ -156,6 +156,10 @@ class JobView(Document):
 
 
 _OUTPUT = OutputOptions().model_dump(mode="json")
+
+
+def _number(value: Any) -> float | None:
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def _members(document: Mapping[str, Any], name: str) -> Any:

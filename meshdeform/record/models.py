@@ -144,10 +144,14 @@ class Job(_Frozen):
     faces: int | None = None
     parts: int | None = None
     """The triangles and meshes of its asset; None if unknown."""
+    damaged: bool = False
+    """Whether its row has other content than any version writes, which is left out here."""
 
     @cached_property
     def request(self) -> JobRequest:
         """The request; `UnreadableJobError`: it cannot be read in this process, while the rest of the job can."""
+        if self.damaged:
+            raise UnreadableJobError("The stored request cannot be read here: no version writes such a row.")
         return read_stored(self.document)
 
     @property

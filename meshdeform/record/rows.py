@@ -6,16 +6,19 @@ import unicodedata
 from typing import Any, TypeVar
 
 import sqlalchemy as sa
+from pydantic import TypeAdapter, ValidationError
 
 from meshdeform.record.models import (
     Event,
     EventType,
     Job,
+    JobError,
     JobState,
     NewJob,
     Origin,
     OriginMode,
     Progress,
+    StoredFile,
 )
 from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.choices import JobKind, member_of
@@ -99,19 +102,51 @@ def read(model: type[_Value], row: Row, /, **others: Any) -> _Value:
     return model(**{name: columns[name] for name in model.__annotations__ if name not in others}, **others)
 
 
+_CONTENTS: dict[str, tuple[TypeAdapter[Any], Any]] = {
+    "request": (TypeAdapter(dict[str, Any]), {}),
+    "resolved": (TypeAdapter(dict[str, Any] | None), None),
+    "files": (TypeAdapter(dict[str, StoredFile]), {}),
+    "origin": (TypeAdapter(dict[str, Any] | None), None),
+    "error": (TypeAdapter(JobError | None), None),
+    "losses": (TypeAdapter(dict[str, float]), {}),
+}
+"""What the columns of JSON of a job hold, and what stands for anything else."""
+
+
 def job(row: Row) -> Job:
-    """Return the job of a row, whichever version wrote it: the request is read only when it is asked for."""
-    return read(
-        Job,
-        row,
-        kind=member_of(JobKind, row.kind),
-        state=member_of(JobState, row.state),
-        document=row.request,
-        origin=_origin(row.origin) if row.origin else None,
-        retry_at=None if row.phase == FETCHING else row.retry_at,
-        progress=Progress.model_construct(**{name: row._mapping[name] for name in Progress.model_fields}),
-        artifacts=(),
-    )
+    """Return the job of a row, whichever version wrote it: the request is read only when it is asked for.
+
+    Of a row with other content than any version writes, the rest is shown; its request is unreadable.
+    """
+    columns = dict(row._mapping)
+    try:
+        if isinstance(columns["losses"], dict):
+            return _job(columns)
+    except (ValidationError, TypeError, ValueError, KeyError, AttributeError):
+        pass
+    return _job(columns | {name: _sound(columns[name], *content) for name, content in _CONTENTS.items()}, damaged=True)
+
+
+def _sound(value: Any, model: TypeAdapter[Any], otherwise: Any) -> Any:
+    try:
+        model.validate_python(value)
+    except ValidationError:
+        return otherwise
+    return value
+
+
+def _job(columns: dict[str, Any], *, damaged: bool = False) -> Job:
+    own = {
+        "kind": member_of(JobKind, columns["kind"]),
+        "state": member_of(JobState, columns["state"]),
+        "document": columns["request"],
+        "origin": None if damaged or columns["origin"] is None else _origin(columns["origin"]),
+        "retry_at": None if columns["phase"] == FETCHING else columns["retry_at"],
+        "progress": Progress.model_construct(**{name: columns[name] for name in Progress.model_fields}),
+        "artifacts": (),
+        "damaged": damaged,
+    }
+    return Job(**{name: columns[name] for name in Job.__annotations__ if name not in own}, **own)
 
 
 def _origin(document: dict[str, Any]) -> Origin:
@@ -120,7 +155,7 @@ def _origin(document: dict[str, Any]) -> Origin:
 
 def event(row: Row) -> Event:
     """Return the event of a row."""
-    return read(Event, row, type=member_of(EventType, row.type))
+    return read(Event, row, type=member_of(EventType, row.type), data=row.data if isinstance(row.data, dict) else {})
 
 
 def folded(text: str) -> str:

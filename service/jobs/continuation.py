@@ -46,7 +46,7 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 f"The job is {job.state}; only a failed, canceled or expired job can be retried.",
                 state=job.state.value,
             )
-        if not job.files:
+        if job.request and not job.files:
             raise ConflictError("The job has no files, because they were never fetched.", advice="Send the job again.")
         with in_use(words_of_job(app, job)):
             params = check_params(job.request, app.settings, files=job.files)
