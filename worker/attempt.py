@@ -671,7 +671,7 @@ class JobWatch:
         self._end_s = end_s
         self._heartbeat_every_s = min(lease_s / _HEARTBEATS_PER_LEASE, _LONGEST_HEARTBEAT_S)
         self._timer = StepTimer()
-        self._latest = self._progress(0, 0, "loading", {})
+        self._latest = self._progress(job.progress.step, job.progress.total_steps, "loading", {})
         self._published: Progress | None = None
         self._last_event: Progress | None = None
         self._last_event_at = 0.0

@@ -26,8 +26,8 @@ import sqlalchemy as sa
 import sqlalchemy.exc
 from sqlalchemy import event
 
-from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.record.schema import READ_ONLY_SERVER, UtcDateTime, compatible, sql_state
+from meshdeform.errors import DependencyError, RecordVersionError, UnavailableError
+from meshdeform.record.schema import HEAD, READ_ONLY_SERVER, UtcDateTime, compatible, sql_state
 
 _log = logging.getLogger(__name__)
 
@@ -86,7 +86,7 @@ class Database:
     `connections`: maximum number of connections to PostgreSQL. Up to five stay open; with 0, none stays open after
     `let_go`. `upgrade_elsewhere`: upgrade an older schema in a process of its own, which costs half a second once and
     saves 10 MB from then on. `patience`: how long to wait for it. Raises UnavailableError: the database does not
-    answer, or a newer Meshdeform has taken away what this one needs.
+    answer. Raises RecordVersionError: a newer Meshdeform has taken away what this one needs.
     """
 
     def __init__(
@@ -367,10 +367,29 @@ def _upgrade(connection: sa.Connection) -> None:
     try:
         alembic.command.upgrade(config, "head")
     except alembic.util.CommandError as error:
-        raise UnavailableError(
-            "The record has the schema of a newer Meshdeform, or of one before the first release.",
-            advice="Install the version that wrote it.",
-        ) from error
+        raise _foreign() from error
+
+
+def _foreign() -> RecordVersionError:
+    return RecordVersionError("The record has the schema of a newer Meshdeform, or of one before the first release.")
+
+
+def check_version(url: str) -> None:
+    """Raise RecordVersionError for a record that this version can neither use nor upgrade; otherwise do nothing.
+
+    Whether it answers is for whoever opens it.
+    """
+    engine = make_engine(url, connections=1, patience=HASTY)
+    try:
+        if engine.dialect.name == "sqlite" and not Path(engine.url.database or "").exists():
+            return
+        with suppress(UnavailableError), _answers(), engine.connect() as connection:
+            version = _version(connection)
+            known = {path.name[: len(HEAD)] for path in (_MIGRATIONS / "versions").glob("[0-9]*.py")}
+            if version is not None and not compatible(version) and version not in known:
+                raise _foreign()
+    finally:
+        engine.dispose()
 
 
 def _upgrade_apart(url: str) -> None:
