@@ -178,7 +178,7 @@ def get_artifact(
     artifact = _find(app, id, reader.owner_id, name)
     saved_as = _file_name(app.record.get(id, reader.owner_id), artifact)
     file = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
-    return download(request, app, file, conditions, signed=reader.owner_id is None and not reader.link)
+    return download(request, app, file, conditions)
 
 
 @artifacts.post(

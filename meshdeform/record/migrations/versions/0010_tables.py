@@ -10,7 +10,7 @@ from meshdeform.record.schema import metadata, trigrams
 revision = "0010"
 down_revision = None
 
-_LATER = frozenset({"words"})
+_LATER = frozenset({"words", "usage"})
 _log = logging.getLogger("meshdeform.record.migrations")
 _REFUSED = frozenset({"42501", "58P01", "0A000", "42704"})
 """PostgreSQL's codes where this user may not create the extension, or the server lacks it or has it out of reach."""
