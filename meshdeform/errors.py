@@ -541,8 +541,8 @@ class RunTimeError(MeshdeformError):
 
     code = "run_time_exceeded"
     advice = (
-        "Retry the job: it goes on from there and may run for as long again. Or post it with fewer steps, or with a "
-        "larger `max_run_s`; the service's operator can raise MESHDEFORM_MAX_RUN_S."
+        "Retry the job: it goes on from its last checkpoint and may run for as long again, or for the `max_run_s` that "
+        "the retry names. Or post it with fewer steps; the service's operator can raise MESHDEFORM_MAX_RUN_S."
     )
 
 

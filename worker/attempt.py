@@ -14,6 +14,7 @@ long a step takes.
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import math
 import threading
@@ -26,15 +27,18 @@ from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
+from meshdeform import __version__
 from meshdeform.assets import Limits
 from meshdeform.errors import (
     CheckpointError,
+    DependencyError,
     MeshdeformError,
+    ModelError,
     NotFoundError,
     StaleAttemptError,
     UnavailableError,
 )
-from meshdeform.record.leases import USUAL, Leases, Turns, WorkerIdentity
+from meshdeform.record.leases import HANDED_BACK, HANDED_OVER, OUTAGE, USUAL, Leases, Turns, WorkerIdentity
 from meshdeform.record.models import Artifact, CheckpointRef, Job, JobError, JobState, OriginMode, Progress, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput, StartRun, StepReport
@@ -106,6 +110,7 @@ class Ended:
     """The end of an attempt, not yet recorded: its stored results, or why it failed.
 
     `step_s` are the mean seconds per step; None if no step was done. `may_pass`: another attempt may not fail so.
+    `made_by` are the versions that computed the results.
     """
 
     outcome: Outcome
@@ -113,6 +118,7 @@ class Ended:
     error: JobError | None = None
     step_s: float | None = None
     may_pass: bool = False
+    made_by: str | None = None
 
 
 class _InterruptedError(Exception):
@@ -127,6 +133,7 @@ class Attempt:
         self._retry = Retry(self._go_on, at.retry_for_s)
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
+        self._made_by = __version__
         self._steps, self._steps_s = 0, 0.0
         self._max_run_s = time_limit(job.document, at.settings.max_run_s)
         self._ends = time.monotonic() + self._max_run_s - job.ran_s
@@ -158,7 +165,7 @@ class Attempt:
         if stopped is not None:
             return self._ended(stopped)
         self._phase("writing")
-        artifacts = run.finish()
+        artifacts = versions_told(run.finish(), self._made_by)
         failpoint("worker.finished")
         if self._watch.canceled:
             return self._ended(Outcome.CANCELED)
@@ -221,12 +228,13 @@ class Attempt:
             )
             return self._at.start(job_input)
 
-        for checkpoint in self._checkpoints.usable(self._retry):
+        for checkpoint, made_by in self._checkpoints.usable(self._retry):
             try:
                 run = start(checkpoint)
             except CheckpointError as error:
                 _log.warning("job %s: %s", job.id, error)
                 continue
+            self._continues(made_by)
             _log.info("job %s: resumes at step %d", job.id, run.step)
             return run
         if job.origin is None or not job.origin.key:
@@ -237,11 +245,21 @@ class Attempt:
                 raise CheckpointError(f"The checkpoint of job {job.origin.job_id} can no longer be read.")
             return start(initial=origin)
         try:
-            return start(origin)
+            run = start(origin)
         except CheckpointError as error:
             # The request is the same, so a start from the beginning gives the same result.
             _log.warning("job %s: starts from the beginning: %s", job.id, error)
             return start()
+        if origin is not None:
+            self._continues(job.origin.made_by)
+        return run
+
+    def _continues(self, made_by: str | None) -> None:
+        """Note which versions have computed what the attempt goes on from."""
+        before = [each for each in (made_by or "").split(", ") if each]
+        self._made_by = self._checkpoints.made_by = ", ".join(
+            before if before[-1:] == [__version__] else [*before, __version__]
+        )
 
     def _input(self, part: str, file: StoredFile) -> InputFile:
         """Read a file of the job and verify its SHA-256."""
@@ -281,11 +299,21 @@ class Attempt:
     def _failed(self, error: Exception) -> Ended:
         if isinstance(error, MeshdeformError):
             _log.warning("job %s: failed: %s", self._job.id, error)
-            return self._ended(Outcome.FAILED, error=JobError.of(error), may_pass=error.transient)
+            return self._ended(Outcome.FAILED, error=JobError.of(error), may_pass=self._may_pass(error))
         _log.error("job %s: failed", self._job.id, exc_info=error)
         # The text of an unexpected error may contain paths of this machine, so it stays in the log.
         unknown = MeshdeformError("An unexpected error occurred in the worker; see the worker's log.")
         return self._ended(Outcome.FAILED, error=JobError.of(unknown), may_pass=True)
+
+    def _may_pass(self, error: MeshdeformError) -> bool:
+        """Return whether another attempt may not fail so: another worker may have what this one lacks."""
+        if not isinstance(error, DependencyError | ModelError):
+            return error.transient
+        leases = self._at.record.leases
+        others = self._retry.until_answered("the other workers", lambda: leases.alive(self._at.worker.queue)) > 1
+        if others:
+            leases.leave_to_others(self._job.id)
+        return others
 
     def _out_of_memory(self, error: Exception) -> Ended:
         """Save the state from before the step that ran out of memory, if possible."""
@@ -309,7 +337,7 @@ class Attempt:
         may_pass: bool = False,
     ) -> Ended:
         step_s = self._steps_s / self._steps if self._steps else None
-        return Ended(outcome, results or [], error, step_s, may_pass)
+        return Ended(outcome, results or [], error, step_s, may_pass, self._made_by if results else None)
 
 
 @dataclass(frozen=True)
@@ -392,16 +420,16 @@ class JobRunner:
             finally:
                 self.at.renew()
         elif ended.outcome in (Outcome.HANDED_BACK, Outcome.HANDED_OVER):
-            over = ended.outcome is Outcome.HANDED_OVER
-            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, handed_over=over))
+            reason = HANDED_OVER if ended.outcome is Outcome.HANDED_OVER else HANDED_BACK
+            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, reason))
         elif ended.may_pass and ended.error is not None:
             arguments = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
             retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *arguments))
         else:
-            state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
+            state = _TERMINAL[ended.outcome]
+            about_it = {"results": ended.results, "step_s": ended.step_s, "made_by": ended.made_by}
             retry.until_answered(
-                about,
-                lambda: record.leases.finish(job.id, job.attempt, state, error, results=results, step_s=step_s),
+                about, lambda: record.leases.finish(job.id, job.attempt, state, ended.error, **about_it)
             )
 
     def _between(self) -> None:
@@ -411,9 +439,23 @@ class JobRunner:
 
     def _leave(self, job: Job) -> None:
         try:
-            self.at.record.leases.release(job.id, job.attempt)
+            self.at.record.leases.release(job.id, job.attempt, OUTAGE)
         except MeshdeformError as error:
             _log.warning("job %s: stays claimed until its lease expires: %s", job.id, error.detail)
+
+
+def versions_told(artifacts: dict[str, ArtifactData], made_by: str) -> dict[str, ArtifactData]:
+    """Return results whose report says so if several versions computed them."""
+    report = artifacts.get("report.json")
+    if report is None or ", " not in made_by:
+        return artifacts
+    told = json.loads(report.data)
+    told["made_by"] = made_by.split(", ")
+    one_after_the_other = made_by.replace(", ", ", then ")
+    mixed = f"This was computed by Meshdeform {one_after_the_other}, and may differ from what one of them would make."
+    told["warnings"] = [*told.get("warnings", ()), mixed]
+    data = json.dumps(told, indent=2, allow_nan=False).encode()
+    return {**artifacts, "report.json": ArtifactData(data, report.content_type)}
 
 
 def _traced(job: Job) -> AbstractContextManager[None]:
@@ -482,7 +524,7 @@ class CheckpointStore:
     """The checkpoints of one attempt at a job, the newest `kept` of them, and those left by earlier attempts.
 
     The attempt is part of the keys, so that two attempts never write the same object. `step` is the newest step stored
-    by this attempt; 0 for none.
+    by this attempt; 0 for none. `made_by`: the versions that compute what it stores.
     """
 
     def __init__(self, record: JobRecord, store: ObjectStore, job: Job, kept: int) -> None:
@@ -490,15 +532,16 @@ class CheckpointStore:
         self._not_before = 0.0
         self._missed = False
         self.step = 0
+        self.made_by = __version__
 
-    def usable(self, retry: Retry) -> Iterator[bytes]:
-        """Yield the intact stored checkpoints, newest first."""
+    def usable(self, retry: Retry) -> Iterator[tuple[bytes, str | None]]:
+        """Yield the intact stored checkpoints, newest first, with the versions that computed them."""
         about = f"job {self._job.id}: the checkpoints"
         for reference in retry.until_answered(about, lambda: self._record.leases.checkpoints(self._job.id)):
             what = f"the checkpoint of step {reference.step}"
             data = self._intact(reference.key, reference.sha256, what, retry)
             if data is not None:
-                yield data
+                yield data, reference.made_by
 
     def origin(self, retry: Retry) -> bytes | None:
         """Return the checkpoint of the job's origin; None if there is none or it is damaged."""
@@ -546,7 +589,14 @@ class CheckpointStore:
         shape = self._save_mesh(run, name) if mesh else None
         failpoint("worker.checkpoint.stored")
         self._record.leases.set_checkpoint(
-            job.id, job.attempt, key=stored.key, step=step, sha256=stored.sha256, size=stored.size, mesh=shape
+            job.id,
+            job.attempt,
+            key=stored.key,
+            step=step,
+            sha256=stored.sha256,
+            size=stored.size,
+            mesh=shape,
+            made_by=self.made_by,
         )
         failpoint("worker.checkpoint.recorded")
         self.step = step

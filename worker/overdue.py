@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from meshdeform.errors import MeshdeformError, RunTimeError
+from meshdeform.record.leases import HANDED_OVER
 from meshdeform.record.models import JobError, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.upkeep import HeldJob
@@ -96,7 +97,7 @@ class Overdue:
             error = over_time(self._limit_s(held), f"was {held.phase}")
             leases.finish(*job, JobState.FAILED, JobError.of(error))
         else:
-            leases.release(*job, handed_over=True)
+            leases.release(*job, HANDED_OVER)
         _log.warning("job %s: %s; the worker process does not stop by itself and is replaced", held.id, reason)
         self._since = None
         self._replace()

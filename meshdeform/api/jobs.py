@@ -116,6 +116,12 @@ class JobView(Document):
         description="The results, sorted by name; none unless the job has succeeded.",
     )
 
+    made_by: str | None = Field(
+        None,
+        description="Version of Meshdeform that computed the results; several, in order, if a later one went on from a "
+        "checkpoint: their results may differ. Null if unknown, or there are none.",
+        examples=["0.1.0"],
+    )
     unreadable: str | None = Field(
         None,
         description="Why this server cannot read the request, so that it neither retries nor branches the job, and "
@@ -152,6 +158,7 @@ class JobView(Document):
             retry_at=job.retry_at,
             progress=job.progress,
             artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],
+            made_by=job.made_by,
         )
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.copies import first_alike
 from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import Worth, kernel
 from meshdeform.geometry.mesh import RestMesh
@@ -45,8 +46,6 @@ _SAMPLES, _SAMPLES_OF_FACE = 2_000_000, 6
 _CELLS_OF_SPACING, _COPIES = 64, 32
 """How small a cell is in which samples count as one, and how many must share one on average: no single surface has as
 many around a vertex."""
-
-_ODD = np.random.default_rng(0).integers(-(2**62), 2**62, 6) | 1
 
 
 def samples_of(verts: _Floats, faces: _Index, distance: float) -> tuple[_Floats, _Index]:
@@ -188,7 +187,7 @@ class SurfaceTree:
         self._verts, self._faces, self._turn, self._slack = verts, faces, opposite / 2, slack
         while count_samples(verts, faces, spacing) > _SAMPLES + _SAMPLES_OF_FACE * len(faces):
             spacing *= 1.5
-        once = _first_alike(faces)  # copies of a face are as near as the first
+        once = first_alike(faces)  # copies of a face are as near as the first
         samples, owner = samples_of(verts, faces[once], spacing)
         points = np.concatenate([samples, self._turn * normals[once[owner]]], 1)
         apart = _apart(points, spacing / _CELLS_OF_SPACING)
@@ -279,14 +278,8 @@ def _apart(points: _Floats, distance: float) -> _Index | slice:
 
     A search looks at all that are equally near: of thousands of copies in one place, one shows the way.
     """
-    first = _first_alike(np.floor(points / distance).astype(np.int64))
+    first = first_alike(np.floor(points / distance).astype(np.int64))
     return first if len(first) * _COPIES < len(points) else slice(None)
-
-
-def _first_alike(rows: _Index) -> _Index:
-    """Return the first (K,) of all equal rows, ascending."""
-    keys = rows @ _ODD[: rows.shape[1]]  # different rows hardly ever have the same
-    return np.sort(np.unique(keys, return_index=True)[1])
 
 
 def _tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:

@@ -78,6 +78,7 @@ class Origin(_Frozen):
     key: str = ""
     sha256: str = ""
     size: int = 0  # bytes of that object; 0 if unknown
+    made_by: str = ""  # the versions that computed it, in order; empty if unknown
 
 
 class Event(_Frozen):
@@ -104,6 +105,7 @@ class CheckpointRef:
     mesh_sha256: str | None = None
     mesh_size: int | None = None
     created_at: datetime | None = None
+    made_by: str | None = None  # the versions that computed it, in order; None if unknown
 
 
 class Job(_Frozen):
@@ -144,6 +146,8 @@ class Job(_Frozen):
     faces: int | None = None
     parts: int | None = None
     """The triangles and meshes of its asset; None if unknown."""
+    made_by: str | None = None
+    """The versions that computed its results, in order; None if unknown, or there are none."""
     damaged: bool = False
     """Whether its row has other content than any version writes, which is left out here."""
 

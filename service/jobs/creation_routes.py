@@ -46,7 +46,7 @@ from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Answer, Caller, IdempotencyKey
 from service.jobs.arrivals import Arrivals, arriving, go_on, taken_along
 from service.jobs.continuation import branch, retry
-from service.jobs.documents import BranchDocument, JobDocument
+from service.jobs.documents import BranchDocument, JobDocument, RetryDocument
 from service.jobs.intake import (
     Submission,
     accept_early,
@@ -274,16 +274,24 @@ async def list_job_parts(
             *CALLER_ERRORS,
         ),
     },
+    openapi_extra=json_body("RetryDocument", {"max_run_s": 7200}, required=False),
 )
-def retry_job(
+async def retry_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the name in the path
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
-    """Creates a new job that continues a failed, canceled or expired one from its last checkpoint."""
-    return retry(app, Caller.of(request, principal, idempotency_key), id).response()
+    """Creates a new job that continues a failed, canceled or expired one from its last checkpoint.
+
+    The body, if any, says how long the new job may run.
+    """
+    caller = Caller.of(request, principal, idempotency_key)
+    sent = request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
+    document = parse_document(RetryDocument, await receive_document(request)) if sent else None
+    answer = await to_thread.run_sync(retry, app, caller, id, document)
+    return answer.response()
 
 
 @router.post(

@@ -230,6 +230,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         owner_id=principal.owner_id,
         safeguard=getattr(params, "safeguard", None),
         turn_s=app.settings.turn_s,
+        max_running=app.settings.max_running_jobs,
         **_size(summaries),
     )
     model = getattr(params, "model", None)

@@ -127,7 +127,7 @@ def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(se
 
 @each_case("command", ["serve", "api", "worker"])
 def test_a_record_of_another_version_ends_a_start_at_once(server_folder: Path, command: str) -> None:
-    data = server_folder / "foreign"
+    data = server_folder / f"foreign to {command}"
     data.mkdir(exist_ok=True)
     url = f"sqlite:///{data / 'meshdeform.sqlite'}"
     JobRecord(url).close()

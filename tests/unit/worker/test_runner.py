@@ -7,6 +7,7 @@ import json
 import logging
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,13 +15,15 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import CheckpointError, ModelError, NumericalError
-from meshdeform.record.leases import Turns
+import meshdeform
+from meshdeform.errors import CheckpointError, DependencyError, MeshdeformError, ModelError, NumericalError
+from meshdeform.record.leases import Turns, WorkerIdentity
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
-from meshdeform.record.schema import jobs
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import jobs, workers
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import start_run
-from meshdeform.runs.base import InputFile, JobRun, RunInput
+from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.fake_kind import OutOfMemoryError
@@ -61,6 +64,57 @@ def test_a_duplicate_delivery_does_nothing(world: World) -> None:
     job = world.run(world.create())
     assert world.run(job) == job
     assert len(world.kind.started) == 1
+
+
+def test_results_and_reports_name_the_versions_that_computed_them(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = ArtifactData(b'{"warnings": ["a"]}', "application/json")
+    monkeypatch.setattr("tests.fake_kind._FakeRun.finish", lambda run: {"report.json": report})
+    plain = world.run(world.create())
+    assert plain.made_by == meshdeform.__version__
+    assert json.loads(world.result(plain)) == {"warnings": ["a"]}
+    job = world.create()
+    monkeypatch.setattr("worker.attempt.__version__", "0.0.9")
+    lose(world, job, 25)
+    assert {each.made_by for each in world.record.leases.checkpoints(job.id)} == {"0.0.9"}
+    monkeypatch.setattr("worker.attempt.__version__", "0.1.0")
+    lose(world, job, 35)
+    monkeypatch.setattr("worker.attempt.__version__", "0.1.1")
+    done = world.run(job)
+    assert done.made_by == "0.0.9, 0.1.0, 0.1.1"
+    told = json.loads(world.result(done))
+    assert told["made_by"] == ["0.0.9", "0.1.0", "0.1.1"]
+    assert "computed by Meshdeform 0.0.9, then 0.1.0, then 0.1.1" in told["warnings"][1]
+    last = world.record.leases.checkpoints(job.id)[0]
+    made_by = last.made_by or ""
+    origin = Origin(
+        job_id=job.id, step=last.step, mode=OriginMode.RETRY, key=last.key, sha256=last.sha256, made_by=made_by
+    )
+    assert world.run(world.create(origin=origin)).made_by == "0.0.9, 0.1.0, 0.1.1"
+
+
+@each_case("error", [DependencyError("There is no torch here."), ModelError("There is no such model here.")])
+def test_what_this_worker_lacks_another_one_may_have(world: World, error: MeshdeformError) -> None:
+    world.kind.on_step = raising(error)
+    alone = world.run(world.create())
+    assert (alone.state, alone.error and alone.error.code) == (JobState.FAILED, error.code)
+    for name in ("a worker", "another worker"):
+        world.record.leases.idle(WorkerIdentity(name, "meshdeform", "cpu"))
+    job = world.create()
+    world.runner(settings=Settings(retry_delay_s=0)).run(job.id)
+    waiting = world.record.get(job.id)
+    assert (waiting.state, waiting.error and waiting.error.code) == (JobState.QUEUED, error.code)
+    world.kind.on_step = lambda step: None
+    world.run(job)  # not this one
+    assert world.record.get(job.id).attempt == 1
+    with closing(JobRecord(world.record.database._engine.url.render_as_string())) as other:
+        claimed = other.leases.claim_next("another worker", 60.0)
+    assert claimed is not None
+    assert claimed.id == job.id
+    with world.record.database.write() as connection:
+        connection.execute(sa.delete(workers))
+        connection.execute(sa.update(jobs).where(jobs.c.id == job.id).values(state=JobState.CANCELED))
 
 
 def raising(error: Exception) -> Any:
