@@ -426,11 +426,9 @@ class JobRunner:
             arguments = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
             retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *arguments))
         else:
-            state = _TERMINAL[ended.outcome]
-            about_it = {"results": ended.results, "step_s": ended.step_s, "made_by": ended.made_by}
-            retry.until_answered(
-                about, lambda: record.leases.finish(job.id, job.attempt, state, ended.error, **about_it)
-            )
+            finish = partial(record.leases.finish, job.id, job.attempt, _TERMINAL[ended.outcome], ended.error)
+            about_it = partial(finish, results=ended.results, step_s=ended.step_s, made_by=ended.made_by)
+            retry.until_answered(about, about_it)
 
     def _between(self) -> None:
         self.at.pulse.beat()
