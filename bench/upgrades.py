@@ -23,7 +23,9 @@ from tests.acceptance.cluster import ROOT, Cluster, running_redis
 from tests.acceptance.service import until
 from tests.servers import PostgresServer, free_port
 
-STEPS, LONG = 12, 60
+STEPS, LONG = 12, 1200
+"""Steps of a job, and of one that an old worker has not done before the new version has started."""
+_STEP_S = {"old": "0.1", "new": "0.001"}
 WORKER = ("-m", "tests.fake_worker", "--supervised")
 
 
@@ -36,7 +38,7 @@ class Versions(Cluster):
     def start(self, version: str, part: str) -> None:
         """Start the API or the worker of a version."""
         command = ("-m", "meshdeform", "api", "--port", str(self.ports[version])) if part == "api" else WORKER
-        environment = {"PYTHONPATH": str(self.trees[version]), "FAKE_STEP_S": "0.1"}
+        environment = {"PYTHONPATH": str(self.trees[version]), "FAKE_STEP_S": _STEP_S[version]}
         # Without the folder in which it is started, where this tree is.
         self._start(f"{version} {part}", [sys.executable, "-P", *command], environment)
         if part == "api":
