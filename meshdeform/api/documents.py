@@ -119,6 +119,13 @@ class JobEstimate(Document):
     run_s: float | None = Field(
         None, ge=0.0, description="Seconds from then until it finishes; null if unknown.", examples=[90.0]
     )
+    not_resumable_s: float | None = Field(
+        None,
+        ge=0.0,
+        description="Seconds of these before its first and after its last step, which begin anew when it is handed "
+        "over to another worker; null if unknown.",
+        examples=[4.5],
+    )
     basis: str = Field(description="Basis of the estimate.", examples=["20 jobs of this kind and model"])
     steps: int = Field(0, ge=0, description="Its steps; 0 of a change in plain words.", examples=[200])
 

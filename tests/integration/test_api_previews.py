@@ -6,8 +6,11 @@ import asyncio
 import base64
 import hashlib
 import json
+import random
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -289,6 +292,56 @@ def test_the_work_ends_when_the_caller_goes(two: tuple[Api, Api], monkeypatch: p
     until(lambda: holding.asked[0].stopped)
     holding.let.set()
     assert preview(ann).content == b"made"  # its slot is free
+
+
+def test_a_flood_of_many_owners_leaves_each_its_own_and_nothing_behind(
+    two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some close early, some send what is no mesh, some name the assets of others."""
+    ann, _ = two
+    app: AppState = _servers[0].state.app_state
+    monkeypatch.setattr(app.kept_assets, "_most_bytes", 10 * len(ASSET))
+    running, most = [0], [0]
+
+    def told(_: WarmProcesses, owner: str, task: dict[str, Any], __: float, asked: Asked) -> dict[str, Any]:
+        running[0] += 1
+        most[0] = max(most[0], running[0])
+        data = Path(task["files"]["asset"]["path"]).read_bytes()
+        Path(task["result"]).write_text(f"{owner} {hashlib.sha256(data).hexdigest()}")
+        until(lambda: asked.stopped or chance.random() < 0.3)
+        running[0] -= 1
+        if asked.stopped:
+            raise StoppedError
+        return {"ok": True, "found": None}
+
+    chance = random.Random(1)
+    monkeypatch.setattr(WarmProcesses, "ask", told)
+    assets = {f"owner{k}": build_glb(BALL.verts * (1 + k / 50), BALL.faces) for k in range(20)}
+    hashes = {owner: hashlib.sha256(asset).hexdigest() for owner, asset in assets.items()}
+
+    def attack(job: tuple[int, str]) -> None:
+        turn, owner = job
+        with httpx.Client(base_url=ann.url, timeout=30, headers={"x-owner": owner}) as http:
+            me, other = replace(ann, http=http), hashes[f"owner{(int(owner[5:]) + 1) % 20}"]
+            if turn == 0:  # closes early
+                http.timeout = 0.05
+                with suppress(httpx.TimeoutException):
+                    preview(me, assets[owner])
+            elif turn == 1:
+                assert 400 <= preview(me, assets[owner][: 100 + int(owner[5:])]).status_code < 500
+            elif turn == 2:
+                assert preview(me, None, asset={"sha256": other}).status_code in (404, 429)
+            elif (answer := preview(me, assets[owner])).status_code != 429:
+                assert answer.text == f"{owner} {hashes[owner]}"
+
+    with ThreadPoolExecutor(16) as threads:
+        list(threads.map(attack, [(turn, owner) for turn in range(5) for owner in assets]))
+    assert most[0] <= 2
+    kept = list((app.workspace.folder / "kept").iterdir())
+    assert sum(file.stat().st_size for file in kept) <= 10 * len(ASSET)
+    left = {path.name for path in app.workspace.folder.iterdir() if path.name.startswith("tmp")}
+    assert until(lambda: not left or not any((app.workspace.folder / name).exists() for name in left))
+    assert preview(replace(ann, http=ann.http), assets["owner1"]).text.startswith("ann ")
 
 
 def test_a_process_that_dies_or_takes_too_long_is_said_to(

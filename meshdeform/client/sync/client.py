@@ -454,9 +454,14 @@ class Client:
                 raise ValueError("The service already has this file: use the reference.")  # noqa: TRY004
             return uploaded(self._connection, source, checked_key(idempotency_key))
 
-    def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
-        """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
-        call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
+    def retry(self, job: JobLike, *, max_run_s: float | None = None, idempotency_key: str | None = None) -> JobView:
+        """Retry a job that did not succeed, as a new job that continues from its last checkpoint.
+
+        `max_run_s`: seconds for which the new job may run. Default: as for the old one.
+        """
+        headers = {"Idempotency-Key": checked_key(idempotency_key)}
+        document = None if max_run_s is None else {"max_run_s": max_run_s}
+        call = Call("POST", job_path(job, "retry"), headers=headers, document=document)
         return self._connection.document(JobView, call)
 
     def branch(
