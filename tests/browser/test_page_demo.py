@@ -98,7 +98,7 @@ def test_a_result_stands_in_another_page(visitor: Page) -> None:
     again(visitor, source="rigged.glb", result="taller.glb")
     clip.select_option("Wave")
     box = until_drawn(view)
-    visitor.get_by_label("Time", exact=True).fill("50")
+    visitor.get_by_label("Time", exact=True).fill("0.5")
     until("the box waves", lambda: difference(box, picture(view)) > 0.02)
     again(visitor, result="none.glb")
     expect(visitor.get_by_role("alert")).to_have_text("The result could not be loaded.")

@@ -1,6 +1,8 @@
 // @ts-check
 /** Two shapes side by side in 3D: cameras that move together, what differs as colours, and wireframe. */
+import { toast } from "./announce.js";
 import { button, h } from "./dom.js";
+import { saveBytes } from "./job/files.js";
 import { drawnPicture, segmented, showLegend, toggle } from "./job/stage-controls.js";
 import { clipPlayer, linkViews, ViewerBox } from "./viewer-box.js";
 
@@ -46,9 +48,14 @@ export class PairStage {
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": label },
       h("div", { class: "stage pair-stage" }, this.views.map(({ element }) => element), this.legend),
-      clipPlayer(this.scope, ...this.views),
+      clipPlayer(this.scope, this.views, { save: (file, ending) => saveBytes(file, this.turntableName(ending)), failed: (error) => toast(`No turntable. ${error instanceof Error ? error.message : ""}`) }),
       this.tools,
     );
+  }
+
+  /** What a turntable of the second view is saved as. @param {string} ending */
+  turntableName(ending) {
+    return `turntable.${ending}`;
   }
 
   /**

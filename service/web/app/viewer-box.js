@@ -134,11 +134,6 @@ export class ViewerBox {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     return this.viewer.snapshot({ width: 2 * width, height: 2 * height, background: getComputedStyle(this.canvas).backgroundColor });
   }
-
-  /** @returns {Promise<Blob>} One turn around what is shown, as a video. */
-  turntable() {
-    return this.viewer.turntable({ background: getComputedStyle(this.canvas).backgroundColor, signal: this.scope.signal });
-  }
 }
 
 /** @param {ViewerBox} a @param {ViewerBox} b */
@@ -149,15 +144,20 @@ export async function linkViews(a, b) {
   linkCameras(a.viewer, b.viewer);
 }
 
-/** What plays the clips of views, in step; hidden where there are none. @param {import("./scope.js").Scope} scope @param {...ViewerBox} views @returns {HTMLElement} */
-export function clipPlayer(scope, ...views) {
-  const element = h("div", { class: "clips", hidden: true });
+/**
+ * What plays the clips of views, in step, and saves turntables of the last of them (`viewer/clips.js`).
+ * @param {import("./scope.js").Scope} scope
+ * @param {ViewerBox[]} views
+ * @param {{save?: (file: Blob, ending: string) => void, failed?: (error: unknown) => void}} [options]
+ * @returns {HTMLElement}
+ */
+export function clipPlayer(scope, views, options) {
+  const element = h("div", { class: "moving" });
   Promise.all(views.map(({ ready }) => ready)).then(async () => {
     const viewers = views.flatMap(({ viewer }) => viewer ?? []);
     if (!viewers.length || scope.over) return;
-    const { ClipPlayer } = await viewerModule();
-    const player = new ClipPlayer(element, viewers);
-    scope.add(() => player.dispose());
+    const { mountClips } = await viewerModule();
+    if (!scope.over) scope.add(mountClips(element, viewers, options).dispose);
   });
   return element;
 }

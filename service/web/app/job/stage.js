@@ -1,6 +1,5 @@
 // @ts-check
 /** Before and after of a job in 3D: the shapes on the way, morphing, heat maps, wireframe, and files of what is shown. */
-import { announce } from "../announce.js";
 import { client, isAbort, isOffline, MeshdeformError } from "../client.js";
 import { formatOf } from "../assets.js";
 import { button, fill, h } from "../dom.js";
@@ -51,8 +50,7 @@ export class JobStage extends PairStage {
     this.colours.hidden = false;
     this.save = button("Download this shape", () => this._download(), { icon: "download" });
     this.picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
-    this.turntable = button("Save turntable", () => this._turntable(), { icon: "turn", class: "button-quiet" });
-    this.keep = h("div", { class: "row stage-keep", hidden: true }, this.save, this.picture, this.turntable);
+    this.keep = h("div", { class: "row stage-keep", hidden: true }, this.save, this.picture);
     this.element.append(this.step.row, this.morph.row, this.keep);
     // Until its own shape is there, the source must not pass for it.
     if (job.state === "succeeded" || job.origin?.step) this.after.say("Loading the shape…", "", "", true);
@@ -264,16 +262,9 @@ export class JobStage extends PairStage {
     return orToast("No picture", async () => saveBytes(await this.after.picture(), shapeName(this.job, shape?.name ?? "", this._share(), "png")));
   }
 
-  /** Save a video that goes around the second view's shape once. */
-  async _turntable() {
+  /** @param {string} ending */
+  turntableName(ending) {
     const shape = this.shapes.find(({ path }) => path === this.shown);
-    const name = ["turntable", shape?.name].filter(Boolean).join("-");
-    this.turntable.disabled = true;
-    announce("Making the turntable");
-    await orToast("No turntable", async () => {
-      const video = await this.after.turntable();
-      saveBytes(video, shapeName(this.job, name, this._share(), video.type.includes("mp4") ? "mp4" : "webm"));
-    });
-    this.turntable.disabled = false;
+    return shapeName(this.job, ["turntable", shape?.name].filter(Boolean).join("-"), this._share(), ending);
   }
 }
