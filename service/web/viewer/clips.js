@@ -47,7 +47,7 @@ class Turntable {
     this.said.setAttribute("role", "status");
     const kinds = movingKinds();
     this.buttons = kinds.map((kind) => {
-      const button = Object.assign(document.createElement("button"), { type: "button", className: "button button-quiet", textContent: kind === "gif" ? "GIF" : kind === "mp4" ? "MP4" : "WebM" });
+      const button = Object.assign(document.createElement("button"), { type: "button", className: "chip chip-small", textContent: kind === "gif" ? "GIF" : kind === "mp4" ? "MP4" : "WebM" });
       button.setAttribute("aria-label", `Save a turntable as ${button.textContent}`);
       button.addEventListener("click", () => this.#record(kind, save, failed));
       return button;
