@@ -1,6 +1,6 @@
 """Make the samples of the web page, so that none of its views opens empty: ``python -m bench.page_samples``.
 
-Writes to service/web/examples: an animal that walks, a car, an armchair, a bottle and a robot; a collection for a family;
+Writes to service/web/examples: an animal that walks, a car, a teapot, a robot and a horse; a collection for a family;
 a mesh for a word of one's own; a drawing; and copies a field of examples/. All are made by formula, and CC0.
 """
 
@@ -24,7 +24,6 @@ from meshdeform.assets import Limits, build_glb
 from meshdeform.assets.container import Json, dump_json, glb_layout, pack_glb, parse_json
 from meshdeform.kinds.sketch.families import FAMILIES as DRAWN
 from meshdeform.nouns.labels import LabelledMember, labelled_member
-from meshdeform.vocabulary.solids import PART_NAMES
 from training.evaluation.relaxed import capsule, relaxed_surface, smooth_union
 from training.evaluation.sources import quadruped
 from training.sketch.lines import View, joined, visible_lines
@@ -34,9 +33,18 @@ FOLDER = ROOT / "service" / "web" / "examples"
 CHAIRS, DRAWING_SIDE = 12, 320
 LEAVES, GOLDEN_ANGLE = 22, 2.39996
 WALKER_CELLS, STRIDE_DEG, NOD_DEG, WALK_S = 11, 24.0, 14.0, 1.2
-PALETTE = ((0.62, 0.23, 0.12), (0.82, 0.62, 0.33), (0.12, 0.24, 0.34), (0.55, 0.58, 0.6), (0.2, 0.36, 0.22), (0.7, 0.66, 0.58))
+PALETTE = np.array(
+    [
+        [0.62, 0.23, 0.12],
+        [0.82, 0.62, 0.33],
+        [0.12, 0.24, 0.34],
+        [0.55, 0.58, 0.6],
+        [0.2, 0.36, 0.22],
+        [0.7, 0.66, 0.58],
+    ]
+)
 """Linear colours of the parts of a member, in turn."""
-MEMBERS = {"car": 3, "armchair": 1, "bottle": 2, "robot": 4}
+MEMBERS = {"car": 3, "teapot": 1, "robot": 4, "horse": 1}
 """Nouns, and the seeds of the members that are drawn."""
 
 Floats = NDArray[np.float64]
@@ -50,9 +58,7 @@ def member(noun: str, seed: int) -> bytes:
     # A vertex that parts share is there once for each: each keeps its colour.
     pairs, faces = np.unique(np.stack([corners, numbers], 1), axis=0, return_inverse=True)
     verts, faces = drawn.verts[pairs[:, 0]], faces.reshape(-1, 3)
-    order = {number: k for k, number in enumerate(np.unique(drawn.labels))}
-    colors = np.array([PALETTE[order[number] % len(PALETTE)] for number in pairs[:, 1]])
-    assert len(PART_NAMES) > max(order)
+    colors = PALETTE[np.searchsorted(np.unique(drawn.labels), pairs[:, 1]) % len(PALETTE)]
     return build_glb(verts, faces, normals=_normals(verts, faces), colors=colors, name=noun)
 
 
@@ -64,7 +70,8 @@ def walker() -> bytes:
     layout = glb_layout(data, Limits())
     assert layout.binary is not None
     rig = _Rig(parse_json(data[layout.json], Limits()), bytearray(data[layout.binary]))
-    legs = {f"{end} leg {side}": (0.1 * x, -0.12, 0.2 * z) for end, z in (("Front", 1), ("Hind", -1)) for side, x in (("left", 1), ("right", -1))}
+    ends, sides = (("Front", 0.2), ("Hind", -0.2)), (("left", 0.1), ("right", -0.1))
+    legs = {f"{end} leg {side}": (x, -0.12, z) for end, z in ends for side, x in sides}
     places = {"Body": (0.0, 0.0, 0.0), **legs, "Head": (0.0, 0.2, 0.36)}
     rig.skin(places, _weights(verts, np.array([*places.values()])))
     turn = np.deg2rad(STRIDE_DEG)
@@ -78,7 +85,7 @@ def walker() -> bytes:
 
 
 def _weights(verts: Floats, joints: Floats) -> Floats:
-    """Return how much each vertex (V,) follows body, legs and head, (V, 6): a leg below its hip, the head before the neck."""
+    """Return how much a vertex follows body, legs and head, (V, 6): a leg below its hip, the head before the neck."""
     shares = np.zeros((len(verts), len(joints)))
     below = np.clip((joints[1, 1] - verts[:, 1]) / 0.16, 0, 1)
     sides = np.abs(verts[:, None, ::2] - joints[None, 1:5, ::2] * [1.6, 1.7])
@@ -101,7 +108,8 @@ class _Rig:
         views.append({"buffer": 0, "byteOffset": len(self.body), "byteLength": data.nbytes})
         self.body += data.tobytes()
         self.content["buffers"][0]["byteLength"] = len(self.body)
-        accessors.append({"bufferView": len(views) - 1, "componentType": code, "count": len(data), "type": kind, **more})
+        about = {"bufferView": len(views) - 1, "componentType": code, "count": len(data), "type": kind}
+        accessors.append({**about, **more})
         return len(accessors) - 1
 
     def skin(self, places: dict[str, tuple[float, float, float]], shares: Floats) -> None:
@@ -118,9 +126,8 @@ class _Rig:
         attributes["WEIGHTS_0"] = self.accessor(weights / weights.sum(1, keepdims=True), "VEC4", 5126)
         binds = np.tile(np.eye(4, dtype=np.float32), (len(places), 1, 1))
         binds[:, 3, :3] = -np.array([*places.values()])  # columns first
-        self.content["skins"] = [
-            {"joints": [*self.joints.values()], "inverseBindMatrices": self.accessor(binds.reshape(-1, 16), "MAT4", 5126)}
-        ]
+        bound = self.accessor(binds.reshape(-1, 16), "MAT4", 5126)
+        self.content["skins"] = [{"joints": [*self.joints.values()], "inverseBindMatrices": bound}]
         next(node for node in nodes if "mesh" in node)["skin"] = 0
 
     def clip(self, name: str, turns: dict[str, tuple[int, list[float]]]) -> None:
@@ -160,7 +167,8 @@ def dragonfruit() -> bytes:
     far = np.linalg.norm(mesh.verts * [1, 0.75, 1], axis=1)
     green = np.clip((far - 0.5) / 0.16, 0, 1)[:, None]
     colors = (1 - green) * np.array([0.62, 0.04, 0.19]) + green * np.array([0.26, 0.42, 0.08])
-    return build_glb(mesh.verts, mesh.faces, normals=_normals(mesh.verts, mesh.faces), colors=colors, name="Dragonfruit")
+    normals = _normals(mesh.verts, mesh.faces)
+    return build_glb(mesh.verts, mesh.faces, normals=normals, colors=colors, name="Dragonfruit")
 
 
 def drawing() -> bytes:

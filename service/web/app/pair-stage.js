@@ -1,10 +1,8 @@
 // @ts-check
 /** Two shapes side by side in 3D: cameras that move together, what differs as colours, and wireframe. */
-import { toast } from "./announce.js";
 import { button, h } from "./dom.js";
-import { saveBytes } from "./job/files.js";
 import { drawnPicture, segmented, showLegend, toggle } from "./job/stage-controls.js";
-import { clipPlayer, linkViews, ViewerBox } from "./viewer-box.js";
+import { linkViews, movingControls, ViewerBox } from "./viewer-box.js";
 
 /** @typedef {"none" | "displacement" | "stretch" | "texture"} Colour */
 
@@ -48,7 +46,7 @@ export class PairStage {
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": label },
       h("div", { class: "stage pair-stage" }, this.views.map(({ element }) => element), this.legend),
-      clipPlayer(this.scope, this.views, { save: (file, ending) => saveBytes(file, this.turntableName(ending)), failed: (error) => toast(`No turntable. ${error instanceof Error ? error.message : ""}`) }),
+      movingControls(this.scope, this.views, (ending) => this.turntableName(ending)),
       this.tools,
     );
   }

@@ -6,8 +6,10 @@
  * @typedef {{min: number, max: number, p99: number, unit: string, label: string, gradient: string,
  *   ticks: {text: string, at: number}[], problem: string}} Scale
  */
+import { toast } from "./announce.js";
 import { isAbort } from "./client.js";
 import { fill, h, icon } from "./dom.js";
+import { saveBytes } from "./job/files.js";
 
 /** @type {Promise<any> | null} */
 let module_ = null;
@@ -134,6 +136,11 @@ export class ViewerBox {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     return this.viewer.snapshot({ width: 2 * width, height: 2 * height, background: getComputedStyle(this.canvas).backgroundColor });
   }
+
+  /** @returns {Promise<Blob>} One turn around what is shown, as a video, or a GIF where none is recorded. */
+  turntable() {
+    return this.viewer.turntable({ background: getComputedStyle(this.canvas).backgroundColor, signal: this.scope.signal });
+  }
 }
 
 /** @param {ViewerBox} a @param {ViewerBox} b */
@@ -144,15 +151,24 @@ export async function linkViews(a, b) {
   linkCameras(a.viewer, b.viewer);
 }
 
+/** What plays the clips of views, in step; hidden where there are none. @param {import("./scope.js").Scope} scope @param {...ViewerBox} views @returns {HTMLElement} */
+export function clipPlayer(scope, ...views) {
+  return movingControls(scope, views);
+}
+
 /**
  * What plays the clips of views, in step, and saves turntables of the last of them (`viewer/clips.js`).
  * @param {import("./scope.js").Scope} scope
  * @param {ViewerBox[]} views
- * @param {{save?: (file: Blob, ending: string) => void, failed?: (error: unknown) => void}} [options]
+ * @param {(ending: string) => string} [named] What a turntable is saved as; without it there is none.
  * @returns {HTMLElement}
  */
-export function clipPlayer(scope, views, options) {
+export function movingControls(scope, views, named) {
   const element = h("div", { class: "moving" });
+  const options = named && {
+    save: (/** @type {Blob} */ file, /** @type {string} */ ending) => saveBytes(file, named(ending)),
+    failed: (/** @type {unknown} */ error) => toast(`No turntable. ${error instanceof Error ? error.message : ""}`),
+  };
   Promise.all(views.map(({ ready }) => ready)).then(async () => {
     const viewers = views.flatMap(({ viewer }) => viewer ?? []);
     if (!viewers.length || scope.over) return;

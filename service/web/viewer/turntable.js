@@ -7,7 +7,7 @@ import { paint } from "./snapshot.js";
 /** @typedef {"gif" | "webm" | "mp4"} Moving */
 /**
  * @typedef {object} TurntableOptions
- * @property {Moving} [kind]
+ * @property {Moving} [kind] without it a video, where the browser records one
  * @property {string} [background] a CSS colour
  * @property {AbortSignal} [signal]
  * @property {(seconds: number) => void} [moment] poses the asset, before each picture
@@ -37,7 +37,7 @@ export function movingKinds() {
  * @returns {Promise<Blob>}
  * @throws {Error} this browser does not record the kind
  */
-export async function drawTurntable(renderer, stage, box, direction, { kind = "gif", background = "white", signal, moment, progress } = {}) {
+export async function drawTurntable(renderer, stage, box, direction, { kind = movingKinds().at(-1), background = "white", signal, moment, progress } = {}) {
   const camera = makeCamera();
   const around = cylinder(box);
   const way = direction.clone().normalize();
@@ -86,9 +86,9 @@ async function gifOf(canvas) {
   };
 }
 
-/** @param {HTMLCanvasElement} canvas @param {Moving} kind @returns {Promise<Take>} */
+/** @param {HTMLCanvasElement} canvas @param {Moving} [kind] @returns {Promise<Take>} */
 async function videoOf(canvas, kind) {
-  if (!movingKinds().includes(kind)) throw new Error("This browser records no video. Save a GIF.");
+  if (!kind || !movingKinds().includes(kind)) throw new Error("This browser records no video. Save a GIF.");
   const recorder = new MediaRecorder(canvas.captureStream(), { mimeType: `video/${kind}`, videoBitsPerSecond: BITS_PER_SECOND });
   /** @type {Blob[]} */
   const parts = [];

@@ -151,7 +151,8 @@ def test_clips_are_driven_by_keys_and_a_turntable_is_saved_while_one_plays(
             window.moving = mountClips(host, viewers, { save: (...file) => resolve(file), failed: reject });
           });
           const { player } = window.moving;
-          const press = (element, key) => element.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
+          const event = (key) => new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true });
+          const press = (element, key) => element.dispatchEvent(event(key));
           const now = () => [player.choice.value, Number(player.slider.value), player.button.title];
           const { container } = viewers[0].surface;
           const moments = [now()];
@@ -166,7 +167,8 @@ def test_clips_are_driven_by_keys_and_a_turntable_is_saved_while_one_plays(
           window.moving.dispose();
           press(container, " ");
           const gif = Array.from(new Uint8Array(await file.arrayBuffer()));
-          return { moments, names: buttons.map((button) => button.textContent), text, ending, gif, left: host.childElementCount };
+          const names = buttons.map((button) => button.textContent);
+          return { moments, names, text, ending, gif, left: host.childElementCount };
         }"""
     )
     frame = pytest.approx(1 / 30)

@@ -67,7 +67,7 @@ export class AssetPanel {
       "section",
       { class: "asset-panel", "aria-label": "Asset" },
       this.stage,
-      clipPlayer(this.scope, [this.box]),
+      clipPlayer(this.scope, this.box),
       this.below,
       this.problem,
       h(

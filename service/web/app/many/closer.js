@@ -1,10 +1,8 @@
 // @ts-check
 /** One file of many, large: before and after beside each other, turned and played in step. */
-import { toast } from "../announce.js";
 import { h } from "../dom.js";
-import { saveBytes } from "../job/files.js";
 import { Scope } from "../scope.js";
-import { clipPlayer, linkViews, ViewerBox } from "../viewer-box.js";
+import { linkViews, movingControls, ViewerBox } from "../viewer-box.js";
 
 /** @param {string} name @param {import("../assets.js").Asset} asset @param {Blob | null} result @param {Scope} scope Of the view that goes with it. */
 export function lookCloser(name, asset, result, scope) {
@@ -12,10 +10,7 @@ export function lookCloser(name, asset, result, scope) {
   scope.add(() => own.dispose());
   const views = ["Before", "After"].slice(0, result ? 2 : 1).map((tag) => new ViewerBox(tag, own));
   const stem = name.replace(/^.*\//, "").replace(/\.[^.]*$/, "");
-  const moving = clipPlayer(own, views, {
-    save: (file, ending) => saveBytes(file, `${stem}-turntable.${ending}`),
-    failed: (error) => toast(`No turntable. ${error instanceof Error ? error.message : ""}`),
-  });
+  const moving = movingControls(own, views, (ending) => `${stem}-turntable.${ending}`);
   const close = h("button", { type: "button", class: "button button-primary", on: { click: () => dialog.close() } }, "Close");
   const stage = h("div", { class: result ? "stage many-stage" : "stage many-stage many-alone" }, views.map(({ element }) => element));
   const dialog = h("dialog", { class: "dialog many-dialog", "aria-labelledby": "closer-title" }, h("div", { class: "dialog-body" }, h("h2", { id: "closer-title" }, name), stage, moving, h("div", { class: "dialog-actions" }, close)));
