@@ -17,6 +17,11 @@ test("a file is read, then changed by each sentence in turn", () => {
   assert.deepEqual([item.state("taller"), item.next("taller"), item.has("taller")], ["waiting", "change", false]);
 });
 
+test("a sample is not read before something is to be changed", () => {
+  const item = new Item("dog.glb", {}, true);
+  assert.deepEqual([item.state(""), item.next(""), item.next("wider")], ["read", "", "read"]);
+});
+
 test("a refusal is that of its sentence, one of the reading is that of all", () => {
   const item = new Item("dog.glb", {});
   item.reading = READ;

@@ -13,8 +13,9 @@ import { withArticle } from "../vocabulary.js";
 const WORDS = /** @type {Record<string, string>} */ ({ ...STATE_WORDS, waiting: "Waiting", reading: "Reading…", changing: "Changing…", changed: "Ready to keep", refused: "Not possible", sending: "Sending…", succeeded: "Kept" });
 
 export class Item {
-  /** @param {string} path Where the file lay. @param {import("../assets.js").Asset | null} asset Null: its job has it. */
-  constructor(path, asset) {
+  /** @param {string} path Where the file lay. @param {import("../assets.js").Asset | null} asset Null: its job has it. @param {boolean} [sample] It is one of ours: read when there is something to change. */
+  constructor(path, asset, sample = false) {
+    this.sample = sample;
     this.path = path;
     this.asset = asset;
     /** @type {any} As `POST /v1/jobs:parts` has it. */
@@ -60,14 +61,14 @@ export class Item {
     if (this.why && (this.why.sentence === null || this.why.sentence === sentence)) return "refused";
     if (sentence && this.has(sentence)) return "changed";
     if (sentence) return "waiting";
-    return this.reading ? "read" : "waiting";
+    return this.reading || this.sample ? "read" : "waiting";
   }
 
   /** What is to be done next without being asked. @param {string} sentence @returns {"" | "look" | "read" | "change"} */
   next(sentence) {
     if (this.doing || this.state(sentence) === "refused") return "";
     if (this.keeps(sentence)) return this.unseen && isTerminal(this.job.state) ? "look" : "";
-    if (!this.reading) return "read";
+    if (!this.reading) return sentence || !this.sample ? "read" : "";
     return sentence && !this.has(sentence) ? "change" : "";
   }
 
@@ -96,7 +97,7 @@ export function tally(items, sentence) {
   /** @type {Map<string, number>} */
   const counts = new Map();
   for (const item of items) {
-    const words = item.state(sentence) === "read" ? "read" : item.words(sentence).replace("…", "").toLowerCase();
+    const words = item.state(sentence) === "read" ? (item.sample ? "a sample" : "read") : item.words(sentence).replace("…", "").toLowerCase();
     counts.set(words, (counts.get(words) ?? 0) + 1);
   }
   return [...counts].map(([words, number]) => `${number} ${words}`).join(", ");

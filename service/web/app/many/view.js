@@ -78,7 +78,7 @@ export class ManyView {
       const assets = await Promise.all(SAMPLES.map(({ name }) => exampleAsset(name, this.scope.signal)));
       if (this.scope.over || this.items.length) return;
       this.sample = true;
-      this._hang(assets.map((asset) => new Item(asset.name, asset)));
+      this._hang(assets.map((asset) => new Item(asset.name, asset, true)));
       fill(this.left, "Samples, which your files take the place of.");
     } catch (error) {
       if (!isAbort(error) && !this.scope.over) fill(this.problem, problemBox(error));
