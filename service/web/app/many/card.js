@@ -23,7 +23,7 @@ export class ManyCard {
       return { image, place };
     });
     const name = item.path;
-    this.look = h("button", { type: "button", class: "many-look", "aria-label": `Look closer at ${name}`, on: { click: () => does.look(item) } }, this.views.map(({ place }) => place));
+    this.look = h("button", { type: "button", class: "many-look", "aria-label": `Look closer at ${name}`, on: { click: () => does.look(item) } });
     this.noun = h("p", { class: "small muted" });
     this.state = h("span", { class: "badge" });
     this.bar = h("progress", { max: 1, "aria-label": `Progress of ${name}`, hidden: true });
@@ -34,7 +34,7 @@ export class ManyCard {
     this.element = h(
       "li",
       { class: "card many-card" },
-      this.look,
+      h("div", { class: "many-pair" }, this.views.map(({ place }) => place), this.look),
       h("div", { class: "card-text" }, h("h2", null, name), this.noun, h("div", { class: "row card-meta" }, this.state, this.bar), this.why, h("div", { class: "row" }, this.again, this.link)),
       remove,
     );
