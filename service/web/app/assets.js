@@ -3,7 +3,7 @@
 import { client, MeshdeformError } from "./client.js";
 
 // Smaller files go along with each request; larger ones are uploaded once and then named.
-const SMALL_BYTES = 1 << 20;
+const SMALL_BYTES = 64 << 10;
 // Without TLS, except on this machine, browsers have no SHA-256; and a bucket is another host.
 const NO_UPLOAD = ["checksum_unavailable", "upload_elsewhere"];
 export const FORMATS = ["glb", "obj", "ply", "stl", "zip"];
