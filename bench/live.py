@@ -51,11 +51,11 @@ def asset_of(faces: int) -> bytes:
 
 
 @contextmanager
-def service(folder: Path) -> Iterator[str]:
-    """Run a service with one worker, and return its address."""
+def service(folder: Path, **more: str) -> Iterator[str]:
+    """Run a service with one worker, and return its address; `more`: of its environment."""
     url = f"http://127.0.0.1:{free_port()}"
     command = [sys.executable, "-m", "meshdeform", "serve", "--port", url.rpartition(":")[2], "--data-dir", str(folder)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", **more}
     with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             until = time.monotonic() + READY_S
