@@ -59,7 +59,9 @@ class Load:
         """Ask for previews, so many seconds apart in the mean, until a time."""
         async with self.client(key) as http:
             sent = {"asset": ("animal.glb", self._asset), "request": (None, json.dumps({"prompt": "longer legs"}))}
-            (await http.post("/v1/jobs:preview", files=sent)).raise_for_status()
+            while (answer := await http.post("/v1/jobs:preview", files=sent)).status_code in (429, 503):
+                await asyncio.sleep(every_s)  # whoever else reads the asset for the first time
+            answer.raise_for_status()
             while time.monotonic() < until:
                 await asyncio.sleep(every_s * random.uniform(0.5, 1.5))
                 begun = time.perf_counter()
