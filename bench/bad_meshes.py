@@ -17,21 +17,22 @@ import traceback
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.input_meshes import BAD, Input
 from bench.inputs import glb
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.geometry.junctions import opened
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.geometry.weld import weld
+from meshdeform.geometry.weld import WeldedMesh, weld
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import surface_fit, text_deform
 from meshdeform.runs.base import job_input
 
-__all__ = ["WAYS", "problems"]
+__all__ = ["WAYS", "problems", "torn"]
 
+_Floats = NDArray[np.float64]
 _APART = 1e-6
 """Distance, as a share of the diagonal, from which vertices at one place have come apart."""
 _FIT = {"steps": 20}
@@ -84,17 +85,18 @@ def problems(made: Input, way: str) -> list[str]:
         return ["other faces"]
     welded = weld(old.positions, old.triangles)
     mesh, after = welded.mesh, welded.gather(new.positions)
-    found = _opened(old.positions, new.positions, welded.vertex_map, mesh, after)
+    found = torn(old.positions, new.positions, welded, after.verts)
     flipped = measure(mesh.verts, mesh.faces, after.verts).flipped_faces
     return [*found, *([f"{flipped} faces flipped"] if flipped else [])]
 
 
-def _opened(old: np.ndarray, new: np.ndarray, places: np.ndarray, mesh: TriangleMesh, after: TriangleMesh) -> list[str]:
-    """Return what has come apart."""
+def torn(old: _Floats, new: _Floats, welded: WeldedMesh, verts: _Floats) -> list[str]:
+    """Return what has come apart: of vertices (N, 3) before and after, which are welded to others (V, 3)."""
+    rest, used = welded.mesh, welded.vertex_map >= 0
     diagonal = float(np.linalg.norm(np.ptp(new, axis=0)))
-    beside = (new - old)[places >= 0] - (after.verts - mesh.verts)[places[places >= 0]]
+    beside = (new - old)[used] - (verts - rest.verts)[welded.vertex_map[used]]
     apart = int((np.linalg.norm(beside, axis=1) > _APART * diagonal).sum())
-    junctions = opened(mesh.verts, mesh.faces, after.verts) or 0
+    junctions = opened(rest.verts, rest.faces, verts) or 0
     named = ((apart, "vertices came apart"), (junctions, "T-junctions opened"))
     return [f"{count} {what}" for count, what in named if count]
 
