@@ -44,10 +44,10 @@ def along_slivers(rest: _Floats, faces: NDArray[np.int64], moved: _Floats) -> _F
     weights[known] = _weights(rest[a[known]], rest[b[known]], rest[far[known]], rest[tip[known]])
     usable = known & (weights[:, :2] >= 0.0).all(1) & (np.abs(weights[:, 2]) < _BESIDE)
     usable &= ~np.isin(np.stack([a, b, np.maximum(far, 0)], 1), tip[usable]).any(1)
-    a, b, tip, far, weights = (each[usable] for each in (a, b, tip, far, weights))
+    a, b, tip, far = (each[usable] for each in (a, b, tip, far))
     shift = moved - rest
     placed = moved.copy()
-    placed[tip] = rest[tip] + np.einsum("nk,nki->ni", weights, np.stack([shift[a], shift[b], shift[far]], 1))
+    placed[tip] = rest[tip] + np.einsum("nk,nki->ni", weights[usable], np.stack([shift[a], shift[b], shift[far]], 1))
     return placed
 
 
