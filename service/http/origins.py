@@ -28,6 +28,7 @@ EXPOSED = (
     "Idempotency-Replayed",
     "Location",
     "Meshdeform-Asset",
+    "Meshdeform-Draft",
     "Preference-Applied",
     "RateLimit",
     "RateLimit-Policy",
