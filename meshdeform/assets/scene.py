@@ -164,10 +164,9 @@ class Scene:
         """Count what no other format gets."""
         root, lost = self.root, self.lost
         lost["cameras"] += sum("camera" in node for node in objects(root, "nodes"))
-        lights = root.get("extensions", {}).get("KHR_lights_punctual", {})
-        lost["lights"] += len(lights.get("lights", [])) if isinstance(lights, dict) else 0
-        if "KHR_materials_variants" in root.get("extensions", {}):
-            lost["variants of materials"] += 1
+        known = root.get("extensions")
+        for name, what in (("KHR_lights_punctual", "lights"), ("KHR_materials_variants", "variants of materials")):
+            lost[what] += isinstance(known, dict) and name in known
         for mesh in {instance.mesh for instance in instances_of(root)}:
             for primitive in root["meshes"][mesh].get("primitives", []):
                 if primitive.get("mode", TRIANGLES) in _LOOSE:
