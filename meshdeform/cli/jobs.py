@@ -519,7 +519,7 @@ def retry(job_id: JobIdArgument, *, place: Place, printed: Printed) -> None:
 
 
 @clean_errors
-@with_options(of_kind("text_deform"))
+@with_options(of_kind("text_deform"), usual="--step --seed --preset --guidance --set --url")
 def branch(
     ctx: typer.Context,
     job_id: JobIdArgument,

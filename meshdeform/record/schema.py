@@ -379,6 +379,20 @@ tallies = sa.Table(
     sa.Column("value", sa.Double, nullable=False),
 )
 
+# What owners have used, by the month in UTC: "2026-11". Jobs that are deleted stay counted.
+usage = sa.Table(
+    "usage",
+    metadata,
+    sa.Column("owner_id", sa.String(64), primary_key=True),
+    sa.Column("month", sa.String(7), primary_key=True),
+    # Jobs that ended, in whichever state.
+    sa.Column("jobs", sa.BigInteger, nullable=False),
+    # For which workers had their jobs, all attempts together.
+    sa.Column("seconds", sa.Double, nullable=False),
+    # Of their artifacts.
+    sa.Column("bytes", sa.BigInteger, nullable=False),
+)
+
 # Keys shared by all API processes, such as the one for signed URLs.
 secrets = sa.Table(
     "secrets",

@@ -184,14 +184,9 @@ def _disposition(name: str) -> str:
     return short if plain == name else f"{short}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
 
 
-def download(
-    request: Request, app: AppState, file: Download, conditions: Conditions, *, signed: bool = False
-) -> Response:
-    """Return the answer to a request, by a verified URL if `signed`, for stored bytes: all of them, a range, or 304."""
+def download(request: Request, app: AppState, file: Download, conditions: Conditions) -> Response:
+    """Return the answer to a request for stored bytes: all of them, a range, or 304."""
     headers = file.headers
-    if signed:
-        # Anyone who has the URL may read the file, so pages of other origins may too: web viewers fetch models.
-        headers["Access-Control-Allow-Origin"] = "*"
     if matches(conditions.if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     part = requested_range(conditions.range, conditions.if_range, headers["ETag"], file.size)

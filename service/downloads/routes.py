@@ -200,7 +200,7 @@ def get_artifact(
     saved_as = _file_name(app.record.get(id, reader.owner_id), artifact)
     told = tuple(artifact.warnings or ())
     file = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256, told)
-    return download(request, app, file, conditions, signed=reader.owner_id is None and not reader.link)
+    return download(request, app, file, conditions)
 
 
 @artifacts.post(

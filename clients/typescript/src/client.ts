@@ -3,7 +3,7 @@ import { events, type WatchOptions } from "./events.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Parts, type PreviewRequest, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation, type Word,
+  type JobState, type Limits, type Models, type Parts, type PreviewRequest, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type UsageMonth, type Validation, type Word,
   type WordDetail, type WordRequest,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
@@ -324,6 +324,11 @@ export class Client {
   /** Delete a word. Jobs that have it keep it. */
   async deleteWord(noun: string, signal?: AbortSignal): Promise<void> {
     await this.#transport.request(wordPath(noun), { method: "DELETE", signal });
+  }
+
+  /** Return what your jobs have used in each month, newest first. */
+  async usage(signal?: AbortSignal): Promise<UsageMonth[]> {
+    return (await this.#transport.json<{ months: UsageMonth[] }>("v1/usage", { signal })).months;
   }
 
   async models(signal?: AbortSignal): Promise<Models> {

@@ -23,6 +23,8 @@ from meshdeform.api.documents import (
     ModelList,
     SketchGuesses,
     UploadView,
+    UsageList,
+    UsageMonth,
     WordDetail,
     WordList,
     WordView,
@@ -692,6 +694,10 @@ class AsyncClient:
     async def limits(self) -> LimitList:
         """Return the service's limits on requests."""
         return await self._connection.document(LimitList, Call("GET", "/v1/limits"))
+
+    async def usage(self) -> list[UsageMonth]:
+        """Return what your jobs have used in each month, newest first."""
+        return (await self._connection.document(UsageList, Call("GET", "/v1/usage"))).months
 
     async def models(self) -> ModelList:
         """Return the models that jobs may use."""

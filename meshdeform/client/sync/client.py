@@ -24,6 +24,8 @@ from meshdeform.api.documents import (
     ModelList,
     SketchGuesses,
     UploadView,
+    UsageList,
+    UsageMonth,
     WordDetail,
     WordList,
     WordView,
@@ -692,6 +694,10 @@ class Client:
     def limits(self) -> LimitList:
         """Return the service's limits on requests."""
         return self._connection.document(LimitList, Call("GET", "/v1/limits"))
+
+    def usage(self) -> list[UsageMonth]:
+        """Return what your jobs have used in each month, newest first."""
+        return (self._connection.document(UsageList, Call("GET", "/v1/usage"))).months
 
     def models(self) -> ModelList:
         """Return the models that jobs may use."""

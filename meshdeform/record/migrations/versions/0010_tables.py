@@ -11,7 +11,7 @@ revision = "0010"
 down_revision = None
 
 _ID = sa.String(64).with_variant(sa.String(64, collation="C"), "postgresql")
-_LATER = frozenset({"words"})
+_LATER = frozenset({"words", "usage"})
 _log = logging.getLogger("meshdeform.record.migrations")
 _REFUSED = frozenset({"42501", "58P01", "0A000", "42704"})
 """PostgreSQL's codes where this user may not create the extension, or the server lacks it or has it out of reach."""
