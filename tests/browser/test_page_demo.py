@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import parse_qs, urljoin
 
 import pytest
 
@@ -100,5 +101,21 @@ def test_a_result_stands_in_another_page(visitor: Page) -> None:
     box = until_drawn(view)
     visitor.get_by_label("Time", exact=True).fill("50")
     until("the box waves", lambda: difference(box, picture(view)) > 0.02)
+    room = visitor.get_by_role("link", name="View in your room")
+    expect(room).to_have_count(0)  # no device for it
+    visitor.evaluate("Object.defineProperty(navigator, 'userAgent', { value: 'Linux; Android 16' })")
+    again(visitor, usdz="taller.usdz", label="A box & its wave")
+    scheme, _, address = str(room.get_attribute("href")).partition("?")
+    assert scheme == "intent://arvr.google.com/scene-viewer/1.0"
+    asked = parse_qs(address.partition("#")[0])
+    assert asked == {
+        "file": [urljoin(visitor.url, "taller.glb")],
+        "mode": ["ar_preferred"],
+        "title": ["A box & its wave"],
+    }
+    visitor.evaluate("DOMTokenList.prototype.supports = (token) => token === 'ar'")
+    again(visitor)
+    assert (room.get_attribute("rel"), room.get_attribute("href")) == ("ar", "taller.usdz")
+    assert room.evaluate("(link) => [...link.childNodes].map((node) => node.nodeName).join()") == "IMG"
     again(visitor, result="none.glb")
     expect(visitor.get_by_role("alert")).to_have_text("The result could not be loaded.")
