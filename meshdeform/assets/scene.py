@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -104,7 +104,7 @@ class Scene:
                 matrix = worlds[instance.node] @ copy
                 if is_invertible(matrix):
                     for piece in pieces:
-                        yield _placed(piece, matrix, (instance.node, number))
+                        yield replace(moved(piece, matrix), place=(instance.node, number))
 
     def pieces(self, instance: Instance) -> Iterator[Piece]:
         """Yield the triangles of a node's mesh in the space of the mesh."""
@@ -184,29 +184,21 @@ class Scene:
         ]
 
 
-def _placed(piece: Piece, matrix: Matrix, place: tuple[int, int]) -> Piece:
+def moved(piece: Piece, matrix: Matrix) -> Piece:
+    """Return a piece under a matrix (4, 4) that can be inverted. AssetNotFiniteError: a position is not finite then."""
+    if np.array_equal(matrix, np.eye(4)):
+        return piece
     turn = matrix[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         positions = piece.positions @ turn.T + matrix[:3, 3]
-    if not np.isfinite(positions.astype(np.float32)).all():
-        raise AssetNotFiniteError(f"nodes[{place[0]}] has vertices that are no 32-bit floats in the world.")
+        if not np.isfinite(positions.astype(np.float32)).all():
+            raise AssetNotFiniteError(f"nodes[{piece.place[0]}] has vertices that are no 32-bit floats in the world.")
     normals = piece.normals
     if normals is not None and not np.array_equal(turn, np.eye(3)):
         # Normals follow the inverse transpose, so that they stay perpendicular under uneven scales.
         normals = np.nan_to_num(unit_rows(normals @ np.linalg.inv(turn)))
     triangles = piece.triangles[:, ::-1] if np.linalg.det(turn) < 0 else piece.triangles
-    return Piece(
-        piece.primitive,
-        piece.used,
-        positions,
-        triangles,
-        normals,
-        piece.texcoords,
-        piece.colors,
-        piece.material,
-        piece.name,
-        place,
-    )
+    return replace(piece, positions=positions, normals=normals, triangles=triangles)
 
 
 def _name(item: Any) -> str:
