@@ -29,7 +29,7 @@ _MAX_DEPTH = 64
 class StageWriter:
     """Writes a scene into a new layer. `textures`: the files beside it, relative to its folder."""
 
-    def __init__(self, scene: Scene, path: Path) -> None:
+    def __init__(self, scene: Scene, path: Path, metres: float) -> None:
         clips = read_clips(scene.document)
         self._scene = scene
         self._nodes: list[Json] = scene.root.get("nodes", [])
@@ -39,7 +39,8 @@ class StageWriter:
         if clips and clips[0].unread:
             scene.lost["what the animation does to other things than nodes and weights"] += clips[0].unread
         rigged = any(_rigged(scene, instance) for instance in instances_of(scene.root))
-        self._layer = Layer(path, "/Root", "SkelRoot" if rigged else "Xform", f"Meshdeform {__version__}")
+        kind = "SkelRoot" if rigged else "Xform"
+        self._layer = Layer(path, "/Root", kind, f"Meshdeform {__version__}", metres)
         self._materials = Materials(self._layer, scene, path.parent)
         self._places: dict[int, str] = {}  # the prim of each node
         self._rigs = Rigs(self._layer, scene, self._motion, self._places)

@@ -9,6 +9,7 @@
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job" | "group" | "example", id: string}
  *   | {name: "shared", id: string, link: string}
+ *   | {name: "many", id?: string}
  *   | {name: "compare", ids: [string, string]}
  *   | {name: "unknown", path: string}} Route
  */
@@ -27,6 +28,8 @@ const ROUTES = [
   ["surface", [], (_, query) => ({ name: "surface", from: jobOf(query), ...(query.has("quick") ? { quick: true } : {}) })],
   ["family", [], (_, query) => ({ name: "family", from: jobOf(query) })],
   ["field", [], () => ({ name: "field" })],
+  ["many", [], () => ({ name: "many" })],
+  ["many", [GROUP], ([id]) => ({ name: "many", id })],
   ["words", [], () => ({ name: "words" })],
   ["api", [], () => ({ name: "api" })],
   ["usage", [], () => ({ name: "usage" })],
@@ -82,6 +85,8 @@ export function routeHash(route) {
       return `#/${route.name}s/${route.id}`;
     case "shared":
       return `#/shared/${route.id}/${route.link}`;
+    case "many":
+      return route.id ? `#/many/${route.id}` : "#/many";
     case "compare":
       return `#/compare/${route.ids.join("/")}`;
     case "unknown":
