@@ -16,7 +16,8 @@ _WRITTEN = (1980, 1, 2, 0, 0, 0, 0, 2, -1)  # in local time; ZIP's calendar begi
 def write_usdz(scene: Scene, metres: float) -> tuple[bytes, int]:
     """Write a scene as USDZ, +Y up; needs usd-core. The same scene gives the same bytes.
 
-    `metres`: how long a unit of the scene is. Returns the package and the number of its triangles. Raises AssetEmptyError: nothing is shown.
+    `metres`: how long a unit of the scene is. Returns the package and the number of its triangles. Raises
+    AssetEmptyError: nothing is shown.
     """
     from meshdeform.assets.usd.stage import StageWriter
 
