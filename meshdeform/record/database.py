@@ -52,7 +52,7 @@ class Patience:
 PATIENT = Patience(30.0, 30.0, 30.0)
 """Of workers and of tasks that nobody waits for."""
 
-HASTY = Patience(2.0, 4.5, 4.5)
+HASTY = Patience(1.5, 4.0, 3.5)
 """Of requests, which are answered within five seconds."""
 
 MAX_CONNECTIONS = 15

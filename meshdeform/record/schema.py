@@ -11,7 +11,8 @@ HEAD = "0014"
 """The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
-record at once; what takes away or renames begins the next generation, "0100", and needs a stop of all processes.
+record at once; what takes away or renames begins the next generation, "0100", and needs a stop of all processes. They
+are never merged, so that the record of any commit can be upgraded (`scripts/upgrade-test`).
 """
 
 

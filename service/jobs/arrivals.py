@@ -132,8 +132,8 @@ def _decode(source: FileSource, place: list[str], path: Path) -> ReceivedFile:
 
 
 async def _fetched(app: AppState, owner_id: str, source: FileSource, path: Path) -> ReceivedFile:
-    destination = await _find(app, owner_id, source.url or "")
     async with app.fetches.slot(owner_id, soon_s=app.fetches.wait_s, most=FETCHES_WAITING):
+        destination = await _find(app, owner_id, source.url or "")
         return await _fetch(destination, source.filename, path, app.settings.max_upload_bytes)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import DependencyError, UnavailableError
+from meshdeform.errors import DependencyError, RecordVersionError, UnavailableError
 from meshdeform.record.database import Database
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import HEAD, metadata
@@ -52,7 +52,7 @@ def test_a_record_of_a_newer_version_is_refused(database_url: str, record: JobRe
 
     say("9999")
     try:
-        with pytest.raises(UnavailableError, match="newer"):
+        with pytest.raises(RecordVersionError, match="newer"):
             JobRecord(database_url)
     finally:
         say(HEAD)

@@ -121,6 +121,14 @@ def test_the_newest_step_is_published_and_only_from_the_thread(record: RecordStu
     until(lambda: ear.closed)
 
 
+def test_a_job_that_was_handed_over_keeps_its_step_while_it_starts_again(record: RecordStub, ear: Ear) -> None:
+    job = JOB.model_copy(update={"progress": Progress(step=30, total_steps=100, fraction=0.3)})
+    with watch_of(record, ear, job):
+        until(lambda: bool(record.progress))
+    first = record.progress[0]
+    assert (first.step, first.total_steps, first.fraction, first.phase) == (30, 100, 0.3, "loading")
+
+
 def test_what_comes_after_the_last_step_is_part_of_the_time_left(record: RecordStub, ear: Ear) -> None:
     with JobWatch(record, WORKER, JOB, ear.listen, 30.0, end_s=50.0) as watch:  # type: ignore[arg-type]
         watch.phase("optimizing", step=0, total_steps=2)
