@@ -127,7 +127,7 @@ def again(visitor: Page, **attributes: str) -> None:
 
 def test_a_result_stands_in_another_page(visitor: Page) -> None:
     visitor.goto("embed.html")
-    view, slider = visitor.locator("meshdeform-result .view"), visitor.get_by_role("slider")
+    view, slider = visitor.locator("meshdeform-result .view"), visitor.get_by_role("slider").first
     lamp = until_drawn(view)
     slider.fill("0")
     until("the vase is to be seen", lambda: difference(lamp, picture(view)) > 0.05)
@@ -150,7 +150,7 @@ def test_a_result_stands_in_another_page(visitor: Page) -> None:
     for font, width in (("20px serif", "auto"), ("12px monospace", "300px")):
         opened.evaluate("(node, [font, width]) => Object.assign(node.style, { font, width })", [font, width])
         assert clip.evaluate("(node) => getComputedStyle(node).fontSize") == font.split()[0], "as the text around it"
-        box, bar = opened.bounding_box(), slider.first.bounding_box()
+        box, bar = opened.bounding_box(), slider.bounding_box()
         assert box is not None
         assert bar is not None
         assert bar["y"] + bar["height"] <= box["y"] + box["height"] + 1, "all of it is inside its box"
