@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.asset import Asset
 from meshdeform.assets.container import Json, clone, dump_json
-from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document, read_floats
-from meshdeform.assets.inspect import UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.inspect import UNSIGNED_BYTE
 from meshdeform.assets.part_attribute import PART, write_names
 from meshdeform.errors import AssetError
 
@@ -116,14 +116,7 @@ def _primitive(
     for name, accessor in original["attributes"].items():
         if name.startswith(_KEPT) and name != PART:
             attributes[name] = document.append_accessor(read_floats(source, accessor)[local])
-    small = len(rows) < 2**16  # 65535 itself is not a valid 16-bit index
-    flat = faces.reshape(-1)
-    view = document.append_view(flat.astype("<u2" if small else "<u4").tobytes(), ELEMENT_ARRAY_BUFFER)
-    kind = UNSIGNED_SHORT if small else UNSIGNED_INT
-    document.items("accessors").append(
-        {"bufferView": view, "componentType": kind, "count": len(flat), "type": "SCALAR"}
-    )
-    written: Json = {"attributes": attributes, "indices": len(document.items("accessors")) - 1}
+    written: Json = {"attributes": attributes, "indices": document.append_triangles(faces, len(rows))}
     if "material" in original:
         written["material"] = looks.material(original["material"])
     return written

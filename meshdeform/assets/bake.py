@@ -17,8 +17,8 @@ import numpy as np
 from meshdeform.assets.clips import find_clip, read_clips
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import Document, read_floats
-from meshdeform.assets.inspect import Instance, instances_of
+from meshdeform.assets.document import Document, read_floats, read_triangles
+from meshdeform.assets.inspect import TRIANGLES, Instance, instances_of
 from meshdeform.assets.placement import Floats, Matrix, Placement, Placer, is_invertible, unit_rows, world_matrices
 from meshdeform.assets.pose import Pose
 from meshdeform.assets.surface import handedness
@@ -91,7 +91,7 @@ class _Baker:
     ) -> None:
         self._document, self._placer, self._instance = document, placer, instance
         self._world, self._weights, self._lost = world, weights, lost
-        self._done: dict[str, dict[str, int] | None] = {}
+        self._done: dict[str, tuple[dict[str, int], bool] | None] = {}
 
     def bake(self, mesh: Json) -> None:
         """Bake all primitives of the mesh, which no other node shows, and take node and mesh off the rig."""
@@ -100,10 +100,13 @@ class _Baker:
         for primitive in mesh["primitives"]:
             attributes = primitive.get("attributes", {})
             if "POSITION" in attributes:
-                new = self._shared(primitive)
-                if new is None:
+                made = self._shared(primitive)
+                if made is None:
                     self._lost["faces that their joints flatten"] += 1
                     continue
+                new, mirrored = made
+                if mirrored and primitive.get("mode", TRIANGLES) >= TRIANGLES:
+                    self._turn(primitive)
                 primitive["attributes"] = {
                     name: at for name, at in attributes.items() if not name.startswith(("JOINTS_", "WEIGHTS_"))
                 } | new
@@ -125,8 +128,15 @@ class _Baker:
         for scene in root.get("scenes", [])[root.get("scene", 0) : root.get("scene", 0) + 1]:
             scene.setdefault("nodes", []).append(len(root["nodes"]) - 1)
 
-    def _shared(self, primitive: Json) -> dict[str, int] | None:
-        """Return the new accessors of a primitive: the same ones for primitives of the same vertices."""
+    def _turn(self, primitive: Json) -> None:
+        """Turn the faces of a primitive around: its joints mirror it, which its node does not."""
+        count = self._document.root["accessors"][primitive["attributes"]["POSITION"]]["count"]
+        triangles = read_triangles(self._document, primitive, count, "a primitive")[:, ::-1]
+        primitive["indices"] = self._document.append_triangles(triangles, count)
+        primitive.pop("mode", None)
+
+    def _shared(self, primitive: Json) -> tuple[dict[str, int], bool] | None:
+        """Return the new accessors of a primitive, and whether they mirror it: one for all of the same vertices."""
         attributes = primitive["attributes"]
         of_rig = sorted(item for item in attributes.items() if item[0].startswith(("JOINTS_", "WEIGHTS_")))
         key = repr([[attributes.get(name) for name in _KEYS], of_rig, primitive.get("targets")])
@@ -134,8 +144,8 @@ class _Baker:
             self._done[key] = self._accessors(primitive)
         return self._done[key]
 
-    def _accessors(self, primitive: Json) -> dict[str, int] | None:
-        attributes, accessors = primitive["attributes"], self._document.root["accessors"]
+    def _accessors(self, primitive: Json) -> tuple[dict[str, int], bool] | None:
+        attributes, accessors, mirrored = primitive["attributes"], self._document.root["accessors"], False
         rows = {
             name: read_floats(self._document, attributes[name]).astype(np.float64)
             for name in _KEYS
@@ -146,15 +156,16 @@ class _Baker:
             placement = self._placer.of_vertices(self._instance, primitive, len(rows["POSITION"]))
             if placement is None:
                 return None
-            self._place(rows, placement)
+            mirrored = self._place(rows, placement)
         if not np.isfinite(rows["POSITION"]).all():
             raise AssetError("In this pose the asset has positions that are not finite.")
-        return {
+        made = {
             name: self._document.append_accessor(
                 values.astype(np.float32), like=accessors[attributes[name]], bounds=name == "POSITION"
             )
             for name, values in rows.items()
         }
+        return made, mirrored
 
     def _add_targets(self, primitive: Json, rows: dict[str, Floats]) -> None:
         for weight, target in zip(self._weights, primitive.get("targets", []), strict=False):
@@ -167,8 +178,8 @@ class _Baker:
             if name in rows and "targets" in primitive:
                 rows[name][:, :3] = _unit_or(rows[name][:, :3], rows[name][:, :3])
 
-    def _place(self, rows: dict[str, Floats], placement: Placement) -> None:
-        """Place the vertices in the world, then in the space of the node."""
+    def _place(self, rows: dict[str, Floats], placement: Placement) -> bool:
+        """Place the vertices in the world, then in the space of the node; return whether that mirrors them."""
         back: Floats = np.eye(4)
         if is_invertible(self._world) and not np.array_equal(self._world, back):
             back = np.asarray(np.linalg.inv(self._world), np.float64)
@@ -182,6 +193,7 @@ class _Baker:
         if "TANGENT" in rows:
             along = _unit_or(placement.directions(rows["TANGENT"][:, :3]) @ turn.T, rows["TANGENT"][:, :3])
             rows["TANGENT"] = np.column_stack([along, handedness(rows["TANGENT"][:, 3], mirrors=mirrored)])
+        return mirrored
 
 
 def _unit_or(vectors: Floats, otherwise: Floats) -> Floats:

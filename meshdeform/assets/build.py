@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from meshdeform import __version__
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
+from meshdeform.assets.document import Document
 from meshdeform.assets.materials import image_type
 
 Up = Literal["y", "z"]
@@ -199,14 +198,8 @@ def _write(document: Document, primitive: Primitive, origin: NDArray[np.float64]
         attributes["TEXCOORD_0"] = document.append_accessor(np.asarray(primitive.uvs, np.float32))
     if primitive.colors is not None:
         attributes["COLOR_0"] = document.append_accessor(_colors(np.asarray(primitive.colors)))
-    corners = np.asarray(primitive.faces).reshape(-1)
-    small = len(verts) < 2**16  # 65535 itself is not a valid 16-bit index
-    view = document.append_view(corners.astype("<u2" if small else "<u4").tobytes(), ELEMENT_ARRAY_BUFFER)
-    component = UNSIGNED_SHORT if small else UNSIGNED_INT
-    document.items("accessors").append(
-        {"bufferView": view, "componentType": component, "count": len(corners), "type": "SCALAR"}
-    )
-    written: Json = {"attributes": attributes, "indices": len(document.items("accessors")) - 1}
+    indices = document.append_triangles(np.asarray(primitive.faces), len(verts))
+    written: Json = {"attributes": attributes, "indices": indices}
     if primitive.polygons:
         written["extras"] = {"polygons": [list(run) for run in primitive.polygons]}
     return written

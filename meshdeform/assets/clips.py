@@ -36,7 +36,7 @@ class Track:
         after = int(np.searchsorted(self.times, seconds, "right"))
         keys = self.values[:, 1] if self.mode == "CUBICSPLINE" else self.values
         if after in (0, len(keys)) or self.mode == "STEP":
-            return self._unit(keys[max(after - 1, 0)])
+            return self._as_stored(keys[max(after - 1, 0)])
         start, length = self.times[after - 1], self.times[after] - self.times[after - 1]
         t = float((seconds - start) / length)
         a, b = keys[after - 1], keys[after]
@@ -44,26 +44,29 @@ class Track:
             leaving, arriving = length * self.values[after - 1, 2], length * self.values[after, 0]
             t2, t3 = t * t, t * t * t
             curve = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + t) * leaving
-            return self._unit(curve + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving)
+            return self._as_stored(curve + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving)
         if self.path == "rotation":
             return _slerp(a, b, t)
         return np.asarray(a + t * (b - a))
 
-    def _unit(self, value: Floats) -> Floats:
-        if self.path != "rotation":
-            return value
-        length = np.linalg.norm(value)
-        return np.asarray(value / length if length > 0 else [0.0, 0.0, 0.0, 1.0])
+    def _as_stored(self, value: Floats) -> Floats:
+        return _unit(value) if self.path == "rotation" else value
 
 
 def _slerp(a: Floats, b: Floats, t: float) -> Floats:
     """Return the rotation at a share of the shorter way from one to another, as quaternions."""
-    cosine = float(a @ b) / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-30)
+    a, b = _unit(a), _unit(b)
+    cosine = float(a @ b)
     b, cosine = (-b, -cosine) if cosine < 0 else (b, cosine)
     angle = np.arccos(min(cosine, 1.0))
     shares = (1 - t, t) if angle < 1e-6 else (np.sin((1 - t) * angle), np.sin(t * angle))
-    mixed = shares[0] * a / max(float(np.linalg.norm(a)), 1e-30) + shares[1] * b / max(float(np.linalg.norm(b)), 1e-30)
-    return np.asarray(mixed / np.linalg.norm(mixed))
+    return _unit(shares[0] * a + shares[1] * b)
+
+
+def _unit(rotation: Floats) -> Floats:
+    """Return a quaternion at unit length; no turn for zero."""
+    length = np.linalg.norm(rotation)
+    return np.asarray(rotation / length if length > 0 else [0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -107,16 +110,17 @@ def _track(document: Document, animation: Any, channel: Any) -> Track | None:
         node, path, mode = target["node"], target["path"], sampler.get("interpolation", "LINEAR")
         times = read_floats(document, sampler["input"])[:, 0].astype(np.float64)
         values = read_floats(document, sampler["output"]).astype(np.float64)
+        width_of_path = _WIDTHS[path]
         document.root["nodes"][node].get("mesh")
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, AssetError):
         return None
     per_key = 3 if mode == "CUBICSPLINE" else 1
-    if path not in _WIDTHS or mode not in ("LINEAR", "STEP", "CUBICSPLINE") or not len(times):
+    if mode not in ("LINEAR", "STEP", "CUBICSPLINE") or not len(times):
         return None
     if values.size % (per_key * len(times)) or not (np.isfinite(times).all() and np.isfinite(values).all()):
         return None
     width = values.size // (per_key * len(times))
-    if width != (_WIDTHS[path] or width) or (np.diff(times) <= 0).any():
+    if width != (width_of_path or width) or (np.diff(times) <= 0).any():
         return None
     shape = (len(times), 3, width) if per_key == 3 else (len(times), width)
     return Track(node, path, times, values.reshape(shape), mode)

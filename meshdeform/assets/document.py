@@ -207,6 +207,19 @@ class Document:
         accessors.append({**kept, "bufferView": view, "count": len(values)})
         return len(accessors) - 1
 
+    def append_triangles(self, triangles: NDArray[np.integer], vertices: int, like: Json | None = None) -> int:
+        """Append an accessor of the corners of triangles (T, 3), and return its index.
+
+        `vertices`: how many there are; `like`: an accessor whose name and extras are copied.
+        """
+        small = vertices < 2**16  # 65535 itself is not a valid 16-bit index
+        view = self.append_view(triangles.astype("<u2" if small else "<u4").tobytes(), ELEMENT_ARRAY_BUFFER)
+        kept = {name: clone(value) for name, value in (like or {}).items() if name in ("name", "extras")}
+        component = UNSIGNED_SHORT if small else UNSIGNED_INT
+        item = {"bufferView": view, "componentType": component, "count": triangles.size, "type": "SCALAR"}
+        self.items("accessors").append({**kept, **item})
+        return len(self.items("accessors")) - 1
+
     def append_zeros(self, count: int) -> int:
         """Append an accessor of `count` zero vectors; glTF defines an accessor without data as zeros."""
         accessors = self.items("accessors")

@@ -160,10 +160,10 @@ def _3mf(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes], dict[
     return {name: data}, {"triangles": triangles}
 
 
-def _usdz(scene: Scene, _frame: Frame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
+def _usdz(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
     from meshdeform.assets.usd.package import write_usdz
 
-    data, triangles = write_usdz(scene)
+    data, triangles = write_usdz(scene, frame.metres or 1.0)
     return {name: data}, {"triangles": triangles}
 
 

@@ -22,7 +22,7 @@ from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document, read_accessor, read_triangles
 from meshdeform.assets.inspect import UNSIGNED_BYTE
 from meshdeform.assets.part_labels import Showing
-from meshdeform.assets.subdivide import append_indices, drop_lists_of_edges
+from meshdeform.assets.subdivide import drop_lists_of_edges
 from meshdeform.errors import AssetError
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _write_group(document: Document, primitives: list[Json], labels: list[_Index
         if (before != after).any() or ("indices" not in primitive and len(split.sources)):
             position = primitive["attributes"]["POSITION"]
             like = document.root["accessors"][primitive["indices"]] if "indices" in primitive else {}
-            primitive["indices"] = append_indices(document, after, position, like)
+            primitive["indices"] = document.append_triangles(after, document.root["accessors"][position]["count"], like)
             primitive.pop("mode", None)
             drop_lists_of_edges(document.root, primitive)
         primitive["attributes"][PART] = part

@@ -18,7 +18,7 @@ from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document, read_triangles
 from meshdeform.assets.inspect import GPU_INSTANCING
 from meshdeform.assets.part_labels import Showing, channels_of, follow_pointers
-from meshdeform.assets.subdivide import append_indices, drop_lists_of_edges
+from meshdeform.assets.subdivide import drop_lists_of_edges
 
 _Index = NDArray[np.int64]
 
@@ -132,7 +132,9 @@ def _pieces(document: Document, primitive: Json, labels: _Index | None) -> list[
     pieces = []
     for label in present:
         piece = clone(primitive)
-        piece["indices"] = append_indices(document, triangles[labels == label], position, like)
+        piece["indices"] = document.append_triangles(
+            triangles[labels == label], document.root["accessors"][position]["count"], like
+        )
         piece.pop("mode", None)
         extras = piece.get("extras")
         if isinstance(extras, dict) and isinstance(extras.get("polygons"), list):

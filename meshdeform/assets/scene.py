@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -104,7 +104,7 @@ class Scene:
                 matrix = worlds[instance.node] @ copy
                 if is_invertible(matrix):
                     for piece in pieces:
-                        yield _placed(piece, matrix, (instance.node, number))
+                        yield replace(moved(piece, matrix), place=(instance.node, number))
 
     def pieces(self, instance: Instance) -> Iterator[Piece]:
         """Yield the triangles of a node's mesh in the space of the mesh."""
@@ -164,10 +164,9 @@ class Scene:
         """Count what no other format gets."""
         root, lost = self.root, self.lost
         lost["cameras"] += sum("camera" in node for node in objects(root, "nodes"))
-        lights = root.get("extensions", {}).get("KHR_lights_punctual", {})
-        lost["lights"] += len(lights.get("lights", [])) if isinstance(lights, dict) else 0
-        if "KHR_materials_variants" in root.get("extensions", {}):
-            lost["variants of materials"] += 1
+        known = root.get("extensions")
+        for name, what in (("KHR_lights_punctual", "lights"), ("KHR_materials_variants", "variants of materials")):
+            lost[what] += isinstance(known, dict) and name in known
         for mesh in {instance.mesh for instance in instances_of(root)}:
             for primitive in root["meshes"][mesh].get("primitives", []):
                 if primitive.get("mode", TRIANGLES) in _LOOSE:
@@ -185,29 +184,21 @@ class Scene:
         ]
 
 
-def _placed(piece: Piece, matrix: Matrix, place: tuple[int, int]) -> Piece:
+def moved(piece: Piece, matrix: Matrix) -> Piece:
+    """Return a piece under a matrix (4, 4) that can be inverted. AssetNotFiniteError: a position is not finite then."""
+    if np.array_equal(matrix, np.eye(4)):
+        return piece
     turn = matrix[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         positions = piece.positions @ turn.T + matrix[:3, 3]
-    if not np.isfinite(positions.astype(np.float32)).all():
-        raise AssetNotFiniteError(f"nodes[{place[0]}] has vertices that are no 32-bit floats in the world.")
+        if not np.isfinite(positions.astype(np.float32)).all():
+            raise AssetNotFiniteError(f"nodes[{piece.place[0]}] has vertices that are no 32-bit floats in the world.")
     normals = piece.normals
     if normals is not None and not np.array_equal(turn, np.eye(3)):
         # Normals follow the inverse transpose, so that they stay perpendicular under uneven scales.
         normals = np.nan_to_num(unit_rows(normals @ np.linalg.inv(turn)))
     triangles = piece.triangles[:, ::-1] if np.linalg.det(turn) < 0 else piece.triangles
-    return Piece(
-        piece.primitive,
-        piece.used,
-        positions,
-        triangles,
-        normals,
-        piece.texcoords,
-        piece.colors,
-        piece.material,
-        piece.name,
-        place,
-    )
+    return replace(piece, positions=positions, normals=normals, triangles=triangles)
 
 
 def _name(item: Any) -> str:

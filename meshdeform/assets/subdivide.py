@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import (
-    ELEMENT_ARRAY_BUFFER,
     Document,
     read_accessor,
     read_floats,
     read_triangles,
 )
-from meshdeform.assets.inspect import TRIANGLES, UNSIGNED_INT, UNSIGNED_SHORT, instances_of
+from meshdeform.assets.inspect import TRIANGLES, instances_of
 from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.assets.references import MANIFOLD, drop_manifold, follow_copies
 from meshdeform.errors import AssetError
@@ -246,7 +245,7 @@ def _write(document: Document, group: _Group) -> set[str]:
         primitive = document.root["meshes"][group.mesh]["primitives"][p]
         old = accessors[primitive["indices"]] if "indices" in primitive else {}
         own = group.triangles[group.owner == place]
-        primitive["indices"] = append_indices(document, own, written["POSITION"], old)
+        primitive["indices"] = document.append_triangles(own, accessors[written["POSITION"]]["count"], old)
         primitive.pop("mode", None)
         if isinstance(primitive.get("extras"), dict):
             primitive["extras"].pop("polygons", None)
@@ -277,20 +276,6 @@ def _append(document: Document, values: NDArray[Any], like: Json, key: str) -> i
     if values.dtype.kind == "f" and values.shape[1] <= 4:
         return document.append_accessor(values, like=like, bounds=name == "POSITION")
     return document.append_stored(values, {key: value for key, value in like.items() if key not in ("min", "max")})
-
-
-def append_indices(document: Document, triangles: _Index, position: int, like: Json) -> int:
-    """Append an accessor of the corners of triangles (T, 3) and return its index.
-
-    `position`: the accessor of the vertices' positions; `like`: the accessor to replace, whose name is kept.
-    """
-    small = document.root["accessors"][position]["count"] < 2**16  # 65535 itself is not a valid 16-bit index
-    view = document.append_view(triangles.astype("<u2" if small else "<u4").tobytes(), ELEMENT_ARRAY_BUFFER)
-    kept = {name: clone(value) for name, value in like.items() if name in ("name", "extras")}
-    component = UNSIGNED_SHORT if small else UNSIGNED_INT
-    item = {"bufferView": view, "componentType": component, "count": triangles.size, "type": "SCALAR"}
-    document.items("accessors").append({**kept, **item})
-    return len(document.items("accessors")) - 1
 
 
 _Rows = NDArray[Any]

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import parse_qs, urljoin
 
 import pytest
 
@@ -126,7 +127,7 @@ def again(visitor: Page, **attributes: str) -> None:
 
 def test_a_result_stands_in_another_page(visitor: Page) -> None:
     visitor.goto("embed.html")
-    view, slider = visitor.locator("meshdeform-result .view"), visitor.get_by_role("slider")
+    view, slider = visitor.locator("meshdeform-result .view"), visitor.get_by_role("slider").first
     lamp = until_drawn(view)
     slider.fill("0")
     until("the vase is to be seen", lambda: difference(lamp, picture(view)) > 0.05)
@@ -149,10 +150,28 @@ def test_a_result_stands_in_another_page(visitor: Page) -> None:
     for font, width in (("20px serif", "auto"), ("12px monospace", "300px")):
         opened.evaluate("(node, [font, width]) => Object.assign(node.style, { font, width })", [font, width])
         assert clip.evaluate("(node) => getComputedStyle(node).fontSize") == font.split()[0], "as the text around it"
-        box, bar = opened.bounding_box(), slider.first.bounding_box()
+        box, bar = opened.bounding_box(), slider.bounding_box()
         assert box is not None
         assert bar is not None
         assert bar["y"] + bar["height"] <= box["y"] + box["height"] + 1, "all of it is inside its box"
         assert box["height"] <= size["height"]
+    room = visitor.get_by_role("link", name="View in your room")
+    expect(room).to_have_count(0)  # no device for it
+    visitor.evaluate("Object.defineProperty(navigator, 'userAgent', { value: 'Linux; Android 16' })")
+    again(visitor, usdz="taller.usdz", label="A box & its wave")
+    scheme, _, address = str(room.get_attribute("href")).partition("?")
+    assert scheme == "intent://arvr.google.com/scene-viewer/1.0"
+    asked = parse_qs(address.partition("#")[0])
+    assert asked == {
+        "file": [urljoin(visitor.url, "taller.glb")],
+        "mode": ["ar_preferred"],
+        "title": ["A box & its wave"],
+    }
+    visitor.evaluate("DOMTokenList.prototype.supports = (token) => token === 'ar'")
+    opened.evaluate("(node) => node.setAttribute('usdz', 'lamp.usdz')")
+    expect(room).to_have_attribute("href", "lamp.usdz")
+    opened.evaluate("(node) => node.setAttribute('usdz', 'taller.usdz')")
+    assert (room.get_attribute("rel"), room.get_attribute("href")) == ("ar", "taller.usdz")
+    assert room.evaluate("(link) => [...link.childNodes].map((node) => node.nodeName).join()") == "IMG"
     again(visitor, result="none.glb")
     expect(visitor.get_by_role("alert")).to_have_text("The result could not be loaded.")

@@ -76,8 +76,9 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
 
     stem = "sphere-a-mushroom-with-a-big-cap-seed7"
     assert saved("Download") == (f"{stem}.glb", service.artifact(job_id, "result.glb"))
-    page.get_by_label("Format").select_option("result.stl")
-    assert saved("Download") == (f"{stem}.stl", service.artifact(job_id, "result.stl"))
+    for name in ("result.stl", "result.3mf", "result.obj.zip"):  # made as they are asked for
+        page.get_by_label("Format").select_option(name)
+        assert saved("Download") == (stem + name.removeprefix("result"), service.artifact(job_id, name))
     open_more(page)
     assert saved("Download result.glb") == (f"{stem}.glb", service.artifact(job_id, "result.glb"))
     assert saved("Download sphere.obj") == ("sphere.obj", small_sphere.read_bytes())

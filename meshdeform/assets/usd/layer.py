@@ -23,16 +23,16 @@ _MAX_NAME = 120
 
 
 class Layer:
-    """A layer with +Y up, in metres, whose only root prim is the default prim.
+    """A layer with +Y up, whose only root prim is the default prim.
 
-    `path`: the `.usdc` file to create; `root`: path of the root prim, of the schema `kind`.
+    `path`: the `.usdc` file to create; `root`: path of the root prim, of the schema `kind`; `metres`: a unit's length.
     """
 
-    def __init__(self, path: Path, root: str, kind: str, creator: str) -> None:
+    def __init__(self, path: Path, root: str, kind: str, creator: str, metres: float) -> None:
         self._layer = Sdf.Layer.CreateNew(str(path))
         top = self._layer.pseudoRoot
         top.SetInfo("upAxis", "Y")
-        top.SetInfo("metersPerUnit", 1.0)
+        top.SetInfo("metersPerUnit", metres)
         self._layer.defaultPrim = root.strip("/")
         self._prims: dict[str, Sdf.PrimSpec] = {"": top}
         self._taken: set[str] = set()

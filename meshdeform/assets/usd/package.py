@@ -13,16 +13,17 @@ from meshdeform.errors import AssetEmptyError
 _WRITTEN = (1980, 1, 2, 0, 0, 0, 0, 2, -1)  # in local time; ZIP's calendar begins one day earlier
 
 
-def write_usdz(scene: Scene) -> tuple[bytes, int]:
-    """Write a scene as USDZ, +Y up and in metres; needs usd-core. The same scene gives the same bytes.
+def write_usdz(scene: Scene, metres: float) -> tuple[bytes, int]:
+    """Write a scene as USDZ, +Y up; needs usd-core. The same scene gives the same bytes.
 
-    Returns the package and the number of its triangles. Raises AssetEmptyError: nothing is shown.
+    `metres`: how long a unit of the scene is. Returns the package and the number of its triangles. Raises
+    AssetEmptyError: nothing is shown.
     """
     from meshdeform.assets.usd.stage import StageWriter
 
     with tempfile.TemporaryDirectory(prefix="meshdeform-usd-") as folder:
         layer, package = Path(folder, "result.usdc"), Path(folder, "result.usdz")
-        writer = StageWriter(scene, layer)
+        writer = StageWriter(scene, layer, metres)
         writer.write()
         if not writer.triangles:
             raise AssetEmptyError("The asset has no triangles that a USDZ could hold.")

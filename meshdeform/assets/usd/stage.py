@@ -16,7 +16,7 @@ from meshdeform.assets.clips import read_clips
 from meshdeform.assets.container import Json
 from meshdeform.assets.inspect import Instance, instances_of, shown_nodes
 from meshdeform.assets.placement import Floats, Matrix, instance_matrices, is_invertible, local_matrix, unit_rows
-from meshdeform.assets.scene import Piece, Scene
+from meshdeform.assets.scene import Piece, Scene, moved
 from meshdeform.assets.usd.layer import TYPES, Layer, floats, integers, matrix, vectors
 from meshdeform.assets.usd.materials import Materials, texcoord_name
 from meshdeform.assets.usd.motion import Motion
@@ -29,7 +29,7 @@ _MAX_DEPTH = 64
 class StageWriter:
     """Writes a scene into a new layer. `textures`: the files beside it, relative to its folder."""
 
-    def __init__(self, scene: Scene, path: Path) -> None:
+    def __init__(self, scene: Scene, path: Path, metres: float) -> None:
         clips = read_clips(scene.document)
         self._scene = scene
         self._nodes: list[Json] = scene.root.get("nodes", [])
@@ -39,7 +39,8 @@ class StageWriter:
         if clips and clips[0].unread:
             scene.lost["what the animation does to other things than nodes and weights"] += clips[0].unread
         rigged = any(_rigged(scene, instance) for instance in instances_of(scene.root))
-        self._layer = Layer(path, "/Root", "SkelRoot" if rigged else "Xform", f"Meshdeform {__version__}")
+        kind = "SkelRoot" if rigged else "Xform"
+        self._layer = Layer(path, "/Root", kind, f"Meshdeform {__version__}", metres)
         self._materials = Materials(self._layer, scene, path.parent)
         self._places: dict[int, str] = {}  # the prim of each node
         self._rigs = Rigs(self._layer, scene, self._motion, self._places)
@@ -132,7 +133,8 @@ class StageWriter:
         layer, look = self._layer, self._scene.shading(piece.material)
         schemas = ["MaterialBindingAPI", *(["SkelBindingAPI"] if skeleton else [])]
         prim = layer.prim(parent, piece.name, "Mesh", schemas=schemas)
-        positions, triangles, normals = _in_place(piece, np.eye(4) if skeleton is None else skeleton.place)
+        shown = piece if skeleton is None else moved(piece, skeleton.place)
+        positions, triangles, normals = shown.positions, shown.triangles, shown.normals
         self.triangles += len(triangles)
         layer.set(prim, "points", TYPES.Point3fArray, vectors(positions))
         layer.set(prim, "faceVertexCounts", TYPES.IntArray, integers(np.full(len(triangles), 3)))
@@ -175,17 +177,6 @@ class StageWriter:
 def _rigged(scene: Scene, instance: Instance) -> bool:
     primitives = scene.root["meshes"][instance.mesh].get("primitives", [])
     return instance.skin is not None or any(each.get("targets") for each in primitives)
-
-
-def _in_place(piece: Piece, place: Matrix) -> tuple[Floats, NDArray[np.int64], Floats | None]:
-    """Return positions, triangles and normals under a matrix."""
-    if np.array_equal(place, np.eye(4)):
-        return piece.positions, piece.triangles, piece.normals
-    turn = place[:3, :3]
-    positions = piece.positions @ turn.T + place[:3, 3]
-    normals = None if piece.normals is None else np.nan_to_num(unit_rows(piece.normals @ np.linalg.inv(turn)))
-    triangles = piece.triangles[:, ::-1] if np.linalg.det(turn) < 0 else piece.triangles
-    return positions, np.ascontiguousarray(triangles), normals
 
 
 def _face_normals(positions: Floats, triangles: NDArray[np.int64]) -> Floats:

@@ -35,7 +35,7 @@ STYLE.replaceSync(`
 `);
 
 class MeshdeformResult extends HTMLElement {
-  static observedAttributes = ["source", "result", "animation", "theme"];
+  static observedAttributes = ["source", "result", "usdz", "animation", "theme"];
   /** @type {MeshViewer | null} */
   #viewer = null;
   /** @type {ReturnType<typeof mountClips> | null} */
@@ -53,13 +53,18 @@ class MeshdeformResult extends HTMLElement {
     this.bar = Object.assign(document.createElement("div"), { className: "bar" });
     this.clips = document.createElement("div");
     this.bar.append("Before", slider, "After");
-    const [glb, usdz, title] = ["result", "usdz", "label"].map((name) => this.getAttribute(name) ?? "");
-    const room = arLink({ glb, usdz, title });
-    if (room) this.bar.append(room);
+    this.#offerRoom();
     const poster = this.getAttribute("poster");
     if (poster) this.view.append(Object.assign(document.createElement("img"), { src: poster, alt: this.getAttribute("label") ?? "" }));
     root.replaceChildren(this.view, this.bar, this.clips);
     this.#seen.observe(this);
+  }
+
+  #offerRoom() {
+    this.bar?.querySelector(".ar")?.remove();
+    const [glb, usdz, title] = ["result", "usdz", "label"].map((name) => this.getAttribute(name) ?? "");
+    const room = arLink({ glb, usdz, title });
+    if (room) this.bar?.append(room);
   }
 
   disconnectedCallback() {
@@ -69,7 +74,8 @@ class MeshdeformResult extends HTMLElement {
 
   /** @param {string} name @param {string | null} before @param {string | null} now */
   attributeChangedCallback(name, before, now) {
-    if (before === now || !this.#viewer) return; // before the first look there is nothing to change
+    if (name === "result" || name === "usdz") this.#offerRoom();
+    if (before === now || !this.#viewer || name === "usdz") return; // before the first look there is nothing to change
     if (name === "animation") this.#animate();
     else if (name === "theme") this.#viewer.surface.retheme();
     else this.#begin();

@@ -180,3 +180,12 @@ def test_channels_that_are_not_valid_are_passed_over() -> None:
     builder.root["animations"] = "none"
     with pytest.raises(MeshdeformError):
         posed(builder.glb(), "bend@2")
+
+
+def test_faces_that_joints_mirror_still_face_outwards() -> None:
+    builder = two_joints()
+    first = builder.root["nodes"][2]
+    first["scale"] = [1, 1, -1]  # the node of the skin, beside it, is not mirrored
+    source = load_asset(builder.glb()).surface
+    baked = load_asset(posed(builder.glb(), "bend@0").data).surface
+    np.testing.assert_allclose(baked.positions[baked.triangles], source.positions[source.triangles], atol=1e-6)

@@ -2,12 +2,13 @@
 /** Saves the shape that is shown: the file of a job in every format that the server makes, or the shape itself where no job has it yet. */
 import { client } from "../client.js";
 import { button, h } from "../dom.js";
-import { download, downloadMade, saveBytes } from "../job/files.js";
+import { arDevice } from "../../viewer/ar.js";
+import { download, downloadMade, saveBytes, viewInRoom } from "../job/files.js";
 import { artifactName, shapeName } from "../names.js";
 import { orToast } from "../problem-box.js";
 
 /** The formats of a result. @type {[string, string][]} */
-const FORMATS = [["result.glb", "GLB"], ["result.stl", "STL"], ["morph.glb", "GLB, moving"]];
+const FORMATS = [["result.glb", "GLB"], ["result.usdz", "USDZ, for iPhones"], ["result.obj.zip", "OBJ"], ["result.3mf", "3MF, for printing"], ["result.stl", "STL"], ["morph.glb", "GLB, moving"]];
 
 /**
  * @typedef {object} Shown
@@ -29,7 +30,8 @@ export class Downloads {
     this.named = /** @type {() => any} */ (() => ({}));
     this.button = button("Download", () => this._save(), { icon: "download" });
     this.format = h("select", { class: "select-small", "aria-label": "Format" }, FORMATS.map(([value, text]) => h("option", { value }, text)));
-    this.element = h("div", { class: "joined downloads", hidden: true }, this.button, this.format);
+    this.room = button("View in your room", () => this.shown && viewInRoom(this.shown.job, this.names, this.scope), { icon: "camera", quiet: true });
+    this.element = h("div", { class: "joined downloads", hidden: true }, this.button, this.format, this.room);
   }
 
   /** @param {Shown | null} shown @param {() => any} named What names the file of a shape that no job has. */
@@ -40,6 +42,7 @@ export class Downloads {
     // The other formats are made of a result as it is stored.
     const whole = Boolean(shown?.result && shown.share === 1);
     this.format.hidden = !whole;
+    this.room.hidden = this.format.hidden || !arDevice();
     if (!whole) this.format.value = FORMATS[0][0];
     this.button.classList.toggle("button-primary", whole);
   }

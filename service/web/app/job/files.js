@@ -1,5 +1,6 @@
 // @ts-check
 /** Save files to the user's disk, copy text, and hand a mesh that was made here to the form for a deformation. */
+import { arDevice, arLink } from "../../viewer/ar.js";
 import { announce, toast } from "../announce.js";
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
@@ -43,6 +44,24 @@ export function downloadMade(job, name, scope) {
     const { size, warnings } = await client.json(path, { method: "POST", signal: scope.signal });
     await download(path, artifactName(job, name), size, true, scope);
     if (warnings?.length) toast(`${name}: ${warnings.join(" ")}`);
+  });
+}
+
+/**
+ * Show a result in the room: the device's viewer loads it by an address that needs no key.
+ * @param {any} job @param {string[]} names Of the files that it has. @param {import("../scope.js").Scope} scope
+ */
+export function viewInRoom(job, names, scope) {
+  const name = arDevice() === "ios" ? "result.usdz" : "result.glb";
+  const path = `v1/jobs/${job.id}/artifacts/${name}`;
+  announce("Making the file for your room");
+  return orToast("Not shown", async () => {
+    if (!names.includes(name)) await client.json(path, { method: "POST", signal: scope.signal });
+    const { url } = await client.json(`${path}/url`, { method: "POST", signal: scope.signal });
+    const link = arLink({ glb: client.url(url), usdz: client.url(url), title: job.prompt });
+    document.body.append(link ?? "");
+    link?.click();
+    link?.remove();
   });
 }
 

@@ -20,10 +20,13 @@ export function findingList(findings) {
 }
 
 // What the service can make of a finished job that was not asked for it.
-const AFTERWARDS = ["result.stl", "morph.glb", "map.safetensors"];
+const AFTERWARDS = ["result.usdz", "result.obj.zip", "result.3mf", "result.stl", "morph.glb", "map.safetensors"];
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
+  "result.usdz": "For iPhone, iPad and Mac, with the rig and one animation",
+  "result.obj.zip": "For any 3D program, with materials and textures",
+  "result.3mf": "For printing in colour: millimetres, Z up",
   "result.stl": "The new shape for printing: metres, Y up",
   "map.safetensors": "Map of the edit, for other files on the command line",
   "surface.ndf": "The surface: base mesh and network",
