@@ -35,12 +35,12 @@ __all__ = ["WAYS", "problems", "torn"]
 _Floats = NDArray[np.float64]
 _APART = 1e-6
 """Distance, as a share of the diagonal, from which vertices at one place have come apart."""
-_FIT = {"steps": 20}
+_FIT = {"steps": 20, "level": 1}
 
 
 def _text(prompt: str, *, target: bytes | None = None) -> Callable[[bytes], bytes]:
     def way(asset: bytes) -> bytes:
-        request = JobRequest.model_validate({"prompt": prompt, "params": {"seed": 0}})
+        request = JobRequest.model_validate({"prompt": prompt, "params": {"seed": 0, "guidance": {"kind": "exemplar"}}})
         run = text_deform.start(job_input(asset, "input", request, target=target))
         for _ in run:
             pass
@@ -54,7 +54,7 @@ def _field(asset: bytes) -> bytes:
     run = surface_fit.start(job_input(asset, "input.glb", request))
     for _ in run:
         pass
-    return run.finish()["result.glb"].data
+    return run.finish()[f"level_{_FIT['level']}.glb"].data
 
 
 def _ball() -> bytes:

@@ -41,6 +41,8 @@ def outcome(name: str, data: bytes) -> str:
     Exception
         A defect: anything that the service would report as a server error.
     """
+    import numpy as np
+
     from meshdeform.assets import Limits, inspect_asset, load_asset
     from meshdeform.assets.check import has_area
     from meshdeform.errors import AssetError, MeshdeformError
@@ -63,6 +65,7 @@ def outcome(name: str, data: bytes) -> str:
             raise
         return str(error.code)
     surface = asset.surface
+    asset.replace(surface.positions * 0.5, jacobians=np.tile(0.5 * np.eye(3), (len(surface.positions), 1, 1)))
     for morph in (False, True):
         result = asset.replace(surface.positions, surface.normals, surface.tangents, morph=morph)
         again = load_asset(result, "result.glb", Limits.unlimited()).surface
@@ -137,7 +140,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--mutants", type=int, help="number of mutants, instead of a time")
-    parser.add_argument("--kind", default="", help="only files of this kind: obj, ply, stl, zip, glb or gltf")
+    parser.add_argument("--kind", default="", help="only files of this kind: obj, ply, stl, 3mf, zip, glb or gltf")
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--only", type=int, help="process one mutant, in this process")
     parser.add_argument("--keep", type=Path, help="folder for the files that revealed a defect")

@@ -38,7 +38,7 @@ _WORDS = [
 def corpus() -> list[tuple[str, bytes]]:
     """Return the undamaged files: (name, file)."""
     from meshdeform.assets import load_asset
-    from tests.unit.assets import test_ply_reader, test_stl_reader
+    from tests.unit.assets import test_extensions, test_formats, test_ply_reader, test_stl_reader
     from tests.unit.assets.archives import packed
     from tests.unit.assets.builders import quad
     from tests.unit.assets.test_archive import MTL
@@ -70,6 +70,9 @@ def corpus() -> list[tuple[str, bytes]]:
         ("big.ply", test_ply_reader.binary(">", [(0, 1, 2), (0, 2, 3)], [(9, 9, 9), (1, 2, 3)])),
         ("magics.stl", test_stl_reader.binary(31, 0x8000, head=b"COLOR=abcd")),
         ("text.stl", b"solid a\n" + test_stl_reader.TEXT * 2 + b"endsolid a\nsolid b\n" + test_stl_reader.TEXT),
+        ("colored.3mf", test_formats.threemf(test_formats.COLORED, test_formats.COLORS_3MF)),
+        ("levels.glb", test_extensions.levels().glb()),
+        ("body.glb", test_extensions.solid({"type": "box", "box": {"size": [2, 2, 2]}}).glb()),
         ("obj.zip", packed({"a.obj": OBJ_WITH_MTL, "lib/things.mtl": MTL, "lib/wood.png": DOT})),
         ("ply.zip", packed({"a.ply": test_ply_reader.textured("a.png"), "A.png": DOT})),
     ]
@@ -94,7 +97,7 @@ def mutant(seed: int, number: int, kind: str = "") -> tuple[str, bytes]:
     ways: list[_Way] = [_flip, _flip, _cut, _lengths, _swap_parts]
     if name.endswith((".obj", ".ply", ".stl")):
         ways += [_words, _words, _words, _repeated]
-    if name.endswith(".zip"):
+    if name.endswith((".zip", ".3mf")):
         ways += [_inside] * 10
     if name.endswith((".glb", ".gltf")):
         ways += [_json_values, _json_values, _json_values, _json_values, _payload, _payload]

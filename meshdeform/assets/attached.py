@@ -184,7 +184,9 @@ class _Hierarchy:
 def _directional_lights(root: Json) -> set[int]:
     """Return the nodes of directional lights, which shine alike everywhere."""
     extension = root.get("extensions", {}).get("KHR_lights_punctual", {})
-    lights = extension.get("lights", []) if isinstance(extension, dict) else []
+    lights = extension.get("lights") if isinstance(extension, dict) else None
+    if not isinstance(lights, list) or not all(isinstance(light, dict) for light in lights):
+        return set()
     nodes = set()
     for number, node in enumerate(root.get("nodes", [])):
         of_node = node.get("extensions", {}).get("KHR_lights_punctual", {})

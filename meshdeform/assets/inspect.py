@@ -626,6 +626,10 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
     used = root.get("extensionsUsed", [])
     if not isinstance(used, list) or not all(isinstance(name, str) for name in used):
         raise AssetError("extensionsUsed must be an array of names.")
+    member(root, "extensions", "the document")
+    for key in ("nodes", "scenes", "meshes"):
+        for i, holder in enumerate(objects(root, key)):
+            member(holder, "extensions", f"{key}[{i}]")
     check_extensions(root)
     check_storage(root, binary_length, limits, *check_meshes(root))
     check_nodes(root)

@@ -396,6 +396,14 @@ def test_several_scenes_are_told(default: bool, words: str) -> None:
     assert notable(used(ball())) == ()
 
 
+@pytest.mark.parametrize("place", ["nodes", "scenes", "meshes", ""])
+def test_extensions_that_are_no_object_are_refused(place: str) -> None:
+    builder = ball()
+    (builder.root[place][0] if place else builder.root)["extensions"] = 7
+    with pytest.raises(AssetError, match="extensions must be an object"):
+        used(builder)
+
+
 HOSTILE: list[Callable[[Builder], None]] = [
     lambda b: b.root["nodes"][0].update(extensions={"MSFT_lod": {"ids": [7, -1, "a", None, 0]}}),
     lambda b: b.root["nodes"][0].update(extensions={"MSFT_lod": {"ids": 3}}),
@@ -405,6 +413,8 @@ HOSTILE: list[Callable[[Builder], None]] = [
     lambda b: b.root.update(extensions={"VRMC_springBone": {"colliders": [{"node": 99, "shape": {"sphere": {}}}, 1]}}),
     lambda b: b.root.update(extensions={"VRM": {"firstPerson": {"firstPersonBoneOffset": {"x": "a"}}}}),
     lambda b: b.root["meshes"][0].update(extensions={"EXT_mesh_manifold": {"manifoldPrimitive": 3}}),
+    lambda b: b.root.update(extensions={"KHR_lights_punctual": {"lights": [3]}}),
+    lambda b: b.root["scenes"][0].update(extensions={"FB_geometry_metadata": 1}),
 ]
 
 
