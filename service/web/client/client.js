@@ -173,7 +173,7 @@ export class Client {
     async artifacts(job, signal) {
         return (await this.#transport.json(path(job, "artifacts"), { signal })).artifacts;
     }
-    /** Make `morph.glb`, `map.safetensors` or `result.stl` of a job that was not asked for it. */
+    /** Make `morph.glb`, `map.safetensors` or another format of the result; `warnings` says what that cannot hold. */
     async make(job, name, signal) {
         return this.#transport.json(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
     }
@@ -184,9 +184,11 @@ export class Client {
         const headers = { "Content-Type": "application/octet-stream" };
         return this.bytes(path(job, `apply?${query}`), { method: "POST", body: blob, headers, signal: options.signal });
     }
-    /** Download an artifact; `result.glb` at any strength from 0 to 1.5. */
+    /** Download an artifact; `result.glb` at any strength from 0 to 1.5, and it and its other formats in a pose, `CLIP@SECONDS`. */
     async download(job, name = "result.glb", options = {}) {
-        const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
+        const { strength, pose } = options;
+        const asked = Object.entries({ strength, pose }).filter(([, value]) => value !== undefined);
+        const query = asked.length ? `?${new URLSearchParams(asked.map(([key, value]) => [key, String(value)]))}` : "";
         return this.#blob(path(job, `artifacts/${encodeURIComponent(name)}${query}`), options.signal);
     }
     /** Return what the result of a deformation is worth by its report; null where the report does not say. */
