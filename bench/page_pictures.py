@@ -1,7 +1,7 @@
 """Take the pictures of the web page for the docs, with a real browser and a real service.
 
-python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png, web_phone.png,
-                                              web_control.png, web_compare.png and web_prompts.png
+python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png, web_phone.png and
+                                              web_control.png
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from meshdeform import Client
 from tests.acceptance.service import serving
 from tests.browser.conftest import CHROMIUM_ARGUMENTS, DEADLINE_MS, chromium_path
 
@@ -59,7 +58,7 @@ def opened(browser: Browser, url: str, view: str, path: Path, **options: Any) ->
     page.goto(view)
     yield page
     page.wait_for_load_state("networkidle")
-    page.screenshot(path=path, full_page=page.locator(".legend").is_visible())
+    page.screenshot(path=path)
     context.close()
     assert path.stat().st_size < LARGEST_BYTES, f"{path} has {path.stat().st_size} bytes"
 
@@ -71,7 +70,7 @@ def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: s
         page.wait_for_load_state("networkidle")
         if press:
             page.get_by_text(press, exact=True).click()
-            page.locator(".legend").wait_for()
+            page.locator(".before .viewer").wait_for()
             page.evaluate("() => Promise.all(document.getAnimations().map((each) => each.finished))")
             page.evaluate("() => scrollTo(0, 0)")  # the click may have scrolled
 
@@ -81,7 +80,7 @@ def take_control(browser: Browser, url: str, path: Path) -> None:
     with opened(browser, url, "/", path, viewport={"width": 1360, "height": 1120}) as page:
         page.set_input_files("#asset-file", ROOT / "examples" / "vase.glb")
         page.get_by_label("Prompt", exact=True).fill("a fat penguin")
-        page.get_by_text("More options").click()
+        page.locator(".bench-details > summary").click()
         page.get_by_text("Control", exact=True).click()
         rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
         canvas = page.locator(".asset-panel .viewer").bounding_box()
@@ -99,30 +98,6 @@ def take_control(browser: Browser, url: str, path: Path) -> None:
         page.locator(".control-panel").scroll_into_view_if_needed()
 
 
-def take_prompts(browser: Browser, url: str, path: Path) -> None:
-    """Save a picture of the form with a second prompt that has a region."""
-    with opened(browser, url, "/", path, viewport={"width": 1200, "height": 1248}) as page:
-        page.set_input_files("#asset-file", ROOT / "service/web/examples/vase.glb")
-        page.get_by_label("Prompt", exact=True).fill("a pear")
-        page.get_by_text("More options").click()
-        page.get_by_role("button", name="Add a prompt").click()
-        page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a mushroom")
-        page.get_by_label("Weight of prompt 2").fill("3")
-        page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
-        page.locator("#estimate", has_text=re.compile("fit|steps")).wait_for()
-        page.locator(".further .control-row", has_text="triangles").first.wait_for()
-
-
-def take_comparison(browser: Browser, url: str, path: Path) -> None:
-    """Save a picture of two results of one asset."""
-    asset = ROOT / "service/web/examples/vase.glb"
-    with Client(url) as client:
-        prompts = enumerate(("a lamp", "a tall thin vase"))
-        jobs = [client.submit(asset, prompt, params={"seed": seed}) for seed, prompt in prompts]
-        a, b = (client.wait(job).id for job in jobs)
-    take(browser, url, path, f"/#/compare/{a}/{b}", ".compare-table", "Displacement", **JOB)
-
-
 def main() -> None:
     """Take the pictures of the web page."""
     with tempfile.TemporaryDirectory(prefix="meshdeform-pictures-") as folder, sync_playwright() as playwright:
@@ -131,12 +106,10 @@ def main() -> None:
         )
         with with_jobs(Path(folder)) as (url, job):
             desktop: dict[str, Any] = {"viewport": {"width": 1200, "height": 760}}
-            take(launched, url, PICTURES / "web_job.png", f"/#/jobs/{job}", ".files", "Stretch", **JOB)
+            take(launched, url, PICTURES / "web_job.png", f"/#/jobs/{job}", ".verdict p", "Side by side", **JOB)
             take(launched, url, PICTURES / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
-            take(launched, url, PICTURES / "web_phone.png", f"/#/jobs/{job}", ".files", **PHONE)
+            take(launched, url, PICTURES / "web_phone.png", f"/#/jobs/{job}", ".verdict p", **PHONE)
             take_control(launched, url, PICTURES / "web_control.png")
-            take_comparison(launched, url, PICTURES / "web_compare.png")
-            take_prompts(launched, url, PICTURES / "web_prompts.png")
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.storage.readings import StoredReadings
 from meshdeform.webhooks.addresses import LookupPool
-from service.downloads.strengths import Strengths
+from service.downloads.variants import Variants
 from service.events.waiting import JobWaiters
 from service.http.limits import FairSlots
 from service.jobs.kept_assets import KeptAssets
@@ -92,7 +92,7 @@ class AppState:
     waiters: JobWaiters
     assets: CheckedAssets
     workspace: Workspace
-    strengths: Strengths
+    variants: Variants
     readings: StoredReadings
     kept_assets: KeptAssets
     previews: WarmProcesses = field(
@@ -140,7 +140,7 @@ class AppState:
             waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(limits),
             workspace=workspace,
-            strengths=Strengths(record, store, workspace, limits),
+            variants=Variants(record, store, workspace, limits),
             readings=StoredReadings(store, samples_in(settings.cache_folder)),
             kept_assets=KeptAssets(workspace.folder / "kept"),
         )

@@ -350,6 +350,25 @@ class LimitList(Document):
     kinds: list[KindView] = Field(description="The kinds of job.")
 
 
+class UsageMonth(Document):
+    """What was used in a month."""
+
+    month: str = Field(description="Year and month, in UTC.", examples=["2026-11"])
+    jobs: int = Field(ge=0, description="Jobs that ended, in whichever state.", examples=[120])
+    seconds: float = Field(
+        ge=0.0,
+        description="Seconds for which workers had jobs, all attempts together; an attempt counts when it ends.",
+        examples=[913.5],
+    )
+    bytes: int = Field(ge=0, description="Bytes of the artifacts that were made.", examples=[73400320])
+
+
+class UsageList(Document):
+    """What was used, by month."""
+
+    months: list[UsageMonth] = Field(description="Newest first; months without use are left out.")
+
+
 class UploadView(Document):
     """A file uploaded separately, for use in jobs."""
 

@@ -58,11 +58,18 @@ class ArtifactView(Document):
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
     href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb"])
+    warnings: list[str] = Field(
+        default_factory=list,
+        description="What its format cannot hold, and what its numbers mean, in sentences.",
+        examples=[["Without animations: 2."]],
+    )
 
     @classmethod
     def of(cls, artifact: Artifact, job_id: str) -> Self:
         """Return the document of an artifact."""
-        return cls(**artifact.model_dump(exclude={"key"}), href=f"/v1/jobs/{job_id}/artifacts/{artifact.name}")
+        described = artifact.model_dump(exclude={"key", "warnings"})
+        href = f"/v1/jobs/{job_id}/artifacts/{artifact.name}"
+        return cls(**described, href=href, warnings=artifact.warnings or [])
 
 
 class JobView(Document):

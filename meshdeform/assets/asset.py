@@ -48,6 +48,7 @@ from meshdeform.assets.writer import (
 from meshdeform.errors import AssetFormatError
 
 if TYPE_CHECKING:
+    from meshdeform.assets.pose import Pose
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
 
@@ -119,6 +120,28 @@ class Asset:
             return self._source
         document = self._document.fork()
         embed_data_uris(document)
+        return document.to_bytes()
+
+    def document(self) -> Document:
+        """Return the glTF document, to read or to edit: a copy."""
+        return self._document.fork()
+
+    def baked(self, pose: Pose | None = None) -> tuple[Document, list[str]]:
+        """Return a copy of the document in a pose, without its rig, and what is lost in sentences (`assets/bake.py`).
+
+        `pose`: None is that of the nodes. Raises ParameterError: there is no such clip, or it has no such time.
+        """
+        from meshdeform.assets.bake import bake
+
+        document = self._document.fork()
+        return document, bake(document, pose)
+
+    def packed(self, document: Document) -> bytes:
+        """Write a changed copy of the document as a GLB, without the data that became unused."""
+        from meshdeform.assets.compact import compact
+
+        embed_data_uris(document)
+        compact(document, self._usage, [])
         return document.to_bytes()
 
     def appearance(self) -> Appearance:
@@ -235,16 +258,13 @@ class Asset:
         AssetError
             An attribute has another number of elements than its positions.
         """
-        from meshdeform.assets.compact import compact
         from meshdeform.assets.subdivide import subdivide
 
         document = self._document.fork()
         done = subdivide(document, max_triangles, self.excluded)
         if not done.split:
             return self, done
-        embed_data_uris(document)
-        compact(document, self._usage, [])
-        finer = load_asset(document.to_bytes(), limits=Limits.unlimited()).without(self.excluded)
+        finer = load_asset(self.packed(document), limits=Limits.unlimited()).without(self.excluded)
         return finer._as_repaired(self), done
 
     def replace(

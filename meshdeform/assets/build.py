@@ -169,6 +169,13 @@ def _linear(values: NDArray[Any]) -> NDArray[Any]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
+def srgb_from_linear(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Encode linear values of 0 to 1 as sRGB (IEC 61966-2-1)."""
+    values = np.asarray(values, np.float64)
+    curve = 1.055 * np.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
+    return np.where(values <= 0.0031308, values * 12.92, curve)
+
+
 def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
     """Return colours as linear floats, as glTF requires; bytes are taken as sRGB."""
     if colors.dtype.kind == "f":

@@ -340,6 +340,7 @@ class Leases:
                 raise stale(change.connection, job_id, attempt)
             if changed[0].state == JobState.SUCCEEDED:
                 self._publish(change, job_id, attempt, results)
+                change.usage.add(changed[0].owner_id, size=sum(result.size for result in results))
             if step_s:
                 change.counters.observe("step_seconds", step_s)
         return JobState(changed[0].state)

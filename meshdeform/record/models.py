@@ -64,6 +64,8 @@ class Artifact(_Frozen):
     sha256: str
     key: str
     created_at: datetime = Field(default_factory=lambda: datetime.now(UTC))
+    warnings: list[str] | None = None
+    """Sentences about what its format cannot hold; None if there are none."""
 
 
 class Origin(_Frozen):

@@ -53,6 +53,7 @@ from meshdeform.record.schema import (
 )
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
+from meshdeform.record.usage import UsageLedger
 from meshdeform.record.webhooks import WebhookBook
 from meshdeform.record.words import WordLedger
 from meshdeform.requests.document import DeformParams, JobRequest
@@ -77,6 +78,7 @@ class JobRecord:
         self.webhooks = WebhookBook(self._database, self.deliveries, self.secret)
         self.keys = KeyRing(self._database)
         self.words = WordLedger(self._database, self.files)
+        self.usage = UsageLedger(self._database)
         self._rooms = Rooms()
 
     def close(self) -> None:
@@ -240,7 +242,8 @@ class JobRecord:
             if row := connection.execute(known).one_or_none():
                 return rows.read(Artifact, row)
             connection.execute(sa.insert(artifacts).values(**values, attempt=attempt))
-            change.update(jobs.c.id == job_id, {})
+            [row] = change.update(jobs.c.id == job_id, {})
+            change.usage.add(row.owner_id, size=artifact.size)
             measure(connection, job_id)
             return artifact
 

@@ -139,6 +139,8 @@ class Upkeep:
             "finished_at": self._database.now(),
             "phase": "done",
             "eta_s": None,
+            "ran_s": jobs.c.ran_s + self._database.seconds(jobs.c.claimed_at, self._database.now()),
+            "claimed_at": None,
             # Of a failure after which it was to be tried again.
             "error": None,
             "retry_at": None,

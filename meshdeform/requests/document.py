@@ -49,6 +49,7 @@ from meshdeform.requests.parameters import (
     StrictModel,
     active_prompts,
 )
+from meshdeform.requests.problems import reason
 from meshdeform.requests.surface_fit import SurfaceFitParams
 
 __all__ = [
@@ -116,9 +117,8 @@ def first_problem(error: ValidationError, *within: str) -> str:
     """Return the first problem of a document, which is itself `within` another one, after the place where it is."""
     problem = error.errors(include_url=False, include_context=False, include_input=False)[0]
     place = ".".join(map(str, (*within, *problem["loc"])))
-    unknown = problem["type"] == "extra_forbidden"
-    reason = "there is no such member" if unknown else problem["msg"].removeprefix("Value error, ")
-    return f"{place}: {reason}" if place else reason
+    said = reason(problem).rstrip(".")
+    return f"{place}: {said}" if place else said
 
 
 @cache

@@ -46,6 +46,7 @@ from meshdeform.requests.choices import (
     Symmetry,
 )
 from meshdeform.requests.declaration import FORM, OF_PRESET, StrictModel, nullable, of_preset
+from meshdeform.requests.problems import did_you_mean
 from meshdeform.requests.selection import (
     MAX_HANDLES,
     MAX_LANDMARKS,
@@ -647,7 +648,7 @@ Guidance = Annotated[
     Discriminator(
         _kind_of_guidance,
         custom_error_type="guidance_kind",
-        custom_error_message="`kind` is `sds`, `target`, `silhouettes` or `exemplar`",
+        custom_error_message="kind is sds, target, silhouettes or exemplar",
     ),
 ]
 
@@ -674,6 +675,9 @@ class DeformParams(CommonParams):
     def _is_an_object(cls, value: Any) -> Any:
         if isinstance(value, str):
             raise ValueError(f'it is an object now: {{"kind": "{value}"}}')  # noqa: TRY004 - a finding, no crash
+        kind = value.get("kind") if isinstance(value, dict) else None
+        if isinstance(kind, str) and kind not in list(GuidanceKind):
+            raise ValueError(did_you_mean(kind, list(GuidanceKind), "kind of guidance"))
         return value
 
     @property

@@ -142,6 +142,7 @@ _TAGS = [
     {"name": "webhooks", "description": "Receive events as signed messages: docs/webhooks.md."},
     {"name": "models", "description": "The models that jobs may use in `params.guidance.model`."},
     {"name": "limits", "description": "The limits of this server."},
+    {"name": "usage", "description": "What you have used."},
     {"name": "health", "description": "Liveness, readiness and metrics, for the operator."},
 ]
 

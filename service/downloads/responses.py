@@ -75,12 +75,14 @@ def requested_range(header: str | None, if_range: str | None, tag: str, size: in
 
 
 _CHUNK = 256 * 1024
+_LONGEST = 2000
 _PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")
 _TAG = '"9f86d081884c7d65..."'
 _HEADERS = {
     "ETag": header("SHA-256 of the whole file.", _TAG),
     "Accept-Ranges": header("Byte ranges are supported.", "bytes"),
     "Content-Disposition": header("The name to save the file under.", 'attachment; filename="result.glb"'),
+    "Meshdeform-Warnings": header("What the file's format cannot hold, if anything.", "Without animations: 2."),
 }
 _CONTENT_RANGE = {
     "Content-Range": header("The range that is sent, and the size of the whole file.", "bytes 0-1023/30720")
@@ -152,6 +154,7 @@ class Download:
     content_type: str
     size: int
     sha256: str
+    warnings: tuple[str, ...] = ()  # what its format cannot hold
 
     @property
     def headers(self) -> dict[str, str]:
@@ -164,7 +167,13 @@ class Download:
             "Content-Disposition": _disposition(self.name),
             "Repr-Digest": f"sha-256=:{digest}:",
             "X-Content-Type-Options": "nosniff",
+            **({"Meshdeform-Warnings": _ascii(self.warnings)} if self.warnings else {}),
         }
+
+
+def _ascii(sentences: tuple[str, ...]) -> str:
+    """Return sentences as the value of a header, which is ASCII and short."""
+    return " ".join(sentences).encode("ascii", "replace").decode()[:_LONGEST]
 
 
 def _disposition(name: str) -> str:
@@ -175,14 +184,9 @@ def _disposition(name: str) -> str:
     return short if plain == name else f"{short}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
 
 
-def download(
-    request: Request, app: AppState, file: Download, conditions: Conditions, *, signed: bool = False
-) -> Response:
-    """Return the answer to a request, by a verified URL if `signed`, for stored bytes: all of them, a range, or 304."""
+def download(request: Request, app: AppState, file: Download, conditions: Conditions) -> Response:
+    """Return the answer to a request for stored bytes: all of them, a range, or 304."""
     headers = file.headers
-    if signed:
-        # Anyone who has the URL may read the file, so pages of other origins may too: web viewers fetch models.
-        headers["Access-Control-Allow-Origin"] = "*"
     if matches(conditions.if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     part = requested_range(conditions.range, conditions.if_range, headers["ETag"], file.size)

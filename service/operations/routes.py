@@ -21,6 +21,8 @@ from meshdeform.api.documents import (
     ModelView,
     RequestLimits,
     UploadLimits,
+    UsageList,
+    UsageMonth,
     VocabularyView,
     WordLimits,
 )
@@ -116,6 +118,25 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
         kinds=[_described(kind) for kind in kinds()],
     )
     return JSONResponse(document.model_dump(mode="json"))
+
+
+@router.get(
+    "/v1/usage",
+    tags=["usage"],
+    operation_id="get_usage",
+    summary="Get what you have used, by month",
+    responses={
+        200: {"model": UsageList, "description": "Jobs, seconds and bytes of each month."},
+        **problem_responses(*CALLER_ERRORS),
+    },
+)
+def get_usage(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
+    """Of all keys of your owner together. Jobs that were deleted stay counted."""
+    months = [
+        UsageMonth(month=each.month, jobs=each.jobs, seconds=each.seconds, bytes=each.bytes)
+        for each in app.record.usage.months(principal.owner_id)
+    ]
+    return JSONResponse(UsageList(months=months).model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 
 def _described(kind: Kind) -> KindView:

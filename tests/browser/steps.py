@@ -50,9 +50,17 @@ def open_form(page: Page) -> None:
 
 
 def open_more(page: Page) -> None:
-    """Open the fold with all that most jobs do without."""
-    if page.locator("details.further-options").get_attribute("open") is None:
-        page.get_by_text("More options").click()
+    """Open the fold with all that most people do without."""
+    fold = page.locator("details.bench-details")
+    fold.wait_for()
+    if fold.get_attribute("open") is None:
+        fold.locator("summary").first.click()
+
+
+def choose_way(page: Page, way: str) -> None:
+    """Choose how the asset becomes what is asked for: `shape` or `pictures`."""
+    open_more(page)
+    page.get_by_label("How", exact=True).select_option(way)
 
 
 def choose(page: Page, asset: Path) -> None:
@@ -68,18 +76,24 @@ def kept_files(page: Page) -> list[str]:
 
 def set_steps(page: Page, steps: int, seed: int = 7) -> None:
     """Set the length of the job, among the advanced parameters; fits have none, so a model pushes."""
-    page.get_by_role("group", name="How").get_by_text("By pictures").click()
-    open_more(page)
+    choose_way(page, "pictures")
     if not page.locator("#param-steps").is_visible():
         page.get_by_text("Advanced", exact=True).click()
     page.get_by_label("Steps", exact=True).fill(str(steps))
     page.get_by_label("Variation", exact=True).fill(str(seed))
 
 
+def keep(page: Page) -> Locator:
+    """What makes a job of what the page shows, or of what it cannot show before a job has run."""
+    return page.get_by_role("button", name=re.compile("^(Keep|Run)$"))
+
+
 def start(page: Page) -> str:
     """Start the job and return its id once the page shows it."""
-    page.get_by_role("button", name=re.compile("^Deform")).click()
-    page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
+    before = page.url
+    keep(page).click()
+    page.wait_for_url(lambda url: url != before and re.search(r"#/jobs/job_\w+$", url) is not None)
+    page.locator(".job-head").wait_for()
     return shown_job(page)
 
 

@@ -70,9 +70,6 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.get_by_text("Control", exact=True).click()
     for tool in ("Add a box", "Add triangles", "Add a handle"):
         page.locator(".control-panel").get_by_role("button", name=tool).click()
-    page.get_by_role("button", name="Add a prompt").click()
-    page.get_by_role("textbox", name="Prompt 2", exact=True).fill("a rabbit")
-    page.get_by_role("group", name="Regions of prompt 2").get_by_role("button", name="Add a box").click()
     page.evaluate("() => document.activeElement.blur()")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
@@ -81,8 +78,9 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.get_by_text("Advanced", exact=True).click()
     yield "surface form"
     page.goto(f"/#/jobs/{finished}")
+    open_more(page)
     page.get_by_role("button", name="Download result.glb").wait_for()
-    page.get_by_role("heading", name="Settings").click()
+    page.get_by_role("heading", name="All settings").click()
     yield "job"
     page.goto("/#/jobs")
     page.locator(".card").first.wait_for()
@@ -103,7 +101,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     other = finished[:-4] + "0000"  # the same job under another name
     page.route(f"**/{other}**", lambda route: route.continue_(url=route.request.url.replace(other, finished)))
     page.goto(f"/#/compare/{finished}/{other}")
-    page.get_by_role("table", name="Result").wait_for()
+    page.get_by_role("group", name="Compare").get_by_label("Side by side").wait_for(state="attached")
     yield "comparison"
 
 
@@ -139,6 +137,7 @@ def test_a_server_that_wants_a_key_is_given_one(
         job_id = start(page)
         # Events are followed with the key, which `EventSource` could not send.
         expect(badge(page)).to_have_text("Succeeded")
+        open_more(page)
         with page.expect_download() as download:
             page.get_by_role("button", name="Download result.glb").click()
         download.value.save_as(tmp_path / "result.glb")
@@ -164,14 +163,18 @@ def test_a_server_that_wants_a_key_is_given_one(
             visitor.goto(link)
             expect(badge(visitor)).to_have_text("Succeeded")
             expect(visitor.locator(".job-head")).to_contain_text("You see this job by a link.")
+            open_more(visitor)
             for name, content in (("result.glb", stored.content), ("sphere.obj", small_sphere.read_bytes())):
                 with visitor.expect_download() as download:
                     visitor.get_by_role("button", name=f"Download {name}").click()
                 download.value.save_as(tmp_path / "shared")
                 assert (tmp_path / "shared").read_bytes() == content
             # Nothing that would change the job, nor the way to others.
-            expect(visitor.get_by_role("group", name="Actions").get_by_role("button")).to_have_text(["Download result"])
-            expect(visitor.get_by_role("button", name=re.compile("^(Make|Copy|Delete|Share)"))).to_have_count(0)
+            expect(visitor.get_by_role("button", name="Download", exact=True)).to_be_visible()
+            expect(visitor.get_by_role("button", name=re.compile("^(Make|Copy|Delete|Share|Keep|Run)"))).to_have_count(
+                0
+            )
+            expect(visitor.get_by_label("Prompt", exact=True)).to_have_count(0)
             expect(visitor.get_by_role("navigation")).to_have_count(0)
             assert visits.posted() == []
             visitor.goto(link[:-1] + ("0" if link[-1] != "0" else "1"))
@@ -217,11 +220,9 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     for _ in range(50):
         page.keyboard.press("Tab")
         focused = page.evaluate("() => document.activeElement.id || document.activeElement.textContent.trim()")
-        if focused in ("More options", "Advanced"):
-            page.keyboard.press("Enter")
-        if focused == "Deform":
+        if focused == "Keep":
             break
-    assert focused == "Deform"
+    assert focused == "Keep"
     expect(page.locator("#estimate")).to_contain_text("A fit")
     page.keyboard.press("Enter")
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
@@ -229,12 +230,24 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     assert service.finished(job_id)["state"] == "succeeded"
     until_judged(page)
     assert service.job(job_id)["params"]["guidance"]["kind"] == "exemplar"
-    # The focus is at the new content, and the morph is moved by the arrows.
+    # The focus is at the new content; the strength is moved by the arrows, and before is seen while a key is held.
     expect(page.locator("#main")).to_be_focused()
-    expect(page.locator("#morph-slider")).to_be_visible()
-    page.locator("#morph-slider").focus()
+    strength, stage = page.get_by_label("Strength", exact=True), page.locator(".asset-panel .stage")
+    expect(strength).to_be_visible()
+    page.keyboard.down("b")
+    expect(stage).to_have_attribute("data-compare", "hold")
+    page.keyboard.up("b")
+    expect(stage).to_have_attribute("data-compare", "none")
+    strength.focus()
     page.keyboard.press("ArrowLeft")
-    expect(page.locator("#morph-slider")).to_have_value("99")
+    expect(strength).to_have_value("99")
+    # What is shown can be asked for again, and compared.
+    expect(page.get_by_role("button", name="Keep")).to_be_visible()
+    page.get_by_label("Result", exact=True).focus()
+    page.keyboard.press("ArrowRight")
+    expect(stage).to_have_attribute("data-compare", "wipe")
+    page.get_by_label("Before and after").press("Home")
+    expect(page.get_by_label("Before and after")).to_have_attribute("aria-valuetext", "0 percent before")
 
 
 @pytest.mark.without_3d
@@ -246,8 +259,10 @@ def test_nothing_is_wider_than_a_phone(
             if view == "form":
                 prompt = page.get_by_label("Prompt", exact=True)
                 page.evaluate("() => scrollTo(0, 0)")
-                below, bar = prompt.bounding_box(), page.locator(".start-bar").bounding_box()
-                assert below["y"] + below["height"] < bar["y"], "the prompt is not to be seen without scrolling"
+                below = prompt.bounding_box()
+                assert below["y"] + below["height"] < page.viewport_size["height"], (
+                    "the prompt is not to be seen without scrolling"
+                )
             width = page.evaluate("() => document.documentElement.scrollWidth")
             assert width <= 360, (view, width, widest(page))
             small = page.evaluate(
@@ -288,7 +303,7 @@ def test_no_barrier_is_found(
                 assert barriers(page, axe, rules) == [], (view, scheme)
             page.emulate_media(color_scheme="light", reduced_motion="reduce")
             if view == "job":
-                page.get_by_role("button", name="New version").click()
+                page.get_by_role("button", name="Delete").first.click()
                 page.get_by_role("dialog").wait_for()
                 assert barriers(page, axe) == [], "dialog"
                 page.keyboard.press("Escape")

@@ -16,6 +16,7 @@ from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch
 from tests.browser.steps import (
     choose,
+    choose_way,
     difference,
     expect,
     open_form,
@@ -66,8 +67,9 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     assert (seen[..., 2] - seen[..., 0] > 60).mean() > 0.05  # the texture is there
 
     # The arrow follows the pointer, the slider and the form.
-    page.get_by_role("group", name="How").get_by_text("By pictures").click()  # a fit searches no front
-    open_more(page)
+    choose_way(page, "pictures")  # a fit searches no front
+    page.get_by_text("Not right?").click()
+    page.get_by_label("Side that is the front").select_option("else")
     slider, said = page.get_by_label("Front", exact=True).first, page.locator(".front-control output")
     expect(said).to_have_text("Automatic")
     slider.fill("0")
@@ -101,8 +103,10 @@ def test_a_zip_is_shown_its_front_turned_and_deformed(
     job = start(page)
     until_judged(page)
     assert service.job(job)["params"]["guidance"]["orientation"] == turned
+    open_more(page)
     expect(page.get_by_text(f"Front: the side at {turned}°")).to_be_visible()
-    before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
-    expect(page.get_by_label("Morph", exact=True)).to_be_visible()  # both have the same vertices
+    page.get_by_text("Side by side").click()
+    after, before = page.locator(".viewer").first, page.locator(".before .viewer")
+    expect(page.get_by_label("Strength", exact=True)).to_be_visible()  # both have the same vertices
     until_drawn(before)
     assert difference(picture(before), until_drawn(after)) > 0.005

@@ -9,7 +9,18 @@ import pytest
 
 from meshdeform.requests.document import OutputOptions
 from tests.acceptance.service import Service, until
-from tests.browser.steps import barriers, choose, difference, expect, open_form, picture, start, until_drawn
+from tests.browser.steps import (
+    barriers,
+    choose,
+    difference,
+    expect,
+    open_form,
+    open_more,
+    picture,
+    start,
+    until_drawn,
+    until_judged,
+)
 from tests.browser.viewer.assets import rigged
 
 if TYPE_CHECKING:
@@ -32,8 +43,10 @@ def test_clips_are_chosen_scrubbed_and_played_in_step(page: Page, service: Servi
     page.goto(f"/#/jobs/{job}")
     player = page.get_by_role("group", name="Animation")
     clip, time = player.get_by_label("Clip", exact=True), player.get_by_label("Time", exact=True)
-    before, after = page.locator(".viewer").nth(0), page.locator(".viewer").nth(1)
-    expect(after.locator(".viewer-tag")).to_have_text("After")
+    after, before = page.locator(".viewer").nth(0), page.locator(".before .viewer")
+    expect(after.locator(".viewer-tag")).to_have_text("Result")
+    page.get_by_text("Side by side").click()
+    until_drawn(before)
     rest = until_drawn(after)
 
     def moves_in_step() -> bool:
@@ -67,22 +80,24 @@ def test_clips_are_chosen_scrubbed_and_played_in_step(page: Page, service: Servi
 
 @pytest.mark.without_pictures
 def test_a_rig_follows_or_stays_as_it_was_chosen(page: Page, service: Service, waving: Path) -> None:
-    words = {"follow": "Follows the shape", "keep": "Stays as it is"}
     usual = OutputOptions().rig.value
     open_form(page)
-    rig = page.get_by_role("group", name="Rig")
+    open_more(page)
+    rig = page.get_by_label("Rig", exact=True)
     expect(rig).to_be_hidden()
     choose(page, waving)
-    expect(rig.get_by_role("radio", name=words.pop(usual))).to_be_checked()
+    expect(rig).to_have_value(usual)
     page.get_by_label("Prompt", exact=True).fill("20 % taller")
     with page.expect_request("**/v1/jobs") as asked:
         assert service.job(start(page))["output"]["rig"] == usual
     assert '"rig"' not in (asked.value.post_data or "")
 
-    page.get_by_role("button", name="Edit and run again").click()
     expect(page.locator("#asset-facts")).to_contain_text("waving.glb")
-    ((other, name),) = words.items()
-    rig.get_by_text(name).click()
+    until_judged(page)
+    open_more(page)
+    (other,) = {"follow", "keep"} - {usual}
+    rig.select_option(other)
     assert service.job(start(page))["output"]["rig"] == other
-    page.get_by_role("button", name="Edit and run again").click()
-    expect(rig.get_by_role("radio", name=name)).to_be_checked()
+    until_judged(page)
+    open_more(page)
+    expect(rig).to_have_value(other)

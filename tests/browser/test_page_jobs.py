@@ -17,9 +17,9 @@ from tests.browser.steps import (
     difference,
     expect,
     open_form,
+    open_more,
     picture,
     set_steps,
-    shown_job,
     start,
     straight_way,
     until_drawn,
@@ -55,29 +55,34 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
         expect(badge(page)).to_have_text("Running")
     until_judged(page)
 
-    before, after = page.locator(".viewer", has_text="Before"), page.locator(".viewer", has_text="After")
-    expect(page.get_by_label("Morph", exact=True)).to_be_visible()
-    expect(after.locator(".viewer-tag")).to_have_text("After")  # the result, no step on the way
+    after, before = page.locator(".viewer").first, page.locator(".before .viewer")
+    strength = page.get_by_label("Strength", exact=True)
+    expect(strength).to_be_visible()
+    expect(after.locator(".viewer-tag")).to_have_text("Result")  # no step on the way
+    page.get_by_text("Side by side").click()
     until_drawn(before)
     deformed = until_drawn(after)
     assert difference(picture(before), deformed) > 0.02
-    page.get_by_label("Morph", exact=True).fill("0")
+    strength.fill("0")
     # But for the ground, which lies below the lower of both shapes: the upper half is compared.
     until("both sides are alike", lambda: difference(upper_half(before), upper_half(after)) < 0.002, deadline_s=60)
-    page.get_by_label("Morph", exact=True).fill("100")
+    strength.fill("100")
     until("the deformation is back", lambda: difference(deformed, picture(after)) < 0.002)
 
     def saved(button: str) -> tuple[str, bytes]:
         with page.expect_download() as download:
-            page.get_by_role("button", name=button).click()
+            page.get_by_role("button", name=button, exact=True).click()
         return download.value.suggested_filename, download.value.path().read_bytes()
 
     stem = "sphere-a-mushroom-with-a-big-cap-seed7"
+    assert saved("Download") == (f"{stem}.glb", service.artifact(job_id, "result.glb"))
+    page.get_by_label("Format").select_option("result.stl")
+    assert saved("Download") == (f"{stem}.stl", service.artifact(job_id, "result.stl"))
+    open_more(page)
     assert saved("Download result.glb") == (f"{stem}.glb", service.artifact(job_id, "result.glb"))
     assert saved("Download sphere.obj") == ("sphere.obj", small_sphere.read_bytes())
-    assert saved("Make and download result.stl") == (f"{stem}.stl", service.artifact(job_id, "result.stl"))
     name, video = saved("Save a turntable as WebM")
-    assert (name, video[:4]) == (f"{stem}-turntable.webm", b"\x1a\x45\xdf\xa3")
+    assert (name, video[:4]) == ("turntable.webm", b"\x1a\x45\xdf\xa3")
     assert len(video) > 50_000, "one picture alone has less"
 
 
@@ -145,14 +150,12 @@ def test_a_lost_worker_is_said_and_the_job_continues(page: Page, service: Servic
     until_judged(page)
     expect(page.locator(".notice")).to_be_hidden()
 
-    # The same variation at the next quality, in one click.
+    # The same words at the next quality, on the page of the job.
+    open_more(page)
+    page.get_by_label("Quality", exact=True).select_option("balanced")
+    page.get_by_label("Steps", exact=True).fill("")
     with service.held_jobs():
-        page.get_by_role("button", name="Refine").click()
-        # How long it takes is known only where one like it has run.
-        if (ask := page.get_by_role("dialog", name="Refine at quality Balanced?")).is_visible():
-            ask.get_by_role("button", name="Refine").click()
-        page.wait_for_url(lambda url: job_id not in url)
-        better = service.job(shown_job(page))
+        better = service.job(start(page))
         assert (better["prompt"], better["params"]["preset"], better["params"]["seed"]) == (
             "a tall vase",
             "balanced",

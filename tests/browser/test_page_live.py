@@ -17,7 +17,17 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.previews import PreviewShape, PreviewShapes, pack
 from meshdeform.runs.preview_work import positions_of
 from tests.acceptance.service import Service, until
-from tests.browser.steps import barriers, choose, difference, expect, open_form, open_more, picture, until_drawn
+from tests.browser.steps import (
+    barriers,
+    choose,
+    choose_way,
+    difference,
+    expect,
+    open_form,
+    open_more,
+    picture,
+    until_drawn,
+)
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page, Route
@@ -150,11 +160,12 @@ def test_the_asset_is_back_where_a_prompt_is_refused_gone_or_of_another_file(
     shown.status = 200
     page.locator("#prompt").fill("a vase")
     expect(tag(page)).to_have_text("Preview")
-    page.get_by_role("group", name="How").get_by_text("By pictures").click()
+    choose_way(page, "pictures")
     is_back()
     other = asset.with_name("other.glb")
-    other.write_bytes(asset.read_bytes())
-    page.get_by_role("group", name="How").get_by_text("By shape").click()
+    ball = icosphere(3)
+    other.write_bytes(build_glb(1.5 * ball.verts, ball.faces))
+    choose_way(page, "shape")
     expect(tag(page)).to_have_text("Preview")
     asked = len(shown.asked)
     choose(page, other)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -10,7 +11,7 @@ import pytest
 
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import Watch, watched
-from tests.browser.steps import badge, choose, expect, open_form, set_steps, shown_job, start, until_judged
+from tests.browser.steps import badge, choose, expect, keep, open_form, set_steps, shown_job, start, until_judged
 from tests.fault_proxy import FaultProxy
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ def test_a_file_that_is_broken_is_refused_with_advice_and_nothing_is_posted(
     alert = page.get_by_label("Asset", exact=True).get_by_role("alert")
     expect(alert).to_contain_text("The GLB's header declares 115548 bytes, but the file has 5000.")
     expect(alert).to_contain_text("Send the whole file")
-    page.get_by_role("button", name="Deform").click()
-    expect(page.get_by_role("button", name="Deform")).to_be_enabled()
+    keep(page).click()
+    expect(keep(page)).to_be_enabled()
     expect(alert).to_be_visible()
     assert watch.posted() == []
     # Another file, and all is well again.
@@ -53,18 +54,20 @@ def test_a_job_is_canceled_retried_and_branched(page: Page, watch: Watch, servic
     first = service.submit(small_sphere, ENDLESS)
     page.goto(f"/?job={first}")
     page.wait_for_url(f"**/#/jobs/{first}")
-    expect(page.get_by_role("button", name="New version")).to_be_visible()
+    shapes = page.get_by_role("group", name="Shapes so far").get_by_role("button", name=re.compile("Step"))
+    expect(shapes.first).to_be_visible()
     page.get_by_role("button", name="Cancel").click()
     expect(badge(page)).to_have_text("Canceled")
     assert service.job(first)["state"] == "canceled"
 
-    page.get_by_role("button", name="New version").click()
-    dialog = page.get_by_role("dialog", name="New version")
-    dialog.get_by_label("Prompt").fill("a tall vase")
-    step = int(dialog.get_by_label("Start from").input_value())
-    dialog.get_by_role("button", name="Start", exact=True).click()
-    page.wait_for_url(lambda url: first not in url)
-    branch = shown_job(page)
+    # Other words from one of its steps.
+    page.reload()
+    expect(shapes.first).to_be_visible()
+    step = int(re.sub(r"\D", "", (shapes.first.get_attribute("title") or "")))
+    shapes.first.click()
+    expect(page.get_by_role("button", name=f"Starts from step {step}: start from the asset instead")).to_be_visible()
+    page.get_by_label("Prompt", exact=True).fill("a tall vase")
+    branch = start(page)
     job = service.job(branch)
     assert (job["prompt"], job["origin"]) == ("a tall vase", {"job_id": first, "step": step, "mode": "branch"})
     expect(page.get_by_role("heading", level=1)).to_have_text("“a tall vase”")
@@ -105,7 +108,7 @@ def test_a_server_that_is_away_is_said_to_be_away_and_nothing_is_lost(
         expect(page.locator("#estimate")).to_contain_text("8 steps")
         before = len(service.http.get("/v1/jobs", params={"limit": 100}).json()["jobs"])
         proxy.refuse()
-        page.get_by_role("button", name="Deform").click()
+        keep(page).click()
         expect(page.get_by_role("alert").filter(has_text="The server does not answer.")).to_be_visible()
         proxy.pass_through()
         with service.held_jobs():

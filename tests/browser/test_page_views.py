@@ -47,37 +47,36 @@ def test_a_shape_on_the_way_is_downloaded_continued_and_retried(
     steps = [each["step"] for each in found if each["mesh"]]
 
     page.goto(f"/#/jobs/{first}")
-    before, after = page.locator(".viewer").nth(0), page.locator(".viewer").nth(1)
-    expect(after.locator(".viewer-tag")).to_have_text(f"After · step {steps[-1]:,}")
-    until_drawn(after)
-    page.get_by_label("Step", exact=True).fill("1")
-    expect(after.locator(".viewer-tag")).to_have_text(f"After · step {steps[0]:,}")
+    view = page.locator(".viewer").first
+    tag, shapes = view.locator(".viewer-tag"), page.get_by_role("group", name="Shapes so far").get_by_role("button")
+    expect(tag).to_have_text(f"Step {steps[-1]:,}")
+    until_drawn(view)
+    expect(shapes).to_have_count(len(steps))
+    shapes.first.click()
+    expect(tag).to_have_text(f"Step {steps[0]:,}")
+    expect(shapes.first).to_have_attribute("aria-pressed", "true")
 
-    # What is on the screen is what is saved, under a name that says so; the server makes strengths of results alone.
-    save = page.get_by_role("button", name="Download this shape")
+    # What is on the screen is what is saved, under a name that says so.
     with page.expect_download() as download:
-        save.click()
+        page.get_by_role("button", name="Download", exact=True).click()
     download.value.save_as(tmp_path / "step.glb")
     assert download.value.suggested_filename == f"sphere-a-tall-vase-seed7-step{steps[0]}.glb"
     found_mesh = service.http.get(f"/v1/jobs/{first}/checkpoints/{steps[0]}/mesh.glb").content
     assert (tmp_path / "step.glb").read_bytes() == found_mesh
-    page.get_by_label("Morph", exact=True).fill("50")
-    expect(after.locator(".viewer-tag")).to_have_text(f"After · step {steps[0]:,} · morph 50%")
-    expect(save).to_be_disabled()
-
-    # A new version starts from the step that is looked at.
-    page.get_by_role("button", name="New version").click()
-    expect(page.get_by_label("Start from")).to_have_value(str(steps[0]))
-    page.keyboard.press("Escape")
+    # Another job can start from it.
+    expect(page.get_by_role("button", name=f"Starts from step {steps[0]}")).to_be_visible()
+    expect(page.get_by_role("button", name="Run", exact=True)).to_be_visible()
 
     # A retry shows the shape that it starts from, not the source.
-    page.get_by_label("Morph", exact=True).fill("100")
     with service.held_jobs():
         page.get_by_role("button", name="Retry").click()
         page.wait_for_url(lambda url: first not in url)
-        expect(after.locator(".viewer-tag")).to_have_text("After · start")
-        until_drawn(after)
-        assert difference(picture(before), picture(after)) > 0.005
+        expect(tag).to_have_text("Start")
+        until_drawn(view)
+        page.get_by_text("Side by side").click()
+        before = page.locator(".before .viewer")
+        until_drawn(before)
+        assert difference(picture(before), picture(view)) > 0.005
     service.http.post(f"/v1/jobs/{shown_job(page)}/cancel")
     expect(badge(page)).to_have_text("Canceled")
 
@@ -103,29 +102,32 @@ def test_a_result_that_is_slow_to_come_is_never_the_source(
 
     page.route(RESULT, refuse)
     page.goto(f"/#/jobs/{done}")
-    after = page.locator(".viewer").nth(1)
+    after = page.locator(".viewer").first
     expect(after.locator(".viewer-cover")).to_contain_text("This shape could not be loaded")
     expect(page.locator(".toast").first).to_contain_text("Rate limit reached. Trying again by itself in 2 s.")
     expect(after.locator(".viewer-note")).to_be_hidden()
-    expect(after.locator(".viewer-tag")).to_have_text("After")
-    until("the result differs", lambda: difference(picture(page.locator(".viewer").nth(0)), picture(after)) > 0.005)
+    expect(after.locator(".viewer-tag")).to_have_text("Result")
+    page.get_by_text("Side by side").click()
+    before = page.locator(".before .viewer")
+    until_drawn(before)
+    until("the result differs", lambda: difference(picture(before), picture(after)) > 0.005)
     assert len(asked) == 3
 
 
 @pytest.mark.without_pictures
-def test_the_way_to_a_result_is_bent_exaggerated_and_downloaded(
+def test_a_result_is_weakened_exaggerated_and_downloaded(
     page: Page, service: Service, small_sphere: Path, tmp_path: Path
 ) -> None:
     done = service.submit(small_sphere, {"prompt": "a fat penguin", "params": {"preset": "preview", "steps": 6}})
     assert service.finished(done)["state"] == "succeeded"
     page.goto(f"/#/jobs/{done}")
-    after = page.locator(".viewer").nth(1)
-    expect(after.locator(".viewer-tag")).to_have_text("After")
+    tag = page.locator(".viewer-tag").first
+    expect(tag).to_have_text("Result")
     for share in (60, 130):
-        page.get_by_label("Morph", exact=True).fill(str(share))
-        expect(after.locator(".viewer-tag")).to_have_text(f"After · strength {share}%")
+        page.get_by_label("Strength", exact=True).fill(str(share))
+        expect(tag).to_have_text(f"Result · {share}%")
         with page.expect_download(timeout=240_000) as download:  # a process that imports torch, several times
-            page.get_by_role("button", name="Download this shape").click()
+            page.get_by_role("button", name="Download", exact=True).click()
         download.value.save_as(tmp_path / f"{share}.glb")
         assert download.value.suggested_filename == f"sphere-a-fat-penguin-seed0-strength{share}.glb"
         made = service.http.get(f"/v1/jobs/{done}/artifacts/result.glb", params={"strength": share / 100})

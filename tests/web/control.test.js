@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl, promptWords } from "../../service/web/app/create/control/model.js";
-import { documents, fileKey, wishOf } from "../../service/web/app/params.js";
+import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl } from "../../service/web/app/create/control/model.js";
+import { documentOf, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
-import { keptFaces, Neighbours, pulledFaces, rangesOf, selectedFaces } from "../../service/web/viewer/control/selecting.js";
+import { keptFaces, Neighbours, rangesOf, selectedFaces, unionOf } from "../../service/web/viewer/control/selecting.js";
 
 const FORM = { fields: [], groups: { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} }, unused: {} } };
 const ASKED = {
@@ -12,6 +12,14 @@ const ASKED = {
   symmetry: "x",
   falloff: 0.2,
 };
+
+test("further prompts of a job are kept as they are, and the faces of a part are those of all its regions", () => {
+  const prompts = [{ prompt: "a mushroom", weight: 3, regions: [{ node: "Head" }] }];
+  const wish = wishOf({ prompt: "", params: { guidance: { prompts } } }, []);
+  const document = documentOf(wish, null, FORM);
+  assert.deepEqual([document.params.guidance.prompts, "prompt" in document], [prompts, false]);
+  assert.deepEqual([...unionOf([Uint8Array.from([1, 0, 0]), null, Uint8Array.from([0, 1, 0])], 3)], [1, 1, 0]);
+});
 
 test("a request asks for what the form holds, and the form holds what a job asked", () => {
   const control = controlOf(ASKED);
@@ -29,46 +37,8 @@ test("a job that is asked for again brings its control, and nothing twice", () =
   const wish = wishOf(job, []);
   assert.equal(wish.control.of, fileKey("a.glb", 7));
   assert.deepEqual(wish.kept.params, { rigid: [{ node: "wheel" }] });
-  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documents(wish, null, "", FORM)[0].params;
+  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documentOf(wish, null, FORM).params;
   assert.deepEqual(params, { ...job.params, guidance: { kind: "sds" } });
-});
-
-test("further prompts keep their regions through the form, and each is sent as documented", () => {
-  const box = { min: [-1, 0, -1], max: [1, 1, 1] };
-  const prompts = [{ prompt: "a mushroom", weight: 3, regions: [{ box }] }, { prompt: "a pear" }, { prompt: "an owl", regions: [{ node: "Head" }], outside: true }];
-  const params = { regions: [{ node: "Foot", action: "keep" }], prompts };
-  const control = controlOf(params);
-  assert.deepEqual(controlParams(control), params);
-  assert.deepEqual(control.prompts.map(({ where }) => where), ["in", "all", "out"]);
-  assert.deepEqual(controlWords(control), ["Keep: Node Foot"], "a prompt's region keeps nothing");
-  assert.equal(isEmpty(controlOf({ prompts })), true);
-  // As the API returns them.
-  const told = [{ prompt: "a mushroom", weight: 1, outside: false, regions: [{ box, node: null, faces: null }] }];
-  assert.deepEqual(controlParams(controlOf({ prompts: told })).prompts, [{ prompt: "a mushroom", regions: [{ box }] }]);
-  const wish = wishOf({ prompt: "", params: { guidance: { prompts } } }, []);
-  const [document] = documents(wish, null, "", FORM);
-  assert.deepEqual(document.params.guidance.prompts, prompts);
-  assert.equal("prompt" in document, false);
-  assert.deepEqual(wish.kept.params, {});
-  // A target mesh takes no prompt at all.
-  assert.deepEqual(documents({ ...wish, guide: { ...wish.guide, targets: 1 } }, null, "", FORM)[0].params.guidance, { kind: "target" });
-});
-
-test("what of further prompts cannot be sent is said, and an empty row asks for nothing", () => {
-  const one = (more, regions = []) => ({ ...noControl(), prompts: [{ id: 4, prompt: "a pear", weight: 1, where: "all", ...more }], regions });
-  const region = { node: "Head", action: "prompt:4" };
-  assert.equal(controlProblem(one({}), false), "");
-  assert.deepEqual(controlParams(one({ prompt: " " })), {});
-  assert.match(controlProblem(one({ where: "in" }), false), /Prompt 2 has no region yet/);
-  assert.match(controlProblem(one({ where: "out" }, [{ faces: [], action: "prompt:4" }]), false), /no region yet/);
-  assert.equal(controlProblem(one({ where: "in" }, [region]), false), "");
-  assert.match(controlProblem(one({ where: "in", prompt: "" }, [region]), false), /a region and no words/);
-  for (const weight of [-1, 101, NaN]) assert.match(controlProblem(one({ weight }), false), /weight of prompt 2/);
-  // Faces that a prompt pulls at: its regions, or all outside of them.
-  const flags = [Uint8Array.from([1, 0, 0]), Uint8Array.from([0, 1, 0])];
-  assert.deepEqual([...pulledFaces([{ outside: false, flags }], 3)], [1, 1, 0]);
-  assert.deepEqual([...pulledFaces([{ outside: true, flags }], 3)], [0, 0, 1]);
-  assert.deepEqual([...pulledFaces([{ outside: true, flags: [flags[0], null] }, { outside: true, flags: [] }], 3)], [0, 0, 0]);
 });
 
 test("triangles are typed as numbers and ranges", () => {
@@ -90,12 +60,6 @@ test("all that was asked is said in words", () => {
   assert.deepEqual(controlWords(controlOf(ASKED)), [
     "Keep: Painted, 7 triangles", "Only: Box", "Handle: (0, 1, 0) to (0, 1.5, 0)", "Symmetry: left and right (x)",
   ]);
-});
-
-test("further prompts are said with their weights and places", () => {
-  const sphere = { center: [0, 1, 0], radius: 0.5 };
-  const prompts = [{ prompt: "a bell" }, { prompt: "a vase", weight: 0.5, regions: [{ sphere, node: null, component: null }, { node: "Head" }] }, { prompt: "an owl", regions: [{ node: 3 }], outside: true }];
-  assert.deepEqual(promptWords(prompts), ["Prompt: a bell", "Prompt: a vase, weight 0.5 (Sphere of radius 0.5, Node Head)", "Prompt: an owl (outside of: Node 3)"]);
 });
 
 test("undo goes back step by step, and the same state is no step", () => {

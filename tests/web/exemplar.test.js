@@ -1,29 +1,26 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { askedRows, figureRows } from "../../service/web/app/compare/model.js";
 import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
 import { estimateWords } from "../../service/web/app/format.js";
 import { fitFindings, fitsOf } from "../../service/web/app/exemplar.js";
 import { isUnused } from "../../service/web/app/groups.js";
-import { documents, formOf, isByShape, otherVariation, qualityWords, refinement, wishOf } from "../../service/web/app/params.js";
+import { documentOf, formOf, isByShape, qualityWords, wishOf } from "../../service/web/app/params.js";
 import { findings } from "../../service/web/app/quality.js";
 
-const WISH = { prompt: "a giraffe", model: "builtin", preset: "preview", seed: 7, variations: 1, subdivide: false, advanced: {}, kept: { params: {}, output: {} }, byShape: true };
+const WISH = { prompt: "a giraffe", model: "builtin", preset: "preview", seed: 7, subdivide: false, advanced: {}, kept: { params: {}, output: {} }, byShape: true };
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 // The server says what a schema cannot: which of the common parameters a fit does without.
 const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas, "x-unused": { exemplar: ["steps", "carrier", "preset", "checkpoint_every_steps"] } });
 
 /** @param {any} more Of the wish. */
-const asked = (more = {}) => documents({ ...WISH, ...more }, 20, "g", FORM);
+const asked = (more = {}) => documentOf({ ...WISH, ...more }, 20, FORM);
 
 test("by shape, a request has what a fit takes, and nothing of the model's", () => {
   const advanced = { strength: "0.9", steps: "40", carrier: "lattice", guidance_scale: "9", negative_prompt: "a chair", appearance: "clay" };
-  assert.deepEqual(asked({ advanced }), [
-    { prompt: "a giraffe", params: { seed: 7, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} },
-  ]);
+  assert.deepEqual(asked({ advanced }), { prompt: "a giraffe", params: { seed: 7, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} });
   // The model, on the other hand, has no such strength.
-  assert.deepEqual(asked({ advanced: { strength: "0.9" }, byShape: false })[0].params.guidance, { kind: "sds", model: "builtin" });
+  assert.deepEqual(asked({ advanced: { strength: "0.9" }, byShape: false }).params.guidance, { kind: "sds", model: "builtin" });
 });
 
 test("the form shows what the way has", () => {
@@ -35,14 +32,6 @@ test("the form shows what the way has", () => {
   assert.deepEqual([strength?.min, strength?.max, typeof strength?.standard], [0, 1, "number"]);
 });
 
-test("variations by shape are other seeds of the same prompt", () => {
-  const known = /** @type {any} */ ({ nouns: ["giraffe"], parts: { giraffe: ["neck"] }, attributes: ["long neck", "tall"], examples: [], groups: [] });
-  const found = documents({ ...WISH, variations: 3 }, 20, "g", FORM, known);
-  assert.deepEqual(found.map(({ prompt, params }) => [prompt, params.seed]), [["a giraffe", 7], ["a giraffe", 8], ["a giraffe", 9]]);
-  const job = { prompt: "a giraffe", params: found[0].params, output: {}, files: { asset: {} } };
-  assert.deepEqual(otherVariation(job, 5)?.params, { ...found[0].params, seed: 5 });
-});
-
 test("one target is pushed or fitted to, and of several the nearest is fitted to", () => {
   const [pair] = [{ source: [0, 1, 0], target: [0, 2, 0] }];
   const guide = { ...noGuide(), align: "none", landmarks: [pair] };
@@ -50,7 +39,7 @@ test("one target is pushed or fitted to, and of several the nearest is fitted to
   assert.deepEqual(guideParams(guide, 1, "", true), { guidance: "exemplar", align: "none", landmarks: [pair] });
   // The pairs are places on one target.
   for (const byShape of [false, true]) assert.deepEqual(guideParams(guide, 2, "", byShape), { guidance: "exemplar", align: "none" });
-  const [document] = asked({ prompt: "", guide: { ...guide, targets: 2 } });
+  const document = asked({ prompt: "", guide: { ...guide, targets: 2 } });
   assert.deepEqual(document, { params: { seed: 7, guidance: { kind: "exemplar", align: "none" } }, output: {} });
 
   const files = guideFiles(["a", "b", "c"], []);
@@ -69,10 +58,10 @@ test("a job by shape fills the form again, and has no quality", () => {
   const job = { prompt: "a cat", params, output: {}, files: { asset: {} } };
   const wish = wishOf(job, FORM.fields);
   assert.deepEqual([wish.byShape, wish.advanced, wish.kept.params], [true, { strength: "0.8", orientation: "90" }, {}]);
-  assert.deepEqual(documents(wish, null, "g", FORM)[0], { prompt: "a cat", params, output: {} });
+  assert.deepEqual(documentOf(wish, null, FORM), { prompt: "a cat", params, output: {} });
   const several = { ...job, prompt: "", files: { asset: {}, target: {}, target_2: {} } };
   assert.equal(wishOf(several, FORM.fields).guide?.targets, 2);
-  assert.deepEqual([isByShape(job), qualityWords(job), refinement(job)], [true, "By shape", null]);
+  assert.deepEqual([isByShape(job), qualityWords(job)], [true, "By shape"]);
   assert.equal(qualityWords({ params: { preset: "paper" } }), "Paper");
 });
 
@@ -92,17 +81,9 @@ test("what the asset was fitted to, and how near it came", () => {
   assert.deepEqual([fitsOf(null), fitsOf({ quality: {} })], [[], []]);
 });
 
-test("two designs are compared by what they are, and not by a model", () => {
-  const jobs = /** @type {[any, any]} */ ([7, 8].map((seed) => ({ prompt: "a cat", asset: { filename: "dog.glb" }, params: { seed, guidance: { kind: "exemplar" } }, state: "succeeded" })));
-  const asked = askedRows(jobs, [null, null]).map(({ label, values }) => [label, ...values]);
-  assert.deepEqual(asked, [["Prompt", "a cat", "a cat"], ["Asset", "dog.glb", "dog.glb"], ["Quality", "By shape", "By shape"], ["Variation", "7", "8"]]);
-  const [row] = figureRows([{ exemplars: [{ member: { noun: "cat", form: "cat", pose: "sitting" }, kept: 0.8 }] }, null]);
-  assert.deepEqual([row.label, ...row.values], ["Fitted to", "a cat, sitting: 80% of the way", ""]);
-});
-
 test("a fit is not told in steps", () => {
   const found = (/** @type {any} */ guidance, /** @type {number} */ steps) => ({ params: { guidance }, estimate: { queue_s: null, run_s: 3, steps } });
-  assert.deepEqual([["exemplar", 20], ["sds", 20], ["exemplar", 0]].map(([kind, steps]) => estimateWords(found(kind, Number(steps)), 1)), [
+  assert.deepEqual([["exemplar", 20], ["sds", 20], ["exemplar", 0]].map(([kind, steps]) => estimateWords(found(kind, Number(steps)))), [
     "A fit, about 3 s.", "20 steps, about 3 s.", "A change in plain words, about 3 s.",
   ]);
 });

@@ -2,9 +2,9 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { placeOf, plainParams } from "../../service/web/app/groups.js";
-import { checkpointEvery, documents, fieldProblem, formOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, refinement, wishOf } from "../../service/web/app/params.js";
+import { checkpointEvery, documentOf, fieldProblem, formOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, wishOf } from "../../service/web/app/params.js";
 
-const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, variations: 1, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
+const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
 // What the server serves as web/parameters.json has the same members.
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas });
@@ -23,26 +23,20 @@ test("the form offers what the server declares", () => {
 });
 
 test("one job asks for what was chosen and nothing else", () => {
-  assert.deepEqual(documents(WISH, 80, "g", FORM), [
-    { prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { kind: "sds", model: "builtin" } }, output: {} },
-  ]);
-});
-
-test("variations differ by their seed and share a label", () => {
-  const found = documents({ ...WISH, variations: 3 }, 80, "g1", FORM);
-  assert.deepEqual(found.map((document) => document.params.seed), [7, 8, 9]);
-  assert.deepEqual(found.map((document) => document.metadata), [1, 2, 3].map((number) => ({ group: "g1", variation: String(number) })));
+  assert.deepEqual(documentOf(WISH, 80, FORM), {
+    prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { kind: "sds", model: "builtin" } }, output: {},
+  });
 });
 
 test("what was typed under Advanced goes along as numbers; what is empty or wrong does not", () => {
   const advanced = { steps: "40", learning_rate: " 0.01 ", safeguard: "none", normal_weight: "-2.5", guidance_scale: "" };
-  const { params } = documents({ ...WISH, advanced }, 80, "g", FORM)[0];
+  const { params } = documentOf({ ...WISH, advanced }, 80, FORM);
   assert.deepEqual(params, { preset: "preview", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7, guidance: { kind: "sds", model: "builtin" } });
 });
 
 test("the front is a word or a number", () => {
   assert.deepEqual(field("orientation").choices.map(([value]) => value), ["auto", "keep", "90", "180", "270"]);
-  const asked = (text) => documents({ ...WISH, advanced: { orientation: text } }, 80, "g", FORM)[0].params.guidance.orientation;
+  const asked = (text) => documentOf({ ...WISH, advanced: { orientation: text } }, 80, FORM).params.guidance.orientation;
   assert.deepEqual(["90", "keep", ""].map(asked), [90, "keep", undefined]);
   assert.equal(wishOf({ params: { guidance: { orientation: 180 } } }, FIELDS).advanced.orientation, "180");
 });
@@ -63,15 +57,6 @@ test("a whole number is not rounded, cut or guessed", () => {
   assert.equal(integerProblem("99999999999999999999", 0, 9), "At most 9.");
 });
 
-test("a job is refined with its own seed at the next quality", () => {
-  const job = { prompt: "a vase", params: { preset: "preview", seed: 3, steps: 40, normal_weight: 2 }, output: { morph: true } };
-  assert.deepEqual(refinement(job), {
-    title: "Balanced", document: { prompt: "a vase", params: { preset: "balanced", seed: 3, normal_weight: 2 }, output: { morph: true } },
-  });
-  assert.equal(refinement({ ...job, params: {} }).title, "Paper");
-  assert.equal(refinement({ ...job, params: { preset: "paper" } }), null);
-});
-
 test("a job's own parameters fill the form again, and what it has no field for is kept", () => {
   const job = {
     prompt: "a vase",
@@ -80,10 +65,10 @@ test("a job's own parameters fill the form again, and what it has no field for i
   };
   const kept = { params: { timestep_min: 0.5, exclude: ["Ground"] }, output: { morph: true, other: 1 } };
   const wish = wishOf(job, FIELDS);
-  const control = { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], prompts: [], of: "" };
+  const control = { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], targets: 0 };
-  assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, variations: 1, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
-  const [document] = documents(wish, null, "g", FORM);
+  assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
+  const document = documentOf(wish, null, FORM);
   assert.deepEqual(document, {
     prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { kind: "sds", timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
   });
@@ -95,14 +80,14 @@ test("a job's own parameters fill the form again, and what it has no field for i
 });
 
 test("the rig is asked for where someone chose it", () => {
-  assert.deepEqual(documents({ ...WISH, rig: "keep" }, 80, "g", FORM)[0].output, { rig: "keep" });
+  assert.deepEqual(documentOf({ ...WISH, rig: "keep" }, 80, FORM).output, { rig: "keep" });
   const again = wishOf({ output: { rig: "follow" } }, FIELDS, { rig: "keep" });
   assert.deepEqual([again.rig, again.kept.output], ["follow", {}]);
 });
 
 test("each parameter is in its group, and what another kind of guidance has stays here", () => {
   const guide = { align: "none", landmarks: [], pictures: [{ azimuth: 0, elevation: 0 }] };
-  const asked = (more) => documents({ ...WISH, advanced: { guidance_scale: "9", steps: "40" }, ...more }, 80, "g", FORM)[0].params;
+  const asked = (more) => documentOf({ ...WISH, advanced: { guidance_scale: "9", steps: "40" }, ...more }, 80, FORM).params;
   const common = { preset: "preview", steps: 40, checkpoint_every_steps: 4, seed: 7 };
   assert.deepEqual(asked({ guide: { ...guide, targets: 1 } }), { ...common, guidance: { kind: "target", align: "none" } });
   assert.deepEqual(asked({ guide, prompt: "" }), { ...common, guidance: { kind: "silhouettes", silhouettes: guide.pictures } });

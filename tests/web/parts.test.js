@@ -2,9 +2,9 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { controlOf, controlParams, controlWords, isEmpty, readingOf } from "../../service/web/app/create/control/model.js";
 import { joined, moved } from "../../service/web/app/create/parts/naming.js";
-import { doubts, ELSE, frontOptions, isUnsure, nounOptions, originWords } from "../../service/web/app/create/parts/reading.js";
+import { doubts, ELSE, frontOptions, isUnsure, nounOptions, originWords, readingSentence } from "../../service/web/app/create/parts/reading.js";
 import { partAt, sentenceOf, sizeOf, withWanted } from "../../service/web/app/create/parts/sentence.js";
-import { documents, wishOf } from "../../service/web/app/params.js";
+import { documentOf, wishOf } from "../../service/web/app/params.js";
 
 const LONG = { operation: "long", more: "longer", less: "shorter" };
 const FAT = { operation: "fat", more: "thicker", less: "thinner" };
@@ -92,8 +92,16 @@ test("corrections are sent as documented, kept for the next job, and said", () =
   const wish = wishOf({ prompt: "longer legs", params: { guidance: { source_noun: "elephant" }, control: { parts: asked.parts } } }, []);
   assert.deepEqual(wish.kept.params, {});
   const form = { fields: [], groups: { control: { parts: {}, regions: {} }, guidance: { sds: { source_noun: {} }, target: {} }, unused: {} } };
-  const { guidance, control: sent } = documents(wish, null, "", form)[0].params;
+  const { guidance, control: sent } = documentOf(wish, null, form).params;
   assert.deepEqual(guidance, { kind: "sds", source_noun: "elephant" });
   assert.deepEqual(sent.parts[1], { name: "trunk", faces: [[0, 8]] });
   assert.deepEqual(moved(control.regions, ["trunk"], "nose")[1].action, "part:nose");
+});
+
+test("what the asset is read as is a sentence, and a guess says so", () => {
+  const reading = { noun: "dog", probability: 0.9, sure: true, nouns: [], noun_given: false, front_azimuth_deg: 270, front_sure: true, front_given: false };
+  assert.equal(readingSentence(reading, 4), "Read as a dog, facing left. Its parts:");
+  assert.equal(readingSentence({ ...reading, front_azimuth_deg: -20 }, 0), "Read as a dog, facing you.");
+  assert.equal(readingSentence({ ...reading, noun: "owl", sure: false, front_azimuth_deg: 100 }, 1), "Perhaps an owl, perhaps facing right. Its parts:");
+  assert.equal(readingSentence({ ...reading, front_azimuth_deg: null }, 0), "Read as a dog.");
 });

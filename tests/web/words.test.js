@@ -1,10 +1,11 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { findings, shapeWords, skipped } from "../../service/web/app/quality.js";
-import { otherVariation, wishOf } from "../../service/web/app/params.js";
+import { wishOf } from "../../service/web/app/params.js";
+import { learnNames, plainWords } from "../../service/web/app/plain.js";
 import { isWorthLess } from "../../service/web/app/verdict.js";
 import { artifactName, shapeName } from "../../service/web/app/names.js";
-import { adjectives, catalogue, nounIn, ownNouns, surprise, variationPrompts, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
+import { adjectives, catalogue, nounIn, ownNouns, surprise, withAdjective, withNoun } from "../../service/web/app/vocabulary.js";
 
 const KNOWN = { nouns: ["giraffe", "octopus", "vase"], parts: {}, attributes: ["tall", "thin", "long", "short/long neck"], examples: [], groups: [] };
 
@@ -26,7 +27,7 @@ test("good news, bad news and no news of a mesh", () => {
 
 const said = (/** @type {any} */ report) => findings(report).map(({ tone, text }) => [tone, text]);
 
-test("a bad result: the verdict comes first, nothing is marked as good, and it is not called yours", () => {
+test("of a bad result nothing is marked as good, and it is not called yours", () => {
   const reasons = ["It looks no more like a bus than before: rank 5 of 122 nouns, was 5.", "Faces were flipped: 2."];
   const report = {
     verdict: { value: "keep_source", reasons, advice: ["Try “a van”."] },
@@ -36,29 +37,18 @@ test("a bad result: the verdict comes first, nothing is marked as good, and it i
     mesh: { welded_faces: 80, same_faces: true },
   };
   assert.deepEqual(said(report), [
-    ["warn", "Better keep your asset"], ["warn", "2 flipped faces of 80"], ["plain", "No self-intersections"], ["plain", "Same triangles as before"],
+    ["warn", "2 flipped faces of 80"], ["plain", "No self-intersections"], ["plain", "Same triangles as before"],
   ]);
-  assert.equal(findings(report)[0].note, reasons.join(" "));
 });
 
-test("a good and a doubtful result, and one of an earlier version, which is doubtful", () => {
+test("a good and a doubtful result", () => {
   const quality = { kept_share: 0.92, flipped_faces: 0 };
   assert.deepEqual(said({ verdict: { value: "good", reasons: ["It looks like a bus."], advice: [] }, quality }), [
-    ["good", "Good"], ["plain", "Still your asset: 92%"], ["good", "No flipped faces"],
+    ["plain", "Still your asset: 92%"], ["good", "No flipped faces"],
   ]);
-  assert.deepEqual(said({ verdict: { value: "doubtful", reasons: ["It does not look like a bus."], advice: [] }, quality }), [["warn", "Doubtful"], ["plain", "No flipped faces"]]);
-  const [earlier] = findings({ verdict: { value: "keep_result", reasons: [] } });
-  assert.deepEqual([earlier.tone, earlier.text], ["warn", "Doubtful"]);
-  assert.match(earlier.note, /^An earlier version/);
+  assert.deepEqual(said({ verdict: { value: "doubtful", reasons: ["It does not look like a bus."], advice: [] }, quality }), [["plain", "No flipped faces"]]);
   assert.deepEqual(said({ quality }), [["plain", "Still your asset: 92%"], ["good", "No flipped faces"]]);
   assert.deepEqual([isWorthLess({}), isWorthLess({ verdict: { value: "good" } }), isWorthLess({ verdict: { value: "of later versions" } })], [false, false, true]);
-});
-
-test("another variation is the same request with another seed, where a seed alone makes it another", () => {
-  const job = { prompt: "a bus", params: { preset: "preview", seed: 1 }, output: {}, files: { asset: {} }, metadata: { thread: "t" } };
-  assert.deepEqual(otherVariation(job, 7), { prompt: "a bus", params: { preset: "preview", seed: 7 }, output: {}, metadata: { thread: "t" } });
-  assert.equal(otherVariation({ ...job, prompt: "" }), null);
-  assert.equal(otherVariation({ ...job, files: { asset: {}, weights: {} } }), null);
 });
 
 test("how well a target is met, and the source of a surface fit", () => {
@@ -149,19 +139,6 @@ test("models are as the server names them, and none where it could not be asked"
   assert.deepEqual(found.models.map(({ available }) => available), [true, true, false]);
 });
 
-test("variations ask for different members of what the prompt allows", () => {
-  const words = { nouns: ["giraffe", "vase"], attributes: ["tall", "wide", "thin", "short neck", "long neck", "short legs", "long legs"], parts: { giraffe: ["legs", "neck"] }, groups: {} };
-  const known = catalogue({ models: [{ id: "builtin", vocabulary: words }] }).models[0].vocabulary;
-  assert.deepEqual(variationPrompts("a giraffe", 5, known), [
-    "a giraffe", "a giraffe with long legs", "a wide giraffe", "a giraffe with a short neck", "a tall giraffe",
-  ]);
-  assert.deepEqual(variationPrompts("a thin giraffe with a long neck", 3, known), [
-    "a thin giraffe with a long neck", "a thin giraffe with a long neck and long legs", "a thin giraffe with a long neck and short legs",
-  ]);
-  assert.deepEqual(variationPrompts("something else", 2, known), ["something else", "something else"]);
-  assert.deepEqual(variationPrompts("a vase", 2, null), ["a vase", "a vase"]);
-});
-
 test("words of the user's own come first, and are found whole in a prompt", () => {
   const own = { ...KNOWN, nouns: ["vase-stand", ...KNOWN.nouns], groups: { yours: ["vase-stand"], things: ["vase"] } };
   const { shapes } = catalogue({ models: [], default: "builtin", shapes: own });
@@ -178,6 +155,13 @@ test("words of the user's own come first, and are found whole in a prompt", () =
 test("a job that is asked for again has words as they are then, not as they were", () => {
   const params = { guidance: { kind: "exemplar", words: { fruit: "0".repeat(64) } }, seed: 1 };
   const job = { prompt: "a fruit", params, output: {}, files: { asset: {}, words: {} } };
-  assert.deepEqual(otherVariation(job, 7).params, { guidance: { kind: "exemplar" }, seed: 7 });
   assert.equal("words" in wishOf(job, []).kept.params, false);
+});
+
+test("what only programs name is left out of sentences, and learnt from the schema", () => {
+  learnNames({ properties: { seed: {}, max_run_s: {} }, $defs: { sds: { properties: { guidance_scale: {} } } } });
+  assert.equal(plainWords("No part called legs. The asset has others; `parts` lists those."), "No part called legs.");
+  assert.equal(plainWords("It took too long. Ask for a larger max_run_s, or set MESHDEFORM_MAX_RUN_S."), "It took too long.");
+  assert.equal(plainWords("Set output.rig to follow."), "");
+  assert.equal(plainWords("my_chair_v2.glb isn't supported."), "my_chair_v2.glb isn't supported.");
 });

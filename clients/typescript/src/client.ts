@@ -3,7 +3,7 @@ import { events, type WatchOptions } from "./events.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Parts, type PreviewRequest, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation, type Word,
+  type JobState, type Limits, type Models, type Parts, type PreviewRequest, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type UsageMonth, type Validation, type Word,
   type WordDetail, type WordRequest,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
@@ -236,7 +236,7 @@ export class Client {
     return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
   }
 
-  /** Make `morph.glb`, `map.safetensors` or `result.stl` of a job that was not asked for it. */
+  /** Make `morph.glb`, `map.safetensors` or another format of the result; `warnings` says what that cannot hold. */
   async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
     return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
   }
@@ -249,9 +249,11 @@ export class Client {
     return this.bytes(path(job, `apply?${query}`), { method: "POST", body: blob, headers, signal: options.signal });
   }
 
-  /** Download an artifact; `result.glb` at any strength from 0 to 1.5. */
-  async download(job: JobLike, name = "result.glb", options: { strength?: number; signal?: AbortSignal } = {}): Promise<Blob> {
-    const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
+  /** Download an artifact; `result.glb` at any strength from 0 to 1.5, and it and its other formats in a pose, `CLIP@SECONDS`. */
+  async download(job: JobLike, name = "result.glb", options: { strength?: number; pose?: string; signal?: AbortSignal } = {}): Promise<Blob> {
+    const { strength, pose } = options;
+    const asked = Object.entries({ strength, pose }).filter(([, value]) => value !== undefined);
+    const query = asked.length ? `?${new URLSearchParams(asked.map(([key, value]) => [key, String(value)]))}` : "";
     return this.#blob(path(job, `artifacts/${encodeURIComponent(name)}${query}`), options.signal);
   }
 
@@ -322,6 +324,11 @@ export class Client {
   /** Delete a word. Jobs that have it keep it. */
   async deleteWord(noun: string, signal?: AbortSignal): Promise<void> {
     await this.#transport.request(wordPath(noun), { method: "DELETE", signal });
+  }
+
+  /** Return what your jobs have used in each month, newest first. */
+  async usage(signal?: AbortSignal): Promise<UsageMonth[]> {
+    return (await this.#transport.json<{ months: UsageMonth[] }>("v1/usage", { signal })).months;
   }
 
   async models(signal?: AbortSignal): Promise<Models> {

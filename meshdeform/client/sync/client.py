@@ -24,6 +24,8 @@ from meshdeform.api.documents import (
     ModelList,
     SketchGuesses,
     UploadView,
+    UsageList,
+    UsageMonth,
     WordDetail,
     WordList,
     WordView,
@@ -631,7 +633,7 @@ class Client:
         return page.artifacts
 
     def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb`, `map.safetensors` or `result.stl` to a job that has succeeded without it.
+        """Add an artifact of `AFTERWARDS` to a job that has succeeded without it; its `warnings` say what is lost.
 
         Raises
         ------
@@ -692,6 +694,10 @@ class Client:
     def limits(self) -> LimitList:
         """Return the service's limits on requests."""
         return self._connection.document(LimitList, Call("GET", "/v1/limits"))
+
+    def usage(self) -> list[UsageMonth]:
+        """Return what your jobs have used in each month, newest first."""
+        return (self._connection.document(UsageList, Call("GET", "/v1/usage"))).months
 
     def models(self) -> ModelList:
         """Return the models that jobs may use."""
@@ -776,7 +782,7 @@ class Client:
         """Delete a word. Jobs that have it keep it."""
         self._connection.answered(Call("DELETE", word_path(noun)))
 
-    def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
+    def read(self, job: JobLike, name: str, *, strength: float | None = None, pose: str | None = None) -> bytes:
         """Return an artifact's bytes after verifying their SHA-256.
 
         Parameters
@@ -785,15 +791,26 @@ class Client:
         name : str
         strength : float, optional
             Of `result.glb`: from 0, the source, over 1, the result, to 1.5, in steps of 0.01.
+        pose : str, optional
+            Of `result.glb` and its other formats: `CLIP@SECONDS`, a moment of an animation, without the rig.
         """
-        return loaded(self._connection, artifact_path(job, name, strength))
+        return loaded(self._connection, artifact_path(job, name, strength, pose))
 
-    def download(self, job: JobLike, name: str, path: str | os.PathLike[str], *, strength: float | None = None) -> Path:
+    def download(
+        self,
+        job: JobLike,
+        name: str,
+        path: str | os.PathLike[str],
+        *,
+        strength: float | None = None,
+        pose: str | None = None,
+    ) -> Path:
         """Save an artifact. The file appears complete, with its SHA-256 verified, or not at all.
 
-        An interrupted download resumes where it stopped. An existing file is replaced. `strength` as for `read`.
+        An interrupted download resumes where it stopped. An existing file is replaced. `strength`, `pose`: as for
+        `read`.
         """
-        return saved(self._connection, artifact_path(job, name, strength), Path(path))
+        return saved(self._connection, artifact_path(job, name, strength, pose), Path(path))
 
     def fetch(self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None) -> list[Path]:
         """Save a job's artifacts to a folder, created if missing. Identical existing files are not downloaded again.

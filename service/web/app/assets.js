@@ -25,6 +25,8 @@ export class Asset {
     this.format = formatOf(name, SURFACE_FORMATS);
     /** What is sent: the file, or its upload. @type {Promise<any> | null} */
     this._sent = null;
+    /** What tells its bytes from those of another file, once it has learnt it. */
+    this.print = "";
     /** Its SHA-256 where the server keeps it for previews; empty: it does not. */
     this.kept = "";
     /** Called with the share of the file that has been uploaded. @type {(share: number) => void} */
@@ -33,6 +35,14 @@ export class Asset {
 
   bytes() {
     return this.blob.arrayBuffer();
+  }
+
+  /** Learn `print`, by FNV-1a, which browsers allow without TLS, too. */
+  async learn() {
+    if (this.print) return;
+    let hash = 0x811c9dc5;
+    for (const byte of new Uint8Array(await this.bytes())) hash = Math.imul(hash ^ byte, 0x01000193);
+    this.print = `${this.size}-${(hash >>> 0).toString(16)}`;
   }
 
   /** @returns {Promise<boolean>} whether it has triangles that a view can show: points, grids and networks have none */

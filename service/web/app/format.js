@@ -129,13 +129,12 @@ export function phaseWords(phase) {
   return PHASES[phase] ?? titled(phase);
 }
 
-/** How long a job would take, in words. @param {any} found What `POST /v1/jobs:validate` says. @param {number} variations */
-export function estimateWords(found, variations) {
+/** How long a job would take, in words. @param {any} found What `POST /v1/jobs:validate` says. */
+export function estimateWords(found) {
   const { queue_s: queue, run_s: run, steps: planned } = found.estimate;
   const work = found.params.guidance === EXEMPLAR ? "A fit" : `${count(planned)} steps`;
   const steps = planned ? work : "A change in plain words";
   if (run === null) return `${steps}. No estimate yet: no job like this has run here.`;
-  const all = run * variations;
   const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
-  return `${steps}, about ${roughly(all)}${variations > 1 ? " for all, with one worker" : ""}${wait}.`;
+  return `${steps}, about ${roughly(run)}${wait}.`;
 }

@@ -15,7 +15,7 @@ let scope = new Scope();
 let first = true;
 let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", many: "create", examples: "examples", example: "examples", shared: "shared" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", many: "create", examples: "examples", example: "examples", shared: "shared", api: "api", usage: "api" });
 const RELOAD_MS = 30_000;
 const AGAIN_MS = 1000;
 const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared", "field"]);
@@ -25,9 +25,9 @@ const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared", "field"])
 /** Load the modules of a view. @type {Record<string, (route: any) => Promise<View>>} */
 const VIEWS = {
   async create(route) {
-    const [{ CreateView }, { exampleOrigin, resultOrigin }] = await Promise.all([import("./create/view.js"), import("./create/origins.js")]);
+    const [{ Workbench }, { exampleOrigin, resultOrigin }] = await Promise.all([import("./create/view.js"), import("./create/origins.js")]);
     const example = route.example ? exampleOrigin(route.example) : null;
-    return (root, scope) => new CreateView(root, scope, route.result ? resultOrigin(route.from) : (route.from ?? example));
+    return (root, scope) => new Workbench(root, scope, { from: route.result ? resultOrigin(route.from) : (route.from ?? example) });
   },
   surface: ({ from, quick }) => import("./create/surface-view.js").then(({ SurfaceView }) => (root, scope) => new SurfaceView(root, scope, from, quick)),
   field: () => import("./own-field.js").then(({ OwnField }) => (root, scope) => new OwnField(root, scope)),
@@ -36,10 +36,12 @@ const VIEWS = {
   words: () => import("./words/view.js").then(({ WordsView }) => (root, scope) => new WordsView(root, scope)),
   examples: () => import("./examples/view.js").then(({ showExamples }) => showExamples),
   example: ({ id }) => import("./examples/view.js").then(({ ExampleView }) => (root, scope) => new ExampleView(root, scope, id)),
-  compare: ({ ids }) => import("./compare/view.js").then(({ CompareView }) => (root, scope) => new CompareView(root, scope, ids)),
+  compare: ({ ids: [before, after] }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, after, before)),
+  api: () => import("./api/view.js").then(({ showReference }) => showReference),
+  usage: () => import("./api/view.js").then(({ showUsage }) => showUsage),
   jobs: ({ state, search }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { state, search })),
   group: ({ id }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { group: id })),
-  job: ({ id }) => import("./job/view.js").then(({ JobView }) => (root, scope) => new JobView(root, scope, id)),
+  job: ({ id }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, id)),
   shared: (route) => VIEWS.job(route),
   unknown: async ({ path }) => (root) => fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${path}. `, h("a", { href: "#/" }, "Create something"))),
 };
@@ -91,7 +93,7 @@ async function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", many: "Many files", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", many: "Many files", api: "API", usage: "Usage", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

@@ -8,6 +8,7 @@
  * @property {string[]} suggestions Prompts.
  */
 import { fill, h, icon } from "./dom.js";
+import { plainWords } from "./plain.js";
 
 /** Warn of what can hardly be, with buttons for what would work. @param {HTMLElement} place @param {Outlook | null} outlook @param {(prompt: string) => void} use */
 export function showOutlook(place, outlook, use) {
@@ -17,7 +18,7 @@ export function showOutlook(place, outlook, use) {
   const chips = suggestions.map((prompt) => h("button", { type: "button", class: "chip", on: { click: () => use(prompt) } }, `Use “${prompt}”`));
   fill(
     place,
-    h("p", null, icon("warn"), h("span", null, h("strong", null, "This may not work well."), ` ${reasons.join(" ")}`)),
+    h("p", null, icon("warn"), h("span", null, h("strong", null, "This may not work well."), ` ${plainWords(reasons.join(" "))}`)),
     chips.length ? h("div", { class: "chips", role: "group", "aria-label": "Prompts that would work better" }, chips) : null,
   );
 }

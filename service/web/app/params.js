@@ -22,7 +22,6 @@
  * @property {string} model Empty: the server's default.
  * @property {string} preset
  * @property {number} seed
- * @property {number} variations
  * @property {boolean} subdivide
  * @property {string} [rig] What becomes of joints, morph targets and clips; empty: what the server does.
  * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
@@ -41,14 +40,12 @@ import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/co
 import { EXEMPLAR, GUIDE_PARAMS, guideOf, guideParams, isTarget, noGuide } from "./create/guide/model.js";
 import { count, titled } from "./format.js";
 import { groupedParams, groupsOf, plainParams } from "./groups.js";
-import { variationPrompts } from "./vocabulary.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
   ["preview", "Preview", "A quick first look"],
   ["balanced", "Balanced", "A finished shape"],
   ["paper", "Paper", "As published: 5,000 steps"],
 ]);
-export const MAX_VARIATIONS = 9;
 export const MAX_SEED = Number.MAX_SAFE_INTEGER;
 
 /**
@@ -105,23 +102,16 @@ export function integerProblem(text, min, max) {
 }
 
 /**
- * The documents to post, one for each variation: consecutive seeds, a prompt of its own each if the words of the model
- * are known, and one label that keeps them together.
+ * The document to post.
  * @param {Wish} wish
  * @param {number | null} steps What the server says the steps will be; null where it has not yet.
- * @param {string} group The label's value; used where there are several.
  * @param {Form} form
- * @param {import("./vocabulary.js").Vocabulary | null} [known]
- * @returns {Record<string, any>[]}
+ * @returns {Record<string, any>}
  */
-export function documents(wish, steps, group, { fields, groups }, known = null) {
-  const { prompts: further, ...control } = controlParams(wish.control ?? noControl());
+export function documentOf(wish, steps, { fields, groups }) {
   const targets = wish.guide?.targets ?? 0;
-  // A target mesh takes the place of all prompts.
-  const prompts = targets || !further ? {} : { prompts: further };
-  const goal = wish.prompt.trim() || (targets ? "" : (further?.[0].prompt ?? ""));
   /** @type {Record<string, any>} */
-  const params = { ...wish.kept.params, ...control, ...prompts, ...guideParams(wish.guide ?? noGuide(), targets, goal, wish.byShape), preset: wish.preset };
+  const params = { ...wish.kept.params, ...controlParams(wish.control ?? noControl()), ...guideParams(wish.guide ?? noGuide(), targets, wish.prompt.trim(), wish.byShape), preset: wish.preset, seed: wish.seed };
   if (wish.model) params.model = wish.model;
   for (const field of fields) {
     const text = (wish.advanced[field.name] ?? "").trim();
@@ -131,37 +121,12 @@ export function documents(wish, steps, group, { fields, groups }, known = null) 
   }
   const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
-  // Each seed takes another exemplar: the prompt can stay.
-  const texts = variationPrompts(wish.prompt.trim(), wish.variations, params.prompts || wish.byShape ? null : known);
-  return Array.from({ length: wish.variations }, (_, index) => ({
-    ...(targets || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: texts[index] }),
-    params: groupedParams({ ...params, seed: (wish.seed + index) % MAX_SEED }, groups),
+  return {
+    // A target mesh takes the place of a prompt.
+    ...(targets || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: wish.prompt.trim() }),
+    params: groupedParams(params, groups),
     output: { ...wish.kept.output, ...(wish.subdivide ? { subdivide: true } : {}), ...(wish.rig ? { rig: wish.rig } : {}) },
-    ...(wish.variations > 1 ? { metadata: { group, variation: String(index + 1) } } : {}),
-  }));
-}
-
-/**
- * The same job at the next quality; null at the best one, and where it has no prompt or no quality.
- * @param {any} job
- * @returns {{title: string, document: Record<string, any>} | null}
- */
-export function refinement(job) {
-  const { steps: _, checkpoint_every_steps: __, ...params } = job.params ?? {};
-  const next = PRESETS[PRESETS.findIndex(([name]) => name === (params.preset ?? "balanced")) + 1];
-  if (!next || !job.prompt || job.files?.target || isByShape(job)) return null;
-  return { title: next[1], document: { prompt: job.prompt, params: { ...params, preset: next[0] }, output: job.output } };
-}
-
-/**
- * The same request with another seed; null where it has further files, or no prompt that a seed varies.
- * @param {any} job
- * @returns {Record<string, any> | null}
- */
-export function otherVariation(job, seed = randomSeed()) {
-  if (!job.prompt || Object.keys(job.files ?? {}).some((part) => part !== "asset" && part !== "words")) return null;
-  const { words: _, ...guidance } = job.params?.guidance ?? {}; // pinned anew, as they are now
-  return { prompt: job.prompt, params: { ...job.params, ...(job.params?.guidance ? { guidance } : {}), seed }, output: job.output, metadata: job.metadata ?? {} };
+  };
 }
 
 /** Whether a job fits its asset to a shape, and asks no model. @param {any} job */
@@ -216,7 +181,6 @@ export function wishOf(job, fields, defaults = {}) {
     model: String(params.model ?? ""),
     preset: String(params.preset ?? "balanced"),
     seed: Number(params.seed ?? 0),
-    variations: 1,
     subdivide: Boolean(job.output?.subdivide),
     rig: job.output?.rig ?? "",
     advanced,

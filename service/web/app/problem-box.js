@@ -3,6 +3,8 @@
 import { toast } from "./announce.js";
 import { isAbort, isOffline, MeshdeformError } from "./client.js";
 import { h, icon } from "./dom.js";
+import { currentLink } from "./key.js";
+import { plainWords } from "./plain.js";
 
 /** @param {unknown} error @returns {{title: string, detail: string, advice: string, id: string}} */
 export function described(error) {
@@ -19,13 +21,24 @@ export function described(error) {
   return { title: "Something went wrong on this page", detail: error instanceof Error ? error.message : String(error), advice: "", id: "" };
 }
 
+/** What is wrong with a link, in place of what a key would be told; any other error stays. @param {unknown} error */
+export function linkProblem(error) {
+  if (!currentLink() || !(error instanceof MeshdeformError) || error.status !== 401) return error;
+  return { title: error.message, detail: "", advice: error.advice };
+}
+
+/** Return whether the same request may succeed a little later. @param {unknown} error */
+export function temporary(error) {
+  return isOffline(error) || (error instanceof MeshdeformError && (error.status === 429 || error.status >= 500));
+}
+
 /** Do something, and say it where that fails; a view that goes says nothing. @param {string} failed @param {() => unknown} work */
 export async function orToast(failed, work) {
   try {
     await work();
   } catch (error) {
     const { title, detail } = described(error);
-    if (!isAbort(error)) toast(`${failed}. ${detail || title}`);
+    if (!isAbort(error)) toast(`${failed}. ${plainWords(detail) || title}`);
   }
 }
 
@@ -33,6 +46,8 @@ export async function orToast(failed, work) {
 export function problemBox(error, ...actions) {
   const isJobError = typeof error === "object" && error !== null && "advice" in error && !(error instanceof Error);
   const { title, detail, advice, id } = isJobError ? jobError(error) : described(error);
+  const [said, help] = [plainWords(detail), plainWords(advice)];
+  const more = said === detail && help === advice ? [] : [detail, advice].filter(Boolean).map((text) => h("p", null, text));
   return h(
     "div",
     { class: "problem", role: "alert" },
@@ -41,9 +56,9 @@ export function problemBox(error, ...actions) {
       "div",
       null,
       h("p", { class: "problem-title" }, title),
-      detail ? h("p", null, detail) : null,
-      advice ? h("p", { class: "muted" }, advice) : null,
-      id ? h("p", { class: "small muted" }, "Request ", h("code", null, id)) : null,
+      said ? h("p", null, said) : null,
+      help ? h("p", { class: "muted" }, help) : null,
+      more.length || id ? h("details", { class: "small muted" }, h("summary", null, "Details"), more, id ? h("p", null, "Request ", h("code", null, id)) : null) : null,
       actions.length ? h("div", { class: "row" }, ...actions) : null,
     ),
   );

@@ -6,7 +6,7 @@
  */
 import { fitFindings } from "./exemplar.js";
 import { count, counted, figure, percent } from "./format.js";
-import { isWorthLess, verdictFinding } from "./verdict.js";
+import { isWorthLess } from "./verdict.js";
 import { withArticle } from "./vocabulary.js";
 
 // What a sixfold stretch one way and as much pressure the other way come to: textures show it.
@@ -45,7 +45,7 @@ function seen(appearance) {
 }
 
 /**
- * The verdict first. Of a result that is not good nothing else is marked as good.
+ * What was measured. Of a result that is not good nothing is marked as good.
  * @param {any} report
  * @param {Record<string, {filename: string}>} [files] Of the job, by the names of their parts.
  * @returns {Finding[]}
@@ -53,7 +53,7 @@ function seen(appearance) {
 export function findings(report, files = {}) {
   const worthLess = isWorthLess(report);
   const others = measured(report, worthLess, files);
-  return [...verdictFinding(report), ...(worthLess ? others.map((each) => (each.tone === "good" ? plain(each.text, each.note) : each)) : others)];
+  return worthLess ? others.map((each) => (each.tone === "good" ? plain(each.text, each.note) : each)) : others;
 }
 
 /** What was measured. @param {any} report @param {boolean} worthLess Whether the result is not good. @param {Record<string, {filename: string}>} files @returns {Finding[]} */

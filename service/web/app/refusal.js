@@ -2,6 +2,7 @@
 /** A prompt that the model does not understand: what it did not, and prompts near it that it does. */
 import { MeshdeformError } from "./client.js";
 import { fill, h } from "./dom.js";
+import { plainWords } from "./plain.js";
 import { described } from "./problem-box.js";
 
 /** @param {unknown} error */
@@ -14,7 +15,7 @@ function refusalText(error) {
   const { unknown } = error.problem;
   if (Array.isArray(unknown) && unknown.length) return `Not understood: ${unknown.map((word) => `“${word}”`).join(", ")}.`;
   // The first sentence says what is wrong.
-  return error.message.split(/(?<=[.!?])\s/)[0];
+  return plainWords(error.message.split(/(?<=[.!?])\s/)[0]) || error.title;
 }
 
 /** Whether the server's prompts are near the one that was refused, and not merely examples. @param {MeshdeformError} error */

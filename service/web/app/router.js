@@ -5,7 +5,7 @@
  * @typedef {{name: "create", from: string | null, result?: boolean, example?: string}
  *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
- *   | {name: "examples" | "field" | "words"}
+ *   | {name: "examples" | "field" | "words" | "api" | "usage"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job" | "group" | "example", id: string}
  *   | {name: "shared", id: string, link: string}
@@ -31,6 +31,8 @@ const ROUTES = [
   ["many", [], () => ({ name: "many" })],
   ["many", [GROUP], ([id]) => ({ name: "many", id })],
   ["words", [], () => ({ name: "words" })],
+  ["api", [], () => ({ name: "api" })],
+  ["usage", [], () => ({ name: "usage" })],
   ["jobs", [], (_, query) => ({ name: "jobs", state: stateOf(query.get("state")), search: (query.get("q") ?? "").slice(0, MAX_SEARCH) })],
   ["jobs", [JOB], ([id]) => ({ name: "job", id })],
   ["shared", [JOB, LINK], ([id, link]) => ({ name: "shared", id, link })],

@@ -2,6 +2,7 @@
 /** What a result is worth, by its report: first on cards and pages, with what helps where it is not good. */
 import { readVerdict } from "../client/index.js";
 import { h, icon } from "./dom.js";
+import { plainWords } from "./plain.js";
 
 /** @typedef {import("../client/index.js").Verdict} Verdict */
 
@@ -17,28 +18,15 @@ export function verdictBadge({ value }) {
   return h("span", { class: `badge badge-${value}` }, icon(glyph), title);
 }
 
-/** Its verdict in words, first of all that a report says. @param {any} report @returns {import("./quality.js").Finding[]} */
-export function verdictFinding(report) {
-  const verdict = readVerdict(report);
-  if (!verdict) return [];
-  const { title } = SHOWN[verdict.value];
-  const note = verdict.reasons.join(" ");
-  return [{ tone: verdict.value === "good" ? "good" : "warn", text: title, note }];
-}
-
-/** Its verdict in a word or two; null where it has none. @param {any} report */
-export function verdictTitle(report) {
-  const verdict = readVerdict(report);
-  return verdict && SHOWN[verdict.value].title;
+/** A verdict and why, and what may help, in sentences. @param {Verdict} verdict @returns {HTMLElement[]} */
+export function verdictWords({ value, reasons, advice }) {
+  const { title } = SHOWN[value] ?? SHOWN.doubtful;
+  const why = reasons.map(plainWords).filter(Boolean).join(" ");
+  const help = value === "good" ? [] : advice.map(plainWords).filter(Boolean);
+  return [h("p", null, h("strong", null, `${title}.`), why && ` ${why}`), ...(help.length ? [h("ul", { class: "advice" }, help.map((text) => h("li", null, text)))] : [])];
 }
 
 /** Whether a report says that its result is not good. @param {any} report */
 export function isWorthLess(report) {
   return (readVerdict(report)?.value ?? "good") !== "good";
-}
-
-/** What may help, in sentences; null where nothing needs help. @param {any} report */
-export function adviceList(report) {
-  const advice = readVerdict(report)?.advice ?? [];
-  return advice.length ? h("ul", { class: "advice" }, advice.map((text) => h("li", null, text))) : null;
 }

@@ -61,34 +61,6 @@ export function withAdjective(prompt, adjective, known) {
   return withArticle([...kept, found.noun].join(" ")) + tail;
 }
 
-/**
- * Prompts of different members of what a prompt allows: itself, then each time with one attribute more. Another seed
- * alone hardly changes a result. Beyond the last attribute the prompt itself is repeated.
- * @param {string} prompt
- * @param {number} count
- * @param {Vocabulary | null} known
- */
-export function variationPrompts(prompt, count, known) {
-  /** @type {string[]} */
-  const words = prompt.toLowerCase().match(/[a-z]+/g) ?? [];
-  const noun = known && nounIn(prompt, known)?.noun;
-  if (!known || !noun) return Array(count).fill(prompt);
-  const sizes = (known.parts[noun] ?? []).filter((part) => !words.includes(part));
-  // The vocabulary has "short neck" before "long neck".
-  const ofPart = (/** @type {string} */ part) => known.attributes.filter((each) => each.endsWith(` ${part}`)).reverse();
-  const sized = [0, 1].flatMap((turn) => sizes.map((part, at) => ofPart(part)[(at + turn) % 2])).filter(Boolean).map((each) => clause(prompt, each));
-  const shaped = used(prompt, known).length ? [] : PROPORTIONS.filter((word) => known.attributes.includes(word)).map((word) => withAdjective(prompt, word, known));
-  const more = Array.from({ length: Math.max(sized.length, shaped.length) }, (_, at) => [sized[at], shaped[at]]).flat().filter(Boolean);
-  return [prompt, ...more, ...Array(count).fill(prompt)].slice(0, count);
-}
-
-const PROPORTIONS = ["wide", "tall", "short", "thin", "fat", "long"];
-
-/** @param {string} prompt @param {string} attribute Such as "long neck". */
-function clause(prompt, attribute) {
-  return `${prompt} ${/\bwith\b/.test(prompt) ? "and" : "with"} ${attribute.endsWith("s") ? "" : "a "}${attribute}`;
-}
-
 /** @param {string} prompt @param {Vocabulary} known */
 function used(prompt, known) {
   const plain = new Set(adjectives(known));

@@ -247,6 +247,10 @@ export class Client {
     async deleteWord(noun, signal) {
         await this.#transport.request(wordPath(noun), { method: "DELETE", signal });
     }
+    /** Return what your jobs have used in each month, newest first. */
+    async usage(signal) {
+        return (await this.#transport.json("v1/usage", { signal })).months;
+    }
     async models(signal) {
         return this.#transport.json("v1/models", { signal });
     }

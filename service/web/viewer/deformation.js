@@ -77,10 +77,15 @@ class Blend {
     this.#enclose();
   }
 
-  /** Lead to another shape. @param {Float32Array} positions (3V) in the mesh's own space, in the order of the result */
-  reshape(positions) {
+  /** @param {Float32Array} positions (3V) in the order of the result @returns {Float32Array} in that of the mesh */
+  ordered(positions) {
     const { order } = this;
-    this.after = order ? Float32Array.from({ length: 3 * order.length }, (_, i) => positions[3 * order[Math.floor(i / 3)] + (i % 3)]) : positions;
+    return order ? Float32Array.from({ length: 3 * order.length }, (_, i) => positions[3 * order[Math.floor(i / 3)] + (i % 3)]) : positions;
+  }
+
+  /** Lead to another shape. @param {Float32Array} after (3V) in the mesh's own space */
+  reshape(after) {
+    this.after = after;
     for (const track of this.tracks) {
       if (track.name === "position") track.after = this.after;
       if (track.name === "normal") track.after = normalsOf(this.after, this.original.index);
@@ -137,8 +142,28 @@ export class Deformation {
   reshape(positions) {
     for (const blend of this.blends) {
       const own = positions.get(blend.place);
-      if (own?.length === 3 * blend.count) blend.reshape(own);
+      if (own?.length === 3 * blend.count) blend.reshape(blend.ordered(own));
     }
+    this.measured.clear();
+    this.show(this.morph);
+  }
+
+  /** How far the vertices of each mesh move towards a shape, for `mix`. @param {Map<string, Float32Array> | null} positions as for `reshape`; null: what it leads to @returns {Float32Array[]} */
+  offsets(positions) {
+    return this.blends.map((blend) => {
+      const own = positions?.get(blend.place);
+      const after = own ? blend.ordered(own) : blend.after;
+      return after.map((value, i) => value - blend.before[i]);
+    });
+  }
+
+  /** Lead to shares of several shapes together. @param {[Float32Array[], number][]} shapes offsets, and how much of them */
+  mix(shapes) {
+    this.blends.forEach((blend, k) => {
+      const after = Float32Array.from(blend.before);
+      for (const [offsets, share] of shapes) for (let i = 0; i < after.length; i++) after[i] += share * offsets[k][i];
+      blend.reshape(after);
+    });
     this.measured.clear();
     this.show(this.morph);
   }

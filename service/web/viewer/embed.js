@@ -8,10 +8,12 @@
  * `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it. Further
  * attributes: `poster`, a picture until they are there, which is when the element is first seen; `animation`, the clip
  * that plays then, by its name or empty for the first (it stands still where motion is unwanted); `theme`, `light` or
- * `dark` where it should not be that of the page. It fills the box that the page's CSS gives it, else it is as wide as its
+ * `dark` where it should not be that of the page; `usdz`, the result as USDZ, with which iPhones show it in the room, as
+ * Android does with the GLB. It fills the box that the page's CSS gives it, else it is as wide as its
  * place and no higher than the window, in the font and the colours of the text around it; `--viewer-background` and
  * `accent-color` change those. Events: `ready`, and `failed`, whose `detail` is the error.
  */
+import { arLink } from "./ar.js";
 import { mountClips, MeshViewer } from "./viewer.js";
 
 const STYLE = new CSSStyleSheet();
@@ -51,6 +53,9 @@ class MeshdeformResult extends HTMLElement {
     this.bar = Object.assign(document.createElement("div"), { className: "bar" });
     this.clips = document.createElement("div");
     this.bar.append("Before", slider, "After");
+    const [glb, usdz, title] = ["result", "usdz", "label"].map((name) => this.getAttribute(name) ?? "");
+    const room = arLink({ glb, usdz, title });
+    if (room) this.bar.append(room);
     const poster = this.getAttribute("poster");
     if (poster) this.view.append(Object.assign(document.createElement("img"), { src: poster, alt: this.getAttribute("label") ?? "" }));
     root.replaceChildren(this.view, this.bar, this.clips);

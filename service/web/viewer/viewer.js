@@ -197,6 +197,26 @@ export class MeshViewer extends EventTarget {
    */
   setShape(positions) {
     this.#deformation?.reshape(positions);
+    this.#moved();
+  }
+
+  /** Whether there is a result, which `setShape` and `mix` can change. */
+  get deformed() {
+    return this.#deformation !== null;
+  }
+
+  /** How far another result moves each vertex, for `mix`. @param {Map<string, Float32Array> | null} positions as for `setShape`; null: the result that is shown @returns {Float32Array[]} */
+  offsets(positions) {
+    return this.#deformation?.offsets(positions) ?? [];
+  }
+
+  /** Lead to shares of several results together. @param {[Float32Array[], number][]} shapes as `offsets` gives them, and how much of each */
+  mix(shapes) {
+    this.#deformation?.mix(shapes);
+    this.#moved();
+  }
+
+  #moved() {
     this.#grounded = false;
     this.stage.refreshShadow();
     this.invalidate();
@@ -225,9 +245,7 @@ export class MeshViewer extends EventTarget {
   /** @param {number} t 0 shows the source, 1 the result, up to 1.5 what lies beyond it, all on straight lines */
   setMorph(t) {
     this.#deformation?.setMorph(t);
-    this.#grounded = false;
-    this.stage.refreshShadow();
-    this.invalidate();
+    this.#moved();
   }
 
   /**

@@ -6,7 +6,9 @@ import { button, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
 import { fileInput, isField, openField, takeDrops } from "../picking.js";
-import { clipPlayer, ViewerBox } from "../viewer-box.js";
+import { plainWords } from "../plain.js";
+import { drawnPicture } from "../job/stage-controls.js";
+import { ViewerBox } from "../viewer-box.js";
 
 export const EXAMPLES = [
   { name: "sphere.glb", label: "Sphere" },
@@ -20,14 +22,17 @@ const ADVICE =
   "Use GLB, OBJ, PLY or STL, or a ZIP with one of them or a .gltf and its files; or points with normals (PLY, XYZ), a signed distance grid (NPZ) or a network (safetensors).";
 
 export class AssetPanel {
-  /** @param {import("../scope.js").Scope} scope @param {(asset: Asset | null) => void} onChange */
-  constructor(scope, onChange) {
+  /** @param {import("../scope.js").Scope} scope @param {(asset: Asset | null) => void} onChange @param {boolean} [choosing] Whether another file can be chosen. */
+  constructor(scope, onChange, choosing = true) {
     this.scope = scope;
+    this.choosing = choosing;
     this.onChange = onChange;
     /** @type {Asset | null} */
     this.asset = null;
     /** That with triangles in the view. @type {Asset | null} */
     this.shown = null;
+    /** Whether nothing can be drawn here, or not this. */
+    this.flat = false;
     this.onShown = () => {};
     /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
     this.choices = 0;
@@ -44,7 +49,7 @@ export class AssetPanel {
     this.examples = h("div", { class: "chips", role: "group", "aria-label": "Example assets" });
     this.stage = h("div", { class: "stage" });
     this.element = this._build();
-    takeDrops(scope, this.element, (files, target) => {
+    if (choosing) takeDrops(scope, this.element, (files, target) => {
       const place = target instanceof Element && target.closest("[data-drop='guide']");
       if (this.guide && (place || files[0].type.startsWith("image/"))) this.guide(files);
       else this.take(files[0]);
@@ -63,20 +68,15 @@ export class AssetPanel {
       h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
       button("Reset view", () => [this.box, this.other].forEach((box) => box?.resetView()), { icon: "reset", quiet: true, class: "button-quiet stage-reset" }),
     );
+    const words = h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${WORDS} anywhere on this page.`), h("span", { class: "without-mouse" }, WORDS));
     return h(
       "section",
       { class: "asset-panel", "aria-label": "Asset" },
       this.stage,
-      clipPlayer(this.scope, this.box),
       this.below,
       this.problem,
-      h(
-        "div",
-        { class: "row asset-bar" },
-        h("div", { class: "asset-file" }, this.facts, this.large, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, `Or drop a ${WORDS} anywhere on this page.`), h("span", { class: "without-mouse" }, WORDS))),
-        h("div", { class: "row" }, choose, this.input),
-      ),
-      h("div", { class: "row example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples),
+      h("div", { class: "row asset-bar" }, h("div", { class: "asset-file" }, this.facts, this.large, this.choosing ? words : null), this.choosing ? h("div", { class: "row" }, choose, this.input) : null),
+      this.choosing ? h("div", { class: "row example-row" }, h("span", { class: "small muted" }, "Or start with"), this.examples) : null,
     );
   }
 
@@ -128,6 +128,8 @@ export class AssetPanel {
     }
     fill(this.facts, h("strong", null, asset.name), ` ${bytes(asset.size)}`);
     this.large.hidden = asset.size <= LARGEST_BYTES;
+    await asset.learn();
+    if (this.scope.over || this.asset !== asset) return;
     this.onChange(asset);
     const drawn = await asset.drawn();
     if (this.scope.over || this.asset !== asset) return;
@@ -135,6 +137,7 @@ export class AssetPanel {
     if (this.scope.over || this.asset !== asset) return;
     if (found) this.describe(found.triangles, found.vertices);
     this.shown = found ? asset : null;
+    this.flat = found === null;
     this.onShown();
     announce(`${asset.name} loaded`);
   }
@@ -153,12 +156,18 @@ export class AssetPanel {
     if (!asset) return;
     const sizes = triangles ? [counted(triangles, "triangle"), counted(vertices, "vertex", "vertices")] : vertices ? [counted(vertices, "point")] : [];
     const parts = [...sizes, bytes(asset.size), ...more];
-    fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")), ...warnings.map((text) => h("span", null, text)));
+    fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")), ...warnings.map(plainWords).filter(Boolean).map((text) => h("span", null, text)));
+  }
+
+  /** Show a picture where nothing can be drawn. @param {Blob} picture */
+  showPicture(picture) {
+    this.stage.append(drawnPicture(this.scope, picture, "Before, above, and after, below, from four sides"));
   }
 
   /** @param {string} text Empty: all is well. @param {string} [advice] */
   refuse(text, advice = "") {
     this.problem.hidden = !text;
-    fill(this.problem, text ? h("strong", null, text) : null, advice ? h("span", null, " ", advice) : null);
+    const help = plainWords(advice);
+    fill(this.problem, text ? h("strong", null, plainWords(text) || "This file cannot be used.") : null, help ? h("span", null, " ", help) : null);
   }
 }

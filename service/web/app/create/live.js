@@ -1,71 +1,135 @@
 // @ts-check
-/** What the asset becomes, while the prompt is typed: the shape in the view, and other designs of it below, of which a click takes one. */
+/** What the asset becomes, while the words change: the shape in the view, and other designs of it, of which a click takes one. */
 import { announce } from "../announce.js";
 import { isAbort, MeshdeformError } from "../client.js";
 import { readPreview } from "../../client/index.js";
 import { fill, h, say } from "../dom.js";
+import { plainWords } from "../plain.js";
 import { debounced } from "../scope.js";
 
 /** @typedef {{seed: number, places: Map<string, Float32Array>, name: string}} Member */
-/** @typedef {(form: "glb" | "positions", seeds: number[], signal: AbortSignal) => Promise<ArrayBuffer>} Ask */
+/**
+ * @typedef {object} Shape One that the asset has.
+ * @property {string} key What was asked for, as `shapeKey` has it; of others than the form's, a name of its own.
+ * @property {string} label
+ * @property {() => Promise<ArrayBuffer>} load Returns it as a GLB.
+ * @property {number} strength Share of the way at which it is loaded.
+ * @property {string} tag What the view says of it.
+ * @property {any} [wish] What the form held.
+ * @property {{path: string, name: string, step: number | null}} [stored] Where a job has it. `name`: for downloaded files; empty: its result. `step`: from which another job may start.
+ * @property {string} [href] The page of the job whose result it is.
+ * @property {Blob} [picture]
+ */
+/**
+ * @typedef {object} Asked What the form asks for.
+ * @property {string} goal Without the seed and the strength; empty: there is nothing to show.
+ * @property {number} seed
+ * @property {number} strength From 0.
+ * @property {boolean} possible Whether it can be seen before a job runs.
+ */
 
 const PAUSE_MS = 300;
 const MEMBERS = 6;
-const PICTURE = 168; // pixels, twice as many as are seen
+export const PICTURE = 168; // pixels, twice as many as are seen
 const AGAIN_S = 5;
+const AGAIN_MS = 3000;
+const KNOWN = 12;
+
+/** @param {string} goal @param {number} seed */
+export function shapeKey(goal, seed) {
+  return JSON.stringify([goal, seed]);
+}
 
 export class Live {
   /**
    * @param {import("../viewer-box.js").ViewerBox} box
    * @param {import("../scope.js").Scope} scope
-   * @param {Ask} ask The server, about the form, at full strength.
-   * @param {(seed: number) => void} take A design.
-   * @param {() => void} reshaped What is shown has another shape.
+   * @param {object} does
+   * @param {(form: "glb" | "positions", seed: number, signal: AbortSignal, draft: boolean) => Promise<{data: ArrayBuffer, draft?: boolean}>} does.ask The server, about the form, at full strength. `draft`: whether of a large asset a draft will do, and whether it is one.
+   * @param {(seed: number) => void} does.take A design.
+   * @param {() => void} does.reshaped What is shown has another shape.
+   * @param {(shape: Shape | null) => void} does.shown A shape is shown as it is; null: the asset alone.
+   * @param {() => string} does.label Words for what the form asks for.
    */
-  constructor(box, scope, ask, take, reshaped) {
+  constructor(box, scope, does) {
     this.box = box;
-    this.ask = ask;
-    this.take = take;
-    this.reshaped = reshaped;
-    /** What is asked for, without the seed and the strength; empty: nothing is. */
-    this.goal = "";
-    this.seed = 0;
-    /** How far of the way, as the form has it. */
-    this.strength = 1;
-    /** What the members are of, and the first of their seeds. */
+    this.scope = scope;
+    this.does = does;
+    /** @type {Asked} */
+    this.asked = { goal: "", seed: 0, strength: 1, possible: false };
+    /** What the members are of. */
     this.of = "";
     /** @type {Member[]} */
     this.members = [];
-    /** What the view leads to, as `_key` has it; empty: the asset alone. */
-    this.shown = "";
+    /** Shapes that can be shown at once, by their keys, the newest last. @type {Map<string, Shape>} */
+    this.known = new Map();
+    /** What the view leads to; null: the asset alone. @type {Shape | null} */
+    this.shape = null;
+    /** Whether there is a way from the asset to it. */
+    this.morphs = true;
     /** Whether this server makes previews. */
     this.able = true;
     this.asking = new AbortController();
     scope.add(() => this.asking.abort());
-    this.scope = scope;
-    this.show = debounced(() => this._show(), PAUSE_MS, scope);
+    this.show = debounced(() => this._ask(), PAUSE_MS, scope);
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
     this.strip = h("div", { class: "live-strip", role: "group", "aria-label": "Designs" });
     this.element = h("div", { class: "live", hidden: true }, this.strip, this.note);
   }
 
-  /**
-   * Say what the form asks for.
-   * @param {string} goal Empty: nothing that could be seen before.
-   * @param {number} seed
-   * @param {number} strength From 0 to 1.
-   */
-  suit(goal, seed, strength) {
-    const asked = goal !== this.goal || seed !== this.seed;
-    if (!asked && strength === this.strength) return;
-    this.goal = goal;
-    this.seed = seed;
-    this.strength = strength;
+  /** @param {Asked} asked */
+  suit(asked) {
+    const { goal, seed, strength, possible } = this.asked;
+    const same = asked.goal === goal && asked.seed === seed && asked.possible === possible;
+    if (same && asked.strength === strength) return;
+    this.asked = asked;
     this._press();
-    if (!goal || !this.able) return this.clear();
-    if (!asked) return this._blend();
+    if (same) return this._blend();
     this.asking.abort();
+    const known = this.known.get(this.key);
+    if (known && asked.goal) return void this.look(known);
+    if (!asked.goal || !asked.possible || !this.able) return this.clear();
     this.show();
+  }
+
+  /** What the form asks for. */
+  get key() {
+    return shapeKey(this.asked.goal, this.asked.seed);
+  }
+
+  /** Whether the view shows what the form asks for. */
+  get settled() {
+    return this.shape?.key === this.key;
+  }
+
+  /** Learn of a shape; what the form asks for is shown at once. @param {Shape} shape */
+  know(shape) {
+    this.known.delete(shape.key);
+    this.known.set(shape.key, shape);
+    for (const key of this.known.keys()) if (this.known.size > KNOWN && key !== this.key) this.known.delete(key);
+    if (shape.key === this.key && this.asked.goal) void this.look(shape);
+  }
+
+  /** Show a shape, whatever the form asks for. Until it is there, the asset must not pass for it. @param {Shape} shape */
+  async look(shape) {
+    this.asking.abort();
+    const { signal } = (this.asking = new AbortController());
+    if (this.of !== this.asked.goal) this._designs(false);
+    const first = this.shape === null && shape.stored !== undefined;
+    if (first) this.box.say("Loading the shape…", "", "", true);
+    while (!signal.aborted) {
+      try {
+        await this._put(shape, await shape.load(), signal);
+        return;
+      } catch (error) {
+        if (signal.aborted || isAbort(error)) return;
+        // A step gives way to newer ones, which come by themselves.
+        if (!shape.stored || (error instanceof MeshdeformError && error.status === 404)) return this._failed(error);
+        console.warn(error);
+        if (!this.shape) this.box.say("This shape could not be loaded", "Trying again…", "warn", true);
+        if (!(await this.scope.sleep(AGAIN_MS))) return;
+      }
+    }
   }
 
   /** Show the asset as it is. */
@@ -74,42 +138,46 @@ export class Live {
     this.of = "";
     this.members = [];
     fill(this.strip);
-    this.element.hidden = true;
+    this._designs(false);
     say(this.note, "");
-    if (this.shown) this.box.viewer?.clearDeformed();
-    this._see("");
+    if (this.box.note.classList.contains("viewer-cover")) this.box.say("");
+    if (!this.shape) return;
+    this.box.viewer?.clearDeformed();
+    this._see(null);
   }
 
   /** Show the share of the way, on straight lines: what breaks on them, the job mends. */
   _blend() {
-    if (!this.shown) return;
-    this.box.viewer?.setMorph(this.strength);
-    say(this.box.tag, this._tag());
+    if (!this.shape) return;
+    this.box.viewer?.setMorph(this.share);
+    say(this.box.tag, this._tag(this.shape));
   }
 
-  _tag() {
-    return this.strength === 1 ? "Preview" : `Preview · ${Math.round(100 * this.strength)}%`;
+  /** How far the view goes towards its shape. */
+  get share() {
+    return this.asked.strength / (this.shape?.strength || 1);
   }
 
-  /** What the form asks for. */
-  _key() {
-    return JSON.stringify([this.goal, this.seed]);
+  /** @param {Shape} shape */
+  _tag({ tag, strength }) {
+    return this.asked.strength === strength ? tag : `${tag} · ${Math.round(100 * this.asked.strength)}%`;
   }
 
-  async _show() {
-    const { goal, seed } = this;
-    if (!goal) return;
-    const asked = (this.asking = new AbortController());
-    const { signal } = asked;
-    this.element.hidden = false;
+  async _ask() {
+    const { goal, seed, possible } = this.asked;
+    if (!goal || !possible) return;
+    const { signal } = (this.asking = new AbortController());
+    this._designs(true);
     this.element.setAttribute("aria-busy", "true");
     const slow = setTimeout(() => signal.aborted || say(this.note, "Making the shape…"), 700);
     try {
-      await this._load(await this.ask("glb", [seed], signal), signal);
+      const isDraft = await this._make(goal, seed, signal, true);
       if (signal.aborted) return;
-      say(this.note, "");
+      say(this.note, isDraft ? "A draft; the exact shape follows." : "");
       announce("The preview is shown");
       if (this.of !== goal || !this.members.some((member) => member.seed === seed)) await this._others(goal, seed, signal);
+      if (isDraft && !signal.aborted) await this._make(goal, seed, signal, false);
+      if (!signal.aborted) say(this.note, "");
     } catch (error) {
       if (!signal.aborted && !isAbort(error)) this._failed(error);
     } finally {
@@ -118,14 +186,29 @@ export class Live {
     }
   }
 
-  /** @param {ArrayBuffer} glb @param {AbortSignal} signal */
-  async _load(glb, signal) {
+  /** Show what the server makes of a goal. @param {string} goal @param {number} seed @param {AbortSignal} signal @param {boolean} fast Whether of a large asset a draft will do. @returns {Promise<boolean>} whether it is one */
+  async _make(goal, seed, signal, fast) {
+    const { data, draft = false } = await this.does.ask("glb", seed, signal, fast);
+    const shape = { key: shapeKey(goal, seed), label: this.does.label(), load: async () => data, strength: 1, tag: draft ? "Draft" : "Preview" };
+    await this._put(shape, data, signal, draft);
+    return draft;
+  }
+
+  /** @param {Shape} shape @param {ArrayBuffer} glb @param {AbortSignal} signal @param {boolean} [passing] Whether another one takes its place at once. */
+  async _put(shape, glb, signal, passing = false) {
+    await this.box.ready;
     const { viewer } = this.box;
     if (!viewer?.ready || signal.aborted) return;
-    await viewer.setDeformed(glb, { keepCamera: true });
+    // Where the vertices do not fit, the file is shown by itself.
+    this.morphs = await this.box.deform(glb.slice(0));
     if (signal.aborted) return;
-    viewer.setMorph(this.strength);
-    this._see(this._tag(), this._key());
+    this.box.say("");
+    this._see(shape);
+    this._blend();
+    if (passing) return;
+    this.known.set(shape.key, shape);
+    if (!shape.picture) shape.picture = await viewer.snapshot({ width: PICTURE, height: PICTURE }).catch(() => undefined);
+    if (!signal.aborted) this.does.shown(shape);
   }
 
   /** Ask for designs with the seeds from one on, and picture each as it comes. @param {string} goal @param {number} first @param {AbortSignal} signal */
@@ -134,12 +217,11 @@ export class Live {
     this.members = [];
     fill(this.strip);
     for (let k = 0; k < MEMBERS; k++) {
-      const { change, shapes } = readPreview(await this.ask("positions", [first + k], signal));
+      const { change, shapes } = readPreview((await this.does.ask("positions", first + k, signal, true)).data);
       // A change in plain words is the same with every seed.
       if (signal.aborted || change) return;
       const [{ seed, primitives, member }] = shapes;
-      const places = new Map(primitives.map(({ mesh, primitive, positions }) => [`${mesh}/${primitive}`, positions]));
-      await this._add({ seed, places, name: [member.pose, member.form].filter(Boolean).join(" ") });
+      await this._add({ seed, places: placesOf(primitives), name: [member.pose, member.form].filter(Boolean).join(" ") });
     }
   }
 
@@ -164,37 +246,49 @@ export class Live {
   _choose(member) {
     const { viewer } = this.box;
     // Its places are here already; its file, with the normals that the job gives it, comes after the pause.
-    if (this.shown && viewer) {
+    if (this.shape && viewer) {
       viewer.setShape(member.places);
-      viewer.setMorph(this.strength);
-      this.reshaped();
+      viewer.setMorph(this.asked.strength);
+      this.does.reshaped();
     }
-    this.take(member.seed);
+    this.does.take(member.seed);
   }
 
   _press() {
     for (const each of this.strip.children) {
-      const own = each instanceof HTMLElement && this.of === this.goal && Number(each.dataset.seed) === this.seed;
+      const own = each instanceof HTMLElement && this.of === this.asked.goal && Number(each.dataset.seed) === this.asked.seed;
       each.setAttribute("aria-pressed", String(own));
     }
   }
 
-  /** @param {string} tag What the view shows, if it is not the asset. @param {string} [key] */
-  _see(tag, key = "") {
-    this.shown = key;
-    say(this.box.tag, tag);
-    this.reshaped();
+  /** @param {boolean} on Whether there is anything to say of designs. */
+  _designs(on) {
+    this.element.hidden = !on;
+  }
+
+  /** @param {Shape | null} shape That the view leads to. */
+  _see(shape) {
+    this.shape = shape;
+    say(this.box.tag, shape ? this._tag(shape) : "");
+    this.does.reshaped();
+    if (!shape) this.does.shown(null);
   }
 
   /** @param {unknown} error */
   _failed(error) {
+    this._designs(true);
     if (!(error instanceof MeshdeformError)) return say(this.note, "The view cannot show this file changed. The job changes it all the same.");
     if (error.code === "dependency_missing" || error.code === "not_found") this.able = false;
     // Of what is wrong with the form, its check says what.
-    if (!this.able || error.status === 422) return this.clear();
-    if (error.code !== "rate_limited") return say(this.note, error.message);
+    if (!this.able || [404, 422].includes(error.status)) return this.clear();
+    if (error.code !== "rate_limited") return say(this.note, plainWords(error.message) || error.title);
     say(this.note, "Waiting for its turn…");
-    const { goal } = this;
-    this.scope.sleep(1000 * (error.retryAfterS ?? AGAIN_S)).then((there) => there && goal === this.goal && this.show());
+    const { goal } = this.asked;
+    this.scope.sleep(1000 * (error.retryAfterS ?? AGAIN_S)).then((there) => there && goal === this.asked.goal && this.show());
   }
+}
+
+/** The positions of a shape as a viewer takes them. @param {{mesh: number, primitive: number, positions: Float32Array}[]} primitives @returns {Map<string, Float32Array>} */
+export function placesOf(primitives) {
+  return new Map(primitives.map(({ mesh, primitive, positions }) => [`${mesh}/${primitive}`, positions]));
 }

@@ -76,13 +76,10 @@ export class PromptField {
     );
     this.chips.hidden = !this.chips.childElementCount;
     fill(this.words, known && known.nouns.length ? this._allWords(known) : null);
-    this.note.hidden = !known && !model?.description;
-    fill(
-      this.note,
-      known
-        ? [icon("info"), h("span", null, byShape ? `There are shapes of ${known.nouns.length} things, each in many designs.` : `The built-in model knows ${known.nouns.length} things and little else. ${others ? "For free text, choose another model." : "For free text, the server needs a Stable Diffusion model."}`)]
-        : [icon("info"), h("span", null, model?.description ?? "")],
-    );
+    const freely = others ? "For free text, choose another model." : "For free text, the server needs a Stable Diffusion model.";
+    const note = !known ? (model?.description ?? "") : byShape ? "" : `The built-in model knows ${known.nouns.length} things and little else. ${freely}`;
+    this.note.hidden = !note;
+    fill(this.note, icon("info"), h("span", null, note));
     this._press();
   }
 

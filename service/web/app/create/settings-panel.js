@@ -1,41 +1,40 @@
 // @ts-check
-/** The settings of a new job: everything but its asset and its prompt. */
+/** How the job is made: everything but its asset and its words. What is here stands under Details. */
 import { button, fill, h, labelled } from "../dom.js";
 import { FieldRows, markField } from "./field-rows.js";
 import { figure } from "../format.js";
 import { isUnused } from "../groups.js";
-import { formOf, integerProblem, keptText, MAX_SEED, MAX_VARIATIONS, nothingKept, PRESETS, randomSeed } from "../params.js";
+import { formOf, integerProblem, keptText, MAX_SEED, nothingKept, PRESETS, randomSeed } from "../params.js";
 import { EXEMPLAR } from "./guide/model.js";
-import { radioCards } from "./radio-cards.js";
 import { ShareSlider } from "./share-slider.js";
 
-/** What becomes of joints, morph targets and clips. @type {[string, string, string][]} */
-const RIGS = [
-  ["follow", "Follows the shape", "The result moves as the asset does"],
-  ["keep", "Stays as it is", "To share clips with other characters"],
-];
+/** How the asset becomes what is asked for. @type {[string, string][]} */
+const WAYS = [["shape", "By shape: fitted, part to part"], ["pictures", "By pictures: a model looks at it, and pushes it little by little"]];
+/** What becomes of joints, morph targets and clips. @type {[string, string][]} */
+const RIGS = [["follow", "Follows the shape"], ["keep", "Stays as it is, to share clips with other characters"]];
 
 export class SettingsPanel {
-  /** @param {() => void} onChange @param {(model: import("../vocabulary.js").Model | null) => void} onModel */
+  /** @param {() => void} onChange @param {(model: import("../vocabulary.js").Model | null) => void} onModel Another model, or another way. */
   constructor(onChange, onModel) {
     this.onChange = onChange;
     this.onModel = onModel;
     /** @type {import("../vocabulary.js").Catalogue} */
     this.catalogue = { default: "", models: [], shapes: null };
-    this.model = h("select", { id: "model", on: { change: () => this._modelChanged() } });
+    this.way = choice("way", WAYS, () => this._modelChanged());
+    this.wayRow = labelled("way", "How", this.way);
+    this.wayRow.hidden = true;
+    this.model = choice("model", [], () => this._modelChanged());
     this.modelRow = labelled("model", "Model", this.model);
-    this.modelRow.hidden = true;
-    this.preset = radioCards("preset", PRESETS, "preview", onChange);
-    this.presetRow = h("fieldset", { class: "field" }, h("legend", { class: "field-label" }, "Quality"), this.preset.element);
+    this.preset = choice("preset", PRESETS.map(([value, label, text]) => [value, `${label}: ${text.toLowerCase()}`]), onChange);
+    this.presetRow = labelled("preset", "Quality", this.preset);
     this.strength = new ShareSlider("strength", onChange);
     this.seed = integerField("seed", 0, MAX_SEED, onChange);
     this.seed.input.value = String(randomSeed());
-    this.variations = integerField("variations", 1, MAX_VARIATIONS, onChange);
-    this.variations.input.value = "1";
-    this.rig = radioCards("rig", RIGS, RIGS[0][0], onChange);
+    this.rig = choice("rig", RIGS, onChange);
     /** What the server does with a rig where nobody chooses. */
     this.usualRig = RIGS[0][0];
-    this.rigRow = h("fieldset", { class: "field", hidden: true }, h("legend", { class: "field-label" }, "Rig"), this.rig.element);
+    this.rigRow = labelled("rig", "Rig", this.rig);
+    this.rigRow.hidden = true;
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
     /** @type {import("../params.js").Form} */
     this.offered = formOf(null);
@@ -44,37 +43,25 @@ export class SettingsPanel {
     this.keptText = h("p", null);
     const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
     this.keptRow = h("div", { class: "kept small", hidden: true }, this.keptText, drop);
-    this.element = h("div", { class: "settings" }, this.modelRow, this.presetRow, this.strength.element, this.rigRow, this.keptRow);
-    /** The less usual settings, for the fold of the form. */
-    this.further = this._further();
+    this.element = this._build();
   }
 
-  _further() {
-    this.fields.advanced.append(
-      h("label", { class: "check", for: "subdivide" }, this.subdivide, h("span", null, "Split long edges first, so that large triangles can bend; the result has more triangles")),
-    );
+  _build() {
     const random = button("Random variation", () => {
       this.seed.input.value = String(randomSeed());
       this.onChange();
     }, { icon: "dice", quiet: true });
-    return h(
-      "div",
-      { class: "settings" },
-      h(
-        "div",
-        { class: "pair" },
-        labelled("seed", "Variation", h("div", { class: "joined" }, this.seed.input, random), this.seed.problem),
-        labelled("variations", "How many", this.variations.input, this.variations.problem),
-      ),
-      this.fields.advanced,
-    );
+    const seed = labelled("seed", "Variation", h("div", { class: "joined" }, this.seed.input, random), this.seed.problem);
+    const split = h("label", { class: "check", for: "subdivide" }, this.subdivide, h("span", null, "Split long edges first, so that large triangles can bend; the result has more triangles"));
+    this.fields.advanced.append(split);
+    return h("div", { class: "settings" }, this.wayRow, this.modelRow, this.presetRow, this.rigRow, seed, this.keptRow, this.fields.advanced);
   }
 
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   check() {
     const good = this.fields.settle();
-    for (const field of [this.seed, this.variations]) markField(field, field.check());
-    return good && !this.seed.check() && !this.variations.check();
+    markField(this.seed, this.seed.check());
+    return good && !this.seed.check();
   }
 
   /** Say what the server refused beside it. @param {any[]} errors @returns {boolean} whether each of them has found its place */
@@ -95,6 +82,7 @@ export class SettingsPanel {
   /** @param {import("../params.js").Form} form */
   offerFields(form) {
     this.offered = form;
+    this.wayRow.hidden = !(EXEMPLAR in form.groups.guidance);
     this.strength.offer(form.fields);
     const others = form.fields.filter(({ name }) => name !== this.strength.name);
     fill(this.fields.more, others.map((field) => this.fields.add(field, ["As the quality says", "automatic"])));
@@ -103,16 +91,23 @@ export class SettingsPanel {
   /** @param {string | undefined} usual What the server does with a rig where nobody chooses. */
   offerRig(usual) {
     this.usualRig = usual ?? this.usualRig;
-    this.rig.set(this.usualRig);
+    this.rig.value = this.usualRig;
   }
 
-  /** Show those that a kind of guidance has. @param {string} kind */
-  suit(kind) {
+  /** Whether the asset is fitted to a shape, in place of pushed by a model that looks at pictures of it. */
+  get byShape() {
+    return !this.wayRow.hidden && this.way.value === "shape";
+  }
+
+  /** Show those that a kind of guidance has. @param {string} kind @param {number} targets How many meshes there are to become. */
+  suit(kind, targets) {
     const unused = (/** @type {string} */ name) => isUnused(name, kind, this.offered.groups);
     for (const [name, { row }] of this.fields.rows) row.hidden = unused(name);
     this.presetRow.hidden = unused("preset");
-    this.strength.element.hidden = kind !== EXEMPLAR;
-    this.modelRow.hidden = unused("model") || !this._choosesModel;
+    this.modelRow.hidden = unused("model") || this.catalogue.models.length < 2; // with one there is nothing to choose
+    // Of several meshes, the nearest is fitted to.
+    this.way.options[1].disabled = targets > 1;
+    if (targets > 1) this.way.value = "shape";
   }
 
   /** @param {import("../vocabulary.js").Catalogue} catalogue */
@@ -126,14 +121,14 @@ export class SettingsPanel {
     this._modelChanged();
   }
 
-  /** The server runs no others: with one there is nothing to choose. */
-  get _choosesModel() {
-    return this.catalogue.models.length > 1;
-  }
-
   /** The model that is chosen. */
   get chosen() {
     return this.catalogue.models.find((found) => found.id === this.model.value) ?? null;
+  }
+
+  /** Whether the server fits to shapes where nobody chooses: unless its operator has named a model. */
+  get usuallyByShape() {
+    return this.catalogue.default === "builtin";
   }
 
   _modelChanged() {
@@ -154,20 +149,16 @@ export class SettingsPanel {
     this.onChange();
   }
 
-  get variationCount() {
-    return Math.min(MAX_VARIATIONS, Math.max(1, Math.round(Number(this.variations.input.value)) || 1));
-  }
-
   /** @param {string} prompt @returns {import("../params.js").Wish} */
   wish(prompt) {
     return {
       prompt,
       model: this.model.value,
-      preset: this.preset.value(),
+      preset: this.preset.value,
       seed: Number(this.seed.input.value),
-      variations: this.variationCount,
       subdivide: this.subdivide.checked,
-      rig: this.rig.value() === this.usualRig ? "" : this.rig.value(),
+      rig: this.rig.value === this.usualRig ? "" : this.rig.value,
+      byShape: this.byShape,
       advanced: { ...Object.fromEntries([...this.fields.rows].map(([name, field]) => [name, field.input.value])), [this.strength.name]: this.strength.value },
       kept: this.kept,
     };
@@ -195,36 +186,36 @@ export class SettingsPanel {
     }
   }
 
-  /** Whether any of the less usual settings is another than at the beginning. */
-  get furtherInUse() {
-    return this.variationCount > 1 || this.subdivide.checked || [...this.fields.rows.values()].some(({ input, row }) => !row.hidden && input.value !== "");
+  /** Whether anything is set that does not show elsewhere. */
+  get inUse() {
+    return this.subdivide.checked || [...this.fields.rows.values()].some(({ input, row }) => !row.hidden && input.value !== "");
   }
 
   /** Set everything as at the beginning. */
   reset() {
-    this.restore({ model: this.catalogue.default });
+    this.restore({ model: this.catalogue.default, byShape: this.usuallyByShape });
   }
 
-  /** The settings as they were typed, right or wrong, for `restore`. @param {string} prompt */
-  draft(prompt) {
-    return { ...this.wish(prompt), seed: this.seed.input.value, variations: this.variations.input.value };
-  }
-
-  /** @param {Partial<Omit<import("../params.js").Wish, "seed" | "variations"> & {seed: number | string, variations: number | string}>} wish What it lacks is as at the beginning. */
-  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), variations = 1, subdivide = false, rig = "", advanced = {}, kept = nothingKept() }) {
+  /** @param {Partial<Omit<import("../params.js").Wish, "seed"> & {seed: number | string}>} wish What it lacks is as at the beginning. */
+  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), subdivide = false, rig = "", advanced = {}, kept = nothingKept(), byShape = false }) {
     // A model that this server no longer runs gives way to its default.
     if (this.catalogue.models.some((found) => found.id === model && found.available)) this.model.value = String(model);
+    this.way.value = byShape ? "shape" : "pictures";
     this._modelChanged();
-    this.preset.set(preset);
+    this.preset.value = preset;
     this.seed.input.value = String(seed);
-    this.variations.input.value = String(variations);
     this.subdivide.checked = subdivide;
-    this.rig.set(rig || this.usualRig);
+    this.rig.value = rig || this.usualRig;
     this._keep(kept);
     for (const name of this.fields.rows.keys()) this.setValue(name, advanced[name] ?? "");
     this.strength.set(advanced[this.strength.name] ?? "");
     this.fields.advanced.open = [...this.fields.rows.values()].some(({ input }) => input.value !== "");
   }
+}
+
+/** @param {string} id @param {[string, string][]} options @param {() => void} onChange */
+function choice(id, options, onChange) {
+  return h("select", { id, on: { change: onChange } }, options.map(([value, text]) => h("option", { value }, text)));
 }
 
 /** A field for a whole number, and what is wrong with what is in it. @param {string} id @param {number} min @param {number} max @param {() => void} onChange */

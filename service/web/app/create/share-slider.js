@@ -1,5 +1,5 @@
 // @ts-check
-/** A parameter that is a share of the whole, as a slider in percent. */
+/** How far a shape goes, as a slider in percent: the parameter `strength` of a fit, and the share of any result. */
 import { h } from "../dom.js";
 import { slider } from "../job/stage-controls.js";
 
@@ -9,31 +9,37 @@ export class ShareSlider {
     this.name = name;
     /** What it is where nobody moves it, in percent. */
     this.usual = 100;
-    const help = h("p", { class: "small muted", id: `param-${name}-help` });
-    const { input, value, row } = slider(`param-${name}`, "", 100, () => (this._draw(), onChange()));
+    const { input, value, row } = slider(`param-${name}`, "Strength", 100, () => (this._draw(), onChange()));
     row.hidden = false;
     this.input = input;
     this.output = value;
-    this.label = row.querySelector("label");
-    this.help = help;
-    input.setAttribute("aria-describedby", help.id);
-    this.element = h("div", { class: "field", hidden: true }, row, help);
+    this.element = h("div", { class: "field", hidden: true }, row);
     this.set("");
   }
 
   /** @param {import("../params.js").Field[]} fields Of which one may be this parameter. */
   offer(fields) {
     const field = fields.find(({ name }) => name === this.name);
-    if (!field || !this.label) return;
-    this.label.textContent = field.label;
-    this.help.textContent = field.help;
+    if (!field) return;
     this.usual = Math.round(100 * (field.standard ?? 1));
     this.set("");
   }
 
+  /** From 0; beyond 1 where more can be seen of a result than can be asked for. */
+  get share() {
+    return Number(this.input.value) / 100;
+  }
+
+  /** @param {boolean} on Whether it goes beyond the whole way. */
+  exaggerate(on) {
+    this.input.max = on ? "150" : "100";
+    this._draw();
+  }
+
   /** As in a request; empty: as the server has it. */
   get value() {
-    return Number(this.input.value) === this.usual ? "" : String(Number(this.input.value) / 100);
+    const share = Math.min(1, this.share);
+    return Math.round(100 * share) === this.usual ? "" : String(share);
   }
 
   /** @param {string} text As `value` gave it. */

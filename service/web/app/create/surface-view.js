@@ -120,7 +120,7 @@ export class SurfaceView {
       this.assets.refuse("");
       const { triangles, vertices, warnings } = found.asset;
       this.assets.describe(triangles, vertices, [], warnings);
-      this.estimate.textContent = estimateWords(found, 1);
+      this.estimate.textContent = estimateWords(found);
     } catch (error) {
       if (turn === this.turn && !this.scope.over && !isAbort(error)) this._bad(error);
     }

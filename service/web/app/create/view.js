@@ -1,45 +1,85 @@
 // @ts-check
-/** The form for a new job. */
-import { toast } from "../announce.js";
+/**
+ * The workbench: the asset as large as the window allows, words beside it, and at once the shape that they stand for. The
+ * page of a job is the same workbench, with that job's state.
+ */
+import { Asset } from "../assets.js";
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
+import { DEMO } from "../demo.js";
 import { fill, h } from "../dom.js";
 import { forgetDrafts, keepDraft, lastDraft } from "../drafts.js";
 import { exampleSection } from "../examples/gallery.js";
-import { estimateWords, percent } from "../format.js";
+import { count, estimateWords, goalWords, percent } from "../format.js";
+import { isTerminal } from "../history.js";
 import { recentJobs } from "../jobs/card.js";
+import { JobPanel } from "../job/panel.js";
+import { isDeformation, shapesOf } from "../job/shapes.js";
+import { threadOf, versionShapes } from "../job/versions.js";
+import { currentLink } from "../key.js";
 import { showOutlook } from "../outlook.js";
-import { documents, fileKey, formOf, wishOf } from "../params.js";
-import { described, problemBox } from "../problem-box.js";
+import { documentOf, fileKey, formOf, wishOf } from "../params.js";
+import { learnNames } from "../plain.js";
+import { problemBox } from "../problem-box.js";
 import { isAboutNegative, isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
+import { movingControls } from "../viewer-box.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { Comparison } from "./comparison.js";
 import { controlParams, isEmpty, readingOf } from "./control/model.js";
 import { ControlPanel } from "./control/panel.js";
-import { intro, JobForm, kindsNav } from "./form.js";
-import { Live } from "./live.js";
+import { Downloads } from "./downloads.js";
+import { JobForm, kindsNav } from "./form.js";
+import { Live, shapeKey } from "./live.js";
 import { GuidePanel } from "./guide/panel.js";
-import { EXEMPLAR, guideParams } from "./guide/model.js";
+import { guideParams } from "./guide/model.js";
 import { FrontControl } from "./front-control.js";
-import { threadOf } from "../job/versions.js";
 import { originOf } from "./origins.js";
 import { PartsControl } from "./parts/control.js";
 import { PromptField } from "./prompt-field.js";
 import { SettingsPanel } from "./settings-panel.js";
-import { WayChoice } from "./way-choice.js";
+import { ShapeStrip } from "./shape-strip.js";
 
-/** @typedef {import("../assets.js").Asset} Asset */
+/** @typedef {import("./live.js").Shape} Shape */
 
-export class CreateView {
+export class Workbench {
+  // What `_assets` and `_words` make.
+  /** @type {AssetPanel} */ assets;
+  /** @type {FrontControl} */ front;
+  /** @type {ControlPanel} */ control;
+  /** @type {Live} */ live;
+  /** @type {Comparison} */ comparison;
+  /** @type {ShapeStrip} */ strip;
+  /** @type {PromptField} */ prompt;
+  /** @type {HTMLElement} */ outlook;
+  /** @type {PartsControl} */ parts;
+  /** @type {GuidePanel} */ guide;
+  /** @type {SettingsPanel} */ settings;
+  /** @type {HTMLElement} */ estimate;
+  /** @type {HTMLElement} */ problem;
+  /** @type {HTMLElement} */ restored;
+  /** @type {HTMLButtonElement} */ starts;
+  /** @type {Downloads} */ downloads;
+  /** @type {JobForm} */ form;
+  /** @type {JobPanel | null} */ panel;
+  /** @type {HTMLElement} For the request as code to copy: what fills it asks `request` for it. */ code;
+  /** @type {HTMLElement} */ inUse;
+  /** @type {HTMLDetailsElement} */ more;
+
   /**
    * @param {HTMLElement} root
    * @param {import("../scope.js").Scope} scope
-   * @param {string | null} from A job to begin with, or an example (`exampleOrigin`).
+   * @param {object} [begin]
+   * @param {string | null} [begin.from] A job to begin with, or an example (`exampleOrigin`).
+   * @param {any} [begin.job] A deformation, whose state is shown.
+   * @param {string} [begin.against] A job whose result stands beside it.
    */
-  constructor(root, scope, from) {
+  constructor(root, scope, { from = null, job = null, against = "" } = {}) {
     this.scope = scope;
-    this.from = from;
+    this.from = job ? job.id : from;
+    /** Whether who looks came by a link, and makes nothing. */
+    this.shared = currentLink() !== "";
     /** Whether the form is filled: what changes from then on is the user's. */
     this.begun = false;
     this.steps = /** @type {number | null} */ (null);
@@ -48,89 +88,117 @@ export class CreateView {
     this.foreseen = "";
     /** The asset of the job that was sent last. @type {Asset | null} */
     this.sent = null;
-    /** What the form offers under Advanced. @type {Promise<import("../params.js").Field[]>} */
+    /** What the form offers. @type {Promise<import("../params.js").Field[]>} */
     this.fields = Promise.resolve([]);
     /** Files of the job that the form begins with, besides its asset. @type {Record<string, Asset>} */
     this.others = {};
     /** The asset of the job that the form begins with, and the thread of versions that a job on it belongs to. */
     this.begunWith = { asset: /** @type {Asset | null} */ (null), thread: "" };
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
+    /** What the form asks for where it asks for the job that is shown, as `shapeKey` has it. */
+    this.jobKey = "";
+    /** And the strength that it had. */
+    this.jobStrength = 1;
+    /** Shapes that the job has, and those of other versions. */
+    this.offered = { steps: /** @type {number[]} */ ([]), finished: false, lastStep: 0 };
+    /** @type {Shape[]} */
+    this.versions = [];
+    /** The step of the job from which another one starts. @type {number | null} */
+    this.start = null;
     this.check = debounced(() => this._check(), 450, scope);
-    this.assets = new AssetPanel(scope, () => this._changed());
-    this.front = new FrontControl(
-      this.assets.box,
-      (value) => {
-        this.settings.setValue("orientation", value);
-        this._changed();
-      },
-    );
-    this.control = new ControlPanel(this.assets.box, () => this._changed());
-    this.assets.addBelow(this.control.toolbar);
-    this.prompt = new PromptField(() => this._changed());
-    this.way = new WayChoice(() => {
-      this._offer(this.settings.chosen);
+    /** Stops the check under way, which is out of date. */
+    this.checking = new AbortController();
+    scope.add(() => this.checking.abort());
+    this._assets(job);
+    this._words();
+    this._build(root, job);
+    if (job) this._attach(job, against);
+    this._begin(job ? job.id : from);
+  }
+
+  /** The asset, and what the view shows of it. @param {any} job */
+  _assets(job) {
+    const { scope } = this;
+    this.assets = new AssetPanel(scope, () => this._changed(), job === null);
+    this.front = new FrontControl(this.assets.box, (value) => {
+      this.settings.setValue("orientation", value);
       this._changed();
     });
-    this.outlook = h("div", { class: "outlook", "aria-live": "polite", hidden: true });
-    const turn = () => {
-      this.more.open = true;
-      this.front.input.focus();
-    };
-    this.parts = new PartsControl(this.assets.box, this.control, this.front, scope, (prompt, signal) => this._parts(prompt, signal), (prompt) => this.prompt.set(prompt), turn);
-    this.parts.onRead = () => this._foresee();
-    this.live = new Live(this.assets.box, scope, (form, seeds, signal) => this._previewed(form, seeds, signal), (seed) => {
-      this.settings.seed.input.value = String(seed);
-      this._changed();
-    }, () => this.control.view.reshape());
+    this.control = new ControlPanel(this.assets.box, () => this._changed());
+    this.live = new Live(this.assets.box, scope, {
+      ask: (form, seed, signal, draft) => this._asked(this._liveWish(), form, seed, signal, draft),
+      take: (seed) => {
+        this.settings.seed.input.value = String(seed);
+        this._changed();
+      },
+      reshaped: () => this.parts.reshaped(this.live.shape !== null),
+      shown: (shape) => this._shown(shape),
+      label: () => this.prompt.value || "Target",
+    });
+    this.comparison = new Comparison(this.assets, scope);
+    this.strip = new ShapeStrip(scope, (shape) => this._take(shape), () => this.comparison.choices(this.strip.shapes));
+    this.assets.addBelow(this.control.toolbar);
+    this.assets.addBelow(this.comparison.element);
+    this.assets.addBelow(movingControls(scope, [this.comparison.box, this.assets.box], (ending) => `turntable.${ending}`));
     this.assets.onShown = () => {
+      this.strip.begin(this.assets.asset?.print ?? "");
       this._suitParts();
       this._suitLive();
       this._suitRig([]);
+      this._offerKeep();
     };
-    this.assets.addBelow(this.live.element);
-    this.assets.addBelow(this.parts.element);
+  }
+
+  /** What it should become. */
+  _words() {
+    const { scope } = this;
+    this.prompt = new PromptField(() => this._changed());
+    this.outlook = h("div", { class: "outlook", "aria-live": "polite", hidden: true });
+    this.parts = new PartsControl(this.assets.box, this.control, this.front, scope, {
+      ask: (signal) => this._parts(signal),
+      change: async (prompt, form, signal) => (await this._asked(this._saidWish(prompt), form, this._wish().seed, signal)).data,
+      write: (prompt) => this.prompt.set(prompt),
+    });
+    this.parts.onRead = () => this._foresee();
     this.guide = new GuidePanel(this.assets, this.control.view, scope, () => this._changed());
     this.assets.guide = (files) => this.guide.take(files);
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
-    this.inUse = h("span", { class: "small muted" });
-    this.more = h("details", { class: "advanced further-options" }, h("summary", null, "More options ", this.inUse), this.control.further.element, this.guide.element, this.front.element, this.settings.further, this.control.element);
-    // A fold within it that opens by itself has something to say.
-    this.more.addEventListener("toggle", (event) => event.target instanceof HTMLDetailsElement && (this.more.open ||= event.target.open), true);
     this.estimate = h("p", { class: "estimate", id: "estimate", "aria-live": "off" });
     this.problem = h("div", { class: "problem-slot" });
     const over = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._startOver() } }, "Start over");
     this.restored = h("div", { class: "kept small muted", hidden: true }, h("p", null, "Your draft is back."), over);
-    /** Stops the check under way, which is out of date. */
-    this.checking = new AbortController();
-    scope.add(() => this.checking.abort());
-    this.form = new JobForm(scope, "New job", "Deform", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._refuse(error) });
+    this.starts = h("button", { type: "button", class: "chip chip-small", hidden: true, on: { click: () => this._startFrom(null) } });
+    this.downloads = new Downloads(scope, (signal) => this._exact(signal));
+    this.form = new JobForm(scope, "New job", "Keep", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._refuse(error) });
     this.form.button.setAttribute("aria-describedby", "estimate");
+  }
+
+  /** @param {HTMLElement} root @param {any} job */
+  _build(root, job) {
+    this.panel = job ? new JobPanel(job, this.scope, { offer: (...shapes) => this._offerShapes(...shapes), finished: (report, names) => this._finished(report, names) }) : null;
+    this.code = h("div", { class: "slot-code" });
+    this.inUse = h("span", { class: "small muted" });
+    const making = this.shared ? [] : [this.settings.element, this.control.element, this.code];
+    this.more = h("details", { class: "advanced bench-details" }, h("summary", null, "Details ", this.inUse), this.panel?.results, this.comparison.view, making, this.panel?.settings);
+    const words = [this.restored, this.prompt.element, this.outlook, this.problem, this.parts.element, this.guide.element, this.live.element];
     this.form.element.append(
-      this.restored,
-      this.prompt.element,
-      this.outlook,
-      this.way.element,
-      this.problem,
-      this.settings.element,
+      ...(this.panel ? [this.panel.head, this.panel.top] : [h("h1", null, "Describe what it ", h("em", null, "should become"))]),
+      ...(this.shared ? [] : words),
+      this.settings.strength.element,
+      this.strip.element,
+      h("div", { class: "start-bar" }, this.shared ? null : [this.estimate, this.starts], h("div", { class: "row" }, this.downloads.element, this.shared ? null : this.form.button)),
       this.more,
-      h("div", { class: "start-bar" }, this.estimate, this.form.button),
     );
-    fill(
-      root,
-      intro("Describe what it", "should become", "Reshape your 3D assets with a prompt. Materials, UVs and animations are kept."),
-      kindsNav("create"),
-      h("div", { class: "create" }, this.assets.element, this.form.element),
-      recentJobs(scope),
-      exampleSection(scope),
-    );
-    this._begin(from);
+    const around = job ? [] : [kindsNav("create"), recentJobs(this.scope), exampleSection(this.scope)];
+    fill(root, h("div", { class: "bench" }, this.assets.element, this.form.element), around);
   }
 
   /** @param {string | null} from */
   async _begin(from) {
-    this.fields = this._learnFields();
+    if (!DEMO) this.fields = this._learnFields();
+    if (this.shared) return this._openShared();
     const models = client.models(this.scope.signal).catch(() => ({}));
-    const last = await lastDraft();
+    const last = this.panel ? null : await lastDraft();
     if (this.scope.over) return;
     // The draft of another job is not the one that is asked for.
     const draft = last && (!from || last.from === from) ? last : null;
@@ -146,8 +214,8 @@ export class CreateView {
     if (this.scope.over) return;
     this.parts.line.offer(known?.groups ?? []);
     this.parts.corrector.known = Object.values(known?.parts ?? {}).flat();
-    this.way.set(this._usuallyByShape(found));
     if (found.models.length) this.settings.offer(found);
+    this.settings.restore({ ...this.settings.wish(""), byShape: this.settings.usuallyByShape });
     if (draft) this._restore({ ...draft.wish, prompt: this.prompt.value }, draft.files ?? {});
     this.begun ||= draft !== null; // its asset may take longer, and what is typed meanwhile counts
     this.restored.hidden = !(draft?.stored && (draft.wish.prompt || Object.keys(draft.files ?? {}).length));
@@ -155,7 +223,22 @@ export class CreateView {
     if (this.scope.over) return;
     if (wish) this._restore(wish, this.others);
     this.begun = true;
+    if (this.panel) this._isOf(this._key());
     this._changed();
+    this._storedShapes();
+  }
+
+  /** What a link shows: the asset and the shapes of the job. */
+  async _openShared() {
+    const { job } = /** @type {JobPanel} */ (this.panel);
+    const bytes = await client.bytes(`v1/jobs/${job.id}/asset`, { signal: this.scope.signal }).catch((error) => void (isAbort(error) || fill(this.problem, problemBox(error))));
+    if (!bytes || this.scope.over) return;
+    await this.assets.use(new Asset(new Blob([bytes]), job.asset.filename));
+    if (this.scope.over) return;
+    this.begun = true;
+    this._isOf(shapeKey(job.id, 0));
+    this._changed();
+    this._storedShapes();
   }
 
   /**
@@ -178,7 +261,6 @@ export class CreateView {
     this.settings.reset();
     this.control.restore(null);
     this.guide.restore(null, {});
-    this._useWay(this._usuallyByShape(this.settings.catalogue));
     this.prompt.set("");
     await this.assets.example(EXAMPLES[0].name);
     this.begun = true;
@@ -189,30 +271,19 @@ export class CreateView {
   _offer(model) {
     const { models, shapes } = this.settings.catalogue;
     const others = models.some((found) => found.id !== model?.id && found.available && !found.vocabulary);
-    const { byShape } = this.way;
+    const { byShape } = this.settings;
     // Whatever the model: no model is asked for what there are shapes of. Servers without a list have that of the built-in one.
     const builtin = models.find(({ id }) => id === "builtin") ?? model;
     this.prompt.offer(!byShape ? model : builtin && shapes ? { ...builtin, vocabulary: shapes } : builtin, others, byShape);
   }
 
-  /** Whether the server fits to shapes where nobody chooses: unless its operator has named a model. @param {import("../vocabulary.js").Catalogue} catalogue */
-  _usuallyByShape({ default: model }) {
-    return model === "builtin";
-  }
-
-  /** @param {boolean} byShape */
-  _useWay(byShape) {
-    this.way.set(byShape);
-    this._offer(this.settings.chosen);
-  }
-
   /** @returns {Promise<import("../params.js").Field[]>} */
   async _learnFields() {
     const schema = await client.json("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
+    learnNames(schema);
     const form = formOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
     this.settings.offerFields(form);
-    this.way.offer(EXEMPLAR in form.groups.guidance);
     this.settings.offerRig(this.outputDefaults.rig);
     this.front.offer(this.settings.offers("orientation"));
     return form.fields;
@@ -230,7 +301,7 @@ export class CreateView {
     } catch (error) {
       if (isAbort(error)) return null;
       fill(this.problem, problemBox(error));
-      await this.assets.example(EXAMPLES[0].name);
+      if (!this.panel) await this.assets.example(EXAMPLES[0].name);
       return null;
     }
   }
@@ -240,8 +311,157 @@ export class CreateView {
     this.settings.restore(wish);
     this.control.restore(wish.control);
     this.guide.restore(wish.guide, files);
-    this._useWay(wish.byShape ?? false);
     this.prompt.set(wish.prompt);
+  }
+
+  /** What the form asks for now is the job that is shown. @param {string} key */
+  _isOf(key) {
+    this.jobKey = key;
+    this.jobStrength = this.settings.strength.share;
+  }
+
+  // The job that is shown.
+
+  /** @param {any} job @param {string} against */
+  _attach(job, against) {
+    this.panel?.follow();
+    if (this.shared) return;
+    versionShapes(job, this.scope.signal).then(
+      (versions) => {
+        this.versions = versions;
+        this._storedShapes();
+        const other = versions.find(({ href }) => href?.endsWith(against));
+        if (against) this._against(against, other);
+      },
+      (error) => isAbort(error) || console.warn(error),
+    );
+  }
+
+  /** Compare with the result of a job, of this thread or not. @param {string} id @param {Shape | undefined} version */
+  async _against(id, version) {
+    const path = `v1/jobs/${id}/artifacts/result.glb`;
+    let other = version;
+    if (!other) {
+      const job = await client.get(id, this.scope.signal).catch(() => null);
+      if (!job || !isDeformation(job)) return;
+      other = { key: path, label: goalWords(job) || job.asset.filename, load: () => client.bytes(path, { signal: this.scope.signal }), strength: 1, tag: "Result", href: routeHash({ name: "job", id }) };
+      this.versions = [...this.versions, other];
+      this._storedShapes();
+    }
+    this.comparison.against(other);
+  }
+
+  /** @param {number[]} steps @param {boolean} finished @param {number} lastStep */
+  _offerShapes(steps, finished, lastStep) {
+    this.offered = { steps, finished, lastStep };
+    this._storedShapes();
+  }
+
+  /** Show the shapes that jobs have; the newest of this one is what its form asks for. */
+  _storedShapes() {
+    if (!this.panel || !this.jobKey) return this.strip.offer(this.versions);
+    const { job } = this.panel;
+    const { steps, finished, lastStep } = this.offered;
+    const found = shapesOf(job, steps, finished ? lastStep : null);
+    const shapes = found.map((each, i) => this._storedShape(job, each, i === found.length - 1));
+    this.strip.offer([...this.versions, ...shapes]);
+    const newest = shapes.at(-1);
+    if (newest) this.live.know(newest);
+    this._offerKeep();
+  }
+
+  /** @param {any} job @param {import("../job/shapes.js").Shape} shape @param {boolean} newest @returns {Shape} */
+  _storedShape(job, { path, label, name, step }, newest) {
+    const known = this.strip.stored.find(({ stored }) => stored?.path === path);
+    return {
+      key: newest ? this.jobKey : path,
+      label,
+      load: () => client.bytes(path, { signal: this.scope.signal }),
+      strength: name === "" ? this.jobStrength : 1,
+      tag: label,
+      picture: known?.picture,
+      stored: { path, name, step: name.startsWith("step") ? step : null },
+    };
+  }
+
+  /** @param {any} report @param {string[]} names Of the files. */
+  async _finished(report, names) {
+    this.downloads.names = names;
+    this._suitLive();
+    this._offerKeep();
+    if (!this.assets.flat || !names.includes("preview.png")) return;
+    this.assets.showPicture(await client.download(this.panel?.job, "preview.png", { signal: this.scope.signal }));
+  }
+
+  /** Whether the form asks for the job that is shown, and not for another one. */
+  get _isJob() {
+    return this.panel !== null && this.jobKey !== "" && this._key() === this.jobKey && this.start === null;
+  }
+
+  // What is shown.
+
+  /** @param {Shape | null} shape */
+  _shown(shape) {
+    if (shape && shape.key === this.live.key) shape.wish ??= this._wish();
+    this.strip.show(shape);
+    this.comparison.offer(shape !== null);
+    this.settings.strength.element.hidden = shape === null || !this.live.morphs;
+    this._offerKeep();
+  }
+
+  /** Go back to a shape. @param {Shape} shape */
+  async _take(shape) {
+    if (shape.href) return void (location.hash = shape.href);
+    if (shape.stored && shape.key !== this.jobKey) {
+      this._startFrom(shape.stored.step);
+      return this.live.look(shape);
+    }
+    this._startFrom(null);
+    this.live.know(shape);
+    const wish = shape.wish ?? null;
+    if (wish && !(shape.key === this.live.key && this.live.settled)) {
+      this._restore(wish, this.guide.parts);
+      this._changed();
+    } else await this.live.look(shape);
+  }
+
+  /** Let the next job start from a step of the one that is shown. @param {number | null} step */
+  _startFrom(step) {
+    const from = this.panel && isTerminal(this.panel.job.state) ? step : null;
+    this.start = from;
+    this.starts.hidden = from === null;
+    this.starts.textContent = from === null ? "" : `Starts from step ${count(from)} ✕`;
+    this.starts.setAttribute("aria-label", `Starts from step ${from}: start from the asset instead`);
+    this._offerKeep();
+  }
+
+  /** Offer what can be done with what is shown. */
+  _offerKeep() {
+    const { panel } = this;
+    const state = panel?.state ?? "";
+    const running = panel !== null && !isTerminal(state || panel.job.state);
+    const done = this._isJob && state === "succeeded";
+    this.settings.strength.exaggerate(done && this.live.morphs);
+    const { share } = this.live;
+    // A job has the strength of a fit; any other result is only shown weaker.
+    const same = this.shared || (this._isJob && running) || (done && (!this.settings.byShape || share >= 1));
+    this.form.button.hidden = this.estimate.hidden = same;
+    this.form.rename(this.start !== null || !this._possible() || !this.live.able ? "Run" : "Keep");
+    // Where nothing can be drawn, the result is there all the same.
+    const shape = this.live.shape ?? (done && this.assets.flat ? (this.strip.stored.at(-1) ?? null) : null);
+    this.downloads.show(shape && { shape, share: this.live.morphs ? share : 1, job: panel?.job ?? null, result: done && shape.key === this.jobKey }, () => this._fakeJob());
+  }
+
+  /** What names the files of a shape that no job has. */
+  _fakeJob() {
+    return { asset: { filename: this.assets.asset?.name ?? "" }, prompt: this.prompt.value, params: { seed: this._wish().seed } };
+  }
+
+  /** The shape as a job would make it, at the strength of the form. @param {AbortSignal} signal @returns {Promise<ArrayBuffer>} */
+  async _exact(signal) {
+    const { shape, asked } = this.live;
+    if (shape && asked.strength === shape.strength) return shape.load();
+    return (await this._asked(this._wish(), "glb", asked.seed, signal)).data;
   }
 
   _changed() {
@@ -253,23 +473,20 @@ export class CreateView {
     if (key) this.control.assetIs(key);
     this._suitParts();
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
-    if (this.begun) keepDraft({ from: this.from, wish: { ...this.settings.draft(this.prompt.input.value), byShape: this.way.byShape, control: this.control.value(), guide: this.guide.value() }, asset, files: this.guide.parts });
-    this.prompt.element.hidden = this.control.further.element.hidden = this.guide.target !== null;
+    const wish = this._wish();
+    if (this.begun && !this.panel) keepDraft({ from: this.from, wish: { ...wish, prompt: this.prompt.input.value }, asset, files: this.guide.parts });
+    this.prompt.element.hidden = this.guide.target !== null;
     const targets = this.guide.meshes.length;
-    this.way.suit(targets);
-    this.guide.suit(this.way.byShape);
-    const { guidance = "sds" } = guideParams(this.guide.guide, targets, this.prompt.value || (this.control.further.any ? "further" : ""), this.way.byShape);
-    this.settings.suit(guidance);
+    const { byShape } = this.settings;
+    this.guide.suit(byShape);
+    const { guidance = "sds" } = guideParams(this.guide.guide, targets, this.prompt.value, byShape);
+    this.settings.suit(guidance, targets);
     this.front.offer(this.settings.offers("orientation"));
     if (this.foreseen !== this._goal()) this._showOutlook(null);
-    const used = this._usesMore();
-    if (used && !this.inUse.textContent) this.more.open = true;
-    this.inUse.textContent = used ? "· in use" : "";
-    const { variationCount, variations } = this.settings;
-    const named = variationCount > 1 && Number(variations.input.value) === variationCount; // none that the field refuses
+    this.inUse.textContent = this._usesMore() ? "· in use" : "";
     this._suitLive();
-    this.form.rename(named ? `Deform, ${variationCount} variations` : "Deform");
-    this.check();
+    this._offerKeep();
+    if (!this.shared) this.check();
   }
 
   /** Ask what becomes of the rig, where there is one. @param {any[]} joints That the server has found. */
@@ -279,6 +496,7 @@ export class CreateView {
 
   /** Let the parts be those of the asset, as a prompt for the chosen model can name them. */
   _suitParts() {
+    if (this.shared) return;
     const { asset, shown } = this.assets;
     const { model, kept } = this.settings.wish("");
     const of = asset && asset === shown && !this.guide.target ? JSON.stringify([this.assets.choices, asset.name, asset.size, model, kept.params]) : "";
@@ -293,44 +511,64 @@ export class CreateView {
     return { control: readingOf(this.control.control), advanced: Number.isFinite(Number(front || NaN)) ? { orientation: front } : {} };
   }
 
-  /** @param {string} prompt @param {AbortSignal} signal @returns {Promise<any>} The parts of the asset, or those of the prompt and what it makes. */
-  async _parts(prompt, signal) {
+  /** A request that says nothing but what the asset is, and a prompt. @param {string} prompt @returns {import("../params.js").Wish} */
+  _saidWish(prompt) {
+    return { ...this.settings.wish(prompt), ...this._said() };
+  }
+
+  /** @param {AbortSignal} signal @returns {Promise<any>} The parts of the asset. */
+  async _parts(signal) {
     const asset = /** @type {Asset} */ (this.assets.asset);
-    const document = documents({ ...this.settings.wish(prompt), ...this._said(), variations: 1 }, null, "", this.settings.offered)[0];
-    return client.parts(...(await asset.submission(document, {}, signal)));
+    return client.parts(...(await asset.submission(documentOf(this._saidWish(""), null, this.settings.offered), {}, signal)));
+  }
+
+  /** What the form asks for, whatever the strength: a slider shows the shares of its way. */
+  _key() {
+    const { seed, control, ...others } = this._liveWish();
+    const { of: _, ...asked } = control;
+    return shapeKey(JSON.stringify([this.assets.asset?.print, others, asked]), seed);
   }
 
   /** Let the view show what the form asks for, as far as that takes no model. */
   _suitLive() {
     const { asset, shown } = this.assets;
-    const wish = this._liveWish();
-    const seen = asset && asset === shown && this.begun && this.way.byShape && this.guide.isEmpty && !wish.subdivide && !this._aimless(wish) && !this.parts.wanted.length;
-    const { seed: _, ...goal } = { ...wish, seed: 0 };
-    this.live.suit(seen ? JSON.stringify([this.assets.choices, asset.name, asset.size, goal]) : "", wish.seed, Number(this.settings.strength.value || this.settings.strength.usual / 100));
+    const strength = this.settings.strength.share;
+    const there = asset && asset === shown && this.begun;
+    const [goal, seed] = this.shared ? [this.panel?.job.id, 0] : JSON.parse(this._key());
+    const waits = this._isJob && this.panel !== null && this.panel.state !== "succeeded" && !isTerminal(this.panel.state);
+    this.live.suit({ goal: there && !this._aimless(this._wish()) ? goal : "", seed, strength, possible: !waits && this._possible() });
   }
 
-  /** What a preview is asked for: a slider shows the shares of its way. */
+  /** Whether a shape can be made before a job runs. */
+  _possible() {
+    return !this.shared && this.settings.byShape && this.guide.isEmpty && !this.settings.subdivide.checked;
+  }
+
+  /** What a preview is asked for. */
   _liveWish() {
     const wish = this._wish();
-    return { ...wish, variations: 1, advanced: { ...wish.advanced, [this.settings.strength.name]: "" } };
+    return { ...wish, advanced: { ...wish.advanced, [this.settings.strength.name]: "" } };
   }
 
-  /** @param {"glb" | "positions"} form @param {number[]} seeds @param {AbortSignal} signal @returns {Promise<ArrayBuffer>} */
-  async _previewed(form, seeds, signal) {
+  /** @param {import("../params.js").Wish} wish @param {"glb" | "positions"} form @param {number} seed @param {AbortSignal} signal @param {boolean} [draft] Whether of a large asset a draft will do. @returns {Promise<{data: ArrayBuffer, draft?: boolean}>} */
+  async _asked(wish, form, seed, signal, draft = false) {
+    const options = /** @type {any} */ ({ as: form, draft, signal });
     const asset = /** @type {Asset} */ (this.assets.asset);
-    const { metadata: _, ...document } = { metadata: null, ...documents(this._liveWish(), null, "", this.settings.offered)[0], seeds };
+    const document = { ...documentOf(wish, null, this.settings.offered), seeds: [seed] };
     if (asset.kept) {
       try {
-        return (await client.preview({ sha256: asset.kept, filename: asset.name }, document, { as: form, signal })).data;
+        return await client.preview({ sha256: asset.kept, filename: asset.name }, document, options);
       } catch (error) {
         if (!(error instanceof MeshdeformError && error.code === "asset_not_kept")) throw error;
       }
     }
     const [sent, , more] = await asset.submission(document, {}, signal);
-    const made = await client.preview(sent, document, { ...more, as: form });
+    const made = await client.preview(sent, document, { ...more, ...options });
     asset.kept = made.asset;
-    return made.data;
+    return made;
   }
+
+  // What is asked for.
 
   /** Show that the job cannot start yet; the button still leads to what is wrong. @param {boolean} on */
   _block(on) {
@@ -338,12 +576,17 @@ export class CreateView {
   }
 
   _wish() {
-    return { ...this.settings.wish(this.prompt.value), byShape: this.way.byShape, control: this.control.value(), guide: this.guide.value() };
+    return { ...this.settings.wish(this.prompt.value), control: this.control.value(), guide: this.guide.value() };
+  }
+
+  /** What would be sent now, and the name of its file: for code that does the same. */
+  request() {
+    return { document: documentOf(this._wish(), null, this.settings.offered), filename: this.assets.asset?.name ?? "" };
   }
 
   /** Whether nothing says yet what the asset should become. @param {import("../params.js").Wish} wish */
   _aimless(wish) {
-    return !wish.prompt && !this.control.further.any && this.guide.isEmpty;
+    return !this.shared && !wish.prompt && this.guide.isEmpty;
   }
 
   /** Return whether all settings can be sent; what cannot is marked. */
@@ -359,7 +602,7 @@ export class CreateView {
 
   /** Whether the fold holds anything that the job will have. */
   _usesMore() {
-    return !this.guide.isEmpty || !isEmpty(this.control.control) || this.control.control.prompts.length > 0 || this.settings.furtherInUse;
+    return !isEmpty(this.control.control) || this.settings.inUse;
   }
 
   async _check() {
@@ -385,10 +628,10 @@ export class CreateView {
     const slow = setTimeout(say, 400, "Checking…");
     asset.onProgress = (share) => (clearTimeout(slow), say(share < 1 ? `Uploading, ${percent(share)}` : "Checking…"));
     try {
-      const document = documents({ ...wish, variations: 1 }, this.steps, "", this.settings.offered)[0];
+      const document = documentOf(wish, this.steps, this.settings.offered);
       const found = await client.validate(...(await asset.submission(document, this.guide.parts, this.checking.signal)));
       if (turn !== this.checks || this.scope.over) return;
-      this._good(found, wish);
+      this._good(found);
     } catch (error) {
       if (turn === this.checks && !this.scope.over && !isAbort(error)) this._refused(error);
     } finally {
@@ -399,12 +642,12 @@ export class CreateView {
   /** What an outlook depends on. */
   _goal() {
     const { asset } = this.assets;
-    return JSON.stringify([this.way.byShape, this.prompt.value, this.guide.meshes.length, asset?.name, asset?.size]);
+    return JSON.stringify([this.settings.byShape, this.prompt.value, this.guide.meshes.length, asset?.name, asset?.size]);
   }
 
   /** Check again once the asset has been read, which the outlook needs. */
   _foresee() {
-    if (this.way.byShape && !this.foreseen) this.check();
+    if (this.settings.byShape && !this.foreseen) this.check();
   }
 
   /** @param {import("../outlook.js").Outlook | null} outlook Null: it is not known. */
@@ -417,12 +660,11 @@ export class CreateView {
     });
   }
 
-  /** @param {any} found @param {import("../params.js").Wish} wish */
-  _good(found, wish) {
+  /** @param {any} found */
+  _good(found) {
     this.steps = found.params.steps;
     this._showOutlook(found.outlook ?? null);
     this.prompt.refuse(null);
-    this.control.further.accept();
     fill(this.problem);
     this.settings.resolved(found.params);
     this.front.resolve(found.params.orientation);
@@ -431,7 +673,7 @@ export class CreateView {
     const more = [meshes > 1 ? `${meshes} meshes` : "", skipped.length ? `${skipped.length} left as they are` : ""].filter(Boolean);
     this.control.offer(found.asset);
     this.assets.describe(triangles, vertices, more, warnings);
-    fill(this.estimate, estimateWords(found, wish.variations));
+    fill(this.estimate, estimateWords(found));
   }
 
   /** @param {unknown} error */
@@ -445,14 +687,12 @@ export class CreateView {
     this.estimate.textContent = "";
     const code = error instanceof MeshdeformError ? error.code : "";
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
-    const further = about && this.control.further.refuse(error, !this.prompt.value);
-    if (!further) this.control.further.accept();
-    if (!further && about && isAboutNegative(error, this.prompt.value)) {
+    if (about && isAboutNegative(error, this.prompt.value)) {
       this.prompt.refuse(null);
       return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
     }
     this._block(true);
-    this.prompt.refuse(about && !further ? error : null);
+    this.prompt.refuse(about ? error : null);
     if (about) return void fill(this.problem);
     if (code.startsWith("asset_") && error instanceof MeshdeformError) {
       const fit = h("a", { class: "chip", href: routeHash({ name: "surface", from: null, quick: true }) }, "Fit a surface to it");
@@ -467,7 +707,7 @@ export class CreateView {
     fill(this.problem, placed ? null : problemBox(error));
   }
 
-  /** Return whether jobs can start; what is wrong has the focus. */
+  /** Return whether a job can start; what is wrong has the focus. */
   _ready() {
     if (this._aimless(this._wish())) {
       this.prompt.refuse("Enter a prompt first.");
@@ -485,32 +725,21 @@ export class CreateView {
     if (this.sent !== this.assets.asset) return; // that file has given way to another
     this._refused(error);
     if (this.prompt.input.hasAttribute("aria-invalid")) this.prompt.input.focus();
-    else if (this.control.further.refused.size) this.control.further.focusProblem();
   }
 
+  /** Make a job of what the form asks for, and return its address. */
   async _send() {
     this.checks += 1; // an answer under way is out of date
     const asset = (this.sent = /** @type {Asset} */ (this.assets.asset));
     const wish = this._wish();
     const { parts } = this.guide;
     // A preset chosen a moment ago has other steps than the last check knew.
-    const wanted = documents({ ...wish, variations: 1 }, null, "", this.settings.offered)[0];
-    const checked = await client.validate(...(await asset.submission(wanted, parts)));
+    const checked = await client.validate(...(await asset.submission(documentOf(wish, null, this.settings.offered), parts)));
     this.steps = checked.params.steps;
-    const group = "g" + Date.now().toString(36) + Math.floor(Math.random() * 1e6).toString(36);
-    /** @type {any[]} */
-    const jobs = [];
-    for (const document of documents(wish, this.steps, group, this.settings.offered, this.prompt.model?.vocabulary ?? null)) {
-      if (asset === this.begunWith.asset && this.begunWith.thread) document.metadata = { ...document.metadata, thread: this.begunWith.thread };
-      try {
-        jobs.push(await client.submit(...(await asset.submission(document, parts))));
-      } catch (error) {
-        if (!jobs.length) throw error;
-        // Some were accepted: show those, and say what became of the others.
-        toast(`${jobs.length} of ${wish.variations} jobs started. ${described(error).detail || described(error).title}`);
-        break;
-      }
-    }
-    return wish.variations > 1 ? routeHash({ name: "group", id: group }) : routeHash({ name: "job", id: jobs[0].id });
+    const document = documentOf(wish, this.steps, this.settings.offered);
+    const { thread } = this.begunWith;
+    if (asset === this.begunWith.asset && thread) document.metadata = { thread };
+    const job = this.start !== null && this.panel ? await client.branch(this.panel.job, this.start, /** @type {any} */ (document)) : await client.submit(...(await asset.submission(document, parts)));
+    return routeHash({ name: "job", id: job.id });
   }
 }

@@ -1,6 +1,6 @@
 // @ts-check
 /** What a job was asked to keep and to hold, in words. */
-import { controlOf, controlWords, promptWords } from "../create/control/model.js";
+import { controlOf, controlWords } from "../create/control/model.js";
 import { h, panel } from "../dom.js";
 import { targetsOf } from "../create/guide/model.js";
 import { counted, percent } from "../format.js";
@@ -21,5 +21,5 @@ function guideWords({ files = {}, ...job }) {
   const targets = targetsOf(files).map(({ filename }) => `Target: ${filename}`);
   const pairs = params.landmarks?.length ? [counted(params.landmarks.length, "pair of points", "pairs of points")] : [];
   const pictures = (params.silhouettes ?? []).map((/** @type {any} */ view, /** @type {number} */ i) => `Picture: ${files[`silhouette_${i + 1}`]?.filename ?? i + 1}, from ${view.azimuth}°${view.elevation ? `, ${view.elevation}° up` : ""}`);
-  return [...shape, ...targets, ...pairs, ...pictures, ...promptWords(params.prompts ?? [])];
+  return [...shape, ...targets, ...pairs, ...pictures];
 }

@@ -3,12 +3,14 @@
 import { client } from "../client.js";
 import { fill, h } from "../dom.js";
 import { percent } from "../format.js";
+import { currentLink } from "../key.js";
 import { stemOf } from "../names.js";
 import { shapeWords } from "../quality.js";
 import { ViewerBox } from "../viewer-box.js";
 import { meshButtons } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
 import { slider } from "./stage-controls.js";
+import { SynthesisPanel } from "./synthesis-panel.js";
 import { WallView } from "./wall-view.js";
 
 export class FamilyStage extends PictureStage {
@@ -34,9 +36,15 @@ export class FamilyStage extends PictureStage {
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
   }
 
-  /** Show what the job made. @param {any} report */
-  async finished(report) {
+  /** Show what the job made. @param {any} report @param {string[]} names Of the artifacts. @param {HTMLElement} results What stands beside it. */
+  async finished(report, names, results) {
     this.report = report;
+    // Who came by a link makes no jobs.
+    if (this.job.kind === "family_fit" && !currentLink() && names.includes("family.safetensors")) {
+      const panel = new SynthesisPanel(this.job, report, names, this.scope, (members) => this.choose(members));
+      this.onChoose = (name) => panel.take(name);
+      results.prepend(panel.element);
+    }
     const read = (/** @type {string} */ name) => client.bytes(`v1/jobs/${this.job.id}/artifacts/${name}`, { signal: this.scope.signal });
     await this.ready;
     if (this.flat) return;

@@ -6,7 +6,6 @@ import { plainParams } from "../groups.js";
 import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
 import { findings, skipped } from "../quality.js";
-import { adviceList, isWorthLess } from "../verdict.js";
 import { fileInput } from "../picking.js";
 import { copyLink, deformAlike, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
@@ -49,12 +48,10 @@ const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
   family_synthesize: { "preview.png": "The shapes", "result.glb": "The first shape" },
 });
 
-/** @param {any} report @param {(HTMLElement | null)[]} [remedies] What does at once what the report advises. @param {Record<string, any>} [files] Of the job, by the names of their parts. */
-export function qualityPanel(report, remedies = [], files = {}) {
+/** What was measured: why the result is worth what it is stands elsewhere. @param {any} report @param {Record<string, any>} [files] Of the job, by the names of their parts. */
+export function qualityPanel(report, files = {}) {
   const left = skipped(report);
-  const [first, ...others] = findings(report, files);
-  const advised = isWorthLess(report) ? [adviceList(report), remedies.length ? h("div", { class: "row" }, remedies) : null] : [];
-  return panel("quality-title", "Quality", findingList(first ? [first] : []), ...advised, findingList(others), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
+  return panel("quality-title", "Quality", findingList(findings(report, files)), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
 }
 
 /** @param {any} job @param {any[]} artifacts @param {import("../scope.js").Scope} scope */
@@ -119,7 +116,7 @@ export function parametersPanel(job, report) {
   return h(
     "details",
     { class: "panel panel-fold" },
-    h("summary", null, h("h2", null, "Settings")),
+    h("summary", null, h("h2", null, "All settings")),
     origin,
     h("dl", { class: "parameters" }, Object.entries(params).flatMap(([name, value]) => entry(name, value))),
     report?.versions ? h("p", { class: "small muted" }, `Meshdeform ${report.versions.meshdeform}, torch ${report.versions.torch}${report.device ? `, on ${report.device}` : ""}`) : null,

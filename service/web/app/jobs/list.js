@@ -10,7 +10,6 @@ import { problemBox } from "../problem-box.js";
 import { MAX_SEARCH, routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { JobCard } from "./card.js";
-import { saveSheet } from "./sheet.js";
 
 const PAGE = 24;
 const POLL_MS = 1500;
@@ -43,10 +42,8 @@ export class ListView {
     this.chosen = h("div", { class: "row select-bar", hidden: true });
     this.cancelAll = button("Cancel all", () => this._cancelAll(), { icon: "stop" });
     this.cancelAll.hidden = true;
-    this.sheet = button("Contact sheet", () => this._saveSheet(), { icon: "download", title: "A picture of all variations at 50, 100 and 130%" });
-    this.sheet.hidden = true;
     const tools = group
-      ? h("div", { class: "row" }, this.cancelAll, this.sheet, this.select, h("a", { href: "#/jobs" }, "All jobs"))
+      ? h("div", { class: "row" }, this.cancelAll, this.select, h("a", { href: "#/jobs" }, "All jobs"))
       : h("div", { class: "row" }, this.search, filter(state, () => this.search.value.trim()), this.select);
     const head = h("div", { class: "section-head" }, this.title, tools);
     fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more);
@@ -67,18 +64,6 @@ export class ListView {
         wait = Math.min(15000, wait * 2);
       }
     } while (await this.scope.sleep(this._active() || wait > POLL_MS ? wait : 4 * POLL_MS));
-  }
-
-  /** @returns {any[]} in the order of the cards */
-  _succeeded() {
-    return [...this.jobs.values()].filter((job) => job.state === "succeeded").sort((a, b) => (a.id < b.id ? -1 : 1));
-  }
-
-  async _saveSheet() {
-    if (!this.sheet) return;
-    this.sheet.disabled = true;
-    await saveSheet(this._succeeded(), this.scope);
-    this.sheet.disabled = false;
   }
 
   _active() {
@@ -244,15 +229,15 @@ export class ListView {
     }
     if (!this.group) return void fill(this.summary, this._searchWords());
     this.cancelAll.hidden = !this._active();
-    if (this.sheet) this.sheet.hidden = !this._succeeded().length;
-    const prompt = jobs[0]?.prompt ?? "";
-    fill(this.title, `“${prompt}”`);
-    this.title.className = "prompt-title";
+    // Those that belong together need not have one prompt.
+    const prompt = jobs.every((job) => job.prompt === jobs[0].prompt) ? (jobs[0].prompt ?? "") : "";
+    fill(this.title, prompt ? `“${prompt}”` : "Variations");
+    this.title.classList.toggle("prompt-title", prompt !== "");
     const done = jobs.filter((job) => isTerminal(job.state)).length;
     const text = done === jobs.length ? counted(jobs.length, "variation") : `${done} of ${counted(jobs.length, "variation")} finished`;
     if (this.summary.textContent !== text && done === jobs.length) announce(`All ${counted(jobs.length, "variation")} finished`);
     this.summary.textContent = text;
-    document.title = `${prompt} · Meshdeform`;
+    document.title = `${prompt || "Variations"} · Meshdeform`;
   }
 }
 

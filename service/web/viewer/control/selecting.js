@@ -56,19 +56,9 @@ function insideOf({ box, sphere, capsule }) {
   };
 }
 
-/**
- * The faces that prompts with regions pull at.
- * @param {{ outside: boolean, flags: (Uint8Array | null)[] }[]} prompts the flags of each one's regions
- * @param {number} count of faces
- * @returns {Uint8Array} (F); a prompt with a region that only the service can tell is left out
- */
-export function pulledFaces(prompts, count) {
-  const pulled = new Uint8Array(count);
-  for (const { outside, flags } of prompts) {
-    if (!flags.length || flags.includes(null)) continue;
-    for (let f = 0; f < count; f++) if (flags.some((region) => region?.[f]) !== outside) pulled[f] = 1;
-  }
-  return pulled;
+/** The faces of any of several selections. @param {(Uint8Array | null)[]} flags null: what only the service can tell @param {number} count of faces @returns {Uint8Array} (F) */
+export function unionOf(flags, count) {
+  return new Uint8Array(count).map((_, f) => Number(flags.some((region) => region?.[f])));
 }
 
 /**

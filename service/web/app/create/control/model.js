@@ -6,15 +6,13 @@
  *
  * @typedef {Record<string, any>} Region
  * @typedef {{position?: number[], vertex?: number, to: number[], weight?: number}} Handle
- * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, noun: string, names: import("../parts/naming.js").Naming[],
- *   prompts: import("./further.js").Further[]}} Control `regions`: those of further prompts and of parts, too. `falloff` as it was typed; empty: as the service decides.
+ * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, noun: string, names: import("../parts/naming.js").Naming[]}} Control `regions`: those of parts, too. `falloff` as it was typed; empty: as the service decides.
  */
 import { counted, figure } from "../../format.js";
 import { namingWords, partOf, partParams, partsAsked } from "../parts/naming.js";
-import { furtherOf, furtherParams, furtherProblem, unaimed } from "./further.js";
 
 /** The parameters that the panel edits. */
-export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "prompts", "source_noun", "parts"];
+export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "source_noun", "parts"];
 export const AXES = ["x", "y", "z"];
 export const SYMMETRIES = /** @type {[string, string][]} */ ([
   ["none", "Not kept"],
@@ -26,12 +24,12 @@ export const SYMMETRIES = /** @type {[string, string][]} */ ([
 
 /** @returns {Control} */
 export function noControl() {
-  return { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], prompts: [] };
+  return { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [] };
 }
 
-/** Whether nothing is asked but prompts, and said but what the asset is. @param {Control} control */
+/** Whether nothing is said but what the asset is. @param {Control} control */
 export function isEmpty(control) {
-  return !Object.keys(controlParams({ ...control, ...noReading(), prompts: [], regions: unaimed(control.regions) })).length;
+  return !Object.keys(controlParams({ ...control, ...noReading(), regions: unaimed(control.regions) })).length;
 }
 
 /** Nothing said of what the asset is. */
@@ -45,36 +43,41 @@ export function readingOf({ regions, noun, names }) {
   return { ...noControl(), noun, names, regions: regions.filter(({ action }) => partOf(action) !== null) };
 }
 
+/** Whether a region is a part, and says nothing about what may move. @param {string | undefined} action */
+export function isPart(action) {
+  return partOf(action) !== null;
+}
+
+/** @param {Region[]} regions @returns {Region[]} those that say what may move */
+export function unaimed(regions) {
+  return regions.filter(({ action }) => !isPart(action));
+}
+
 /** The parameters of a request. @param {Control} control @returns {Record<string, any>} */
-export function controlParams({ regions, handles, symmetry, falloff, noun, names, prompts }) {
+export function controlParams({ regions, handles, symmetry, falloff, noun, names }) {
   // A box or a painted region that is still empty selects nothing.
   const chosen = unaimed(regions).filter((region) => !region.faces || region.faces.length);
-  const further = furtherParams(prompts, regions);
   const parts = partParams(names, regions);
-  const local = chosen.length > 0 || further.some((each) => each.regions);
   return {
     ...(chosen.length ? { regions: chosen } : {}),
     ...(handles.length ? { handles } : {}),
     ...(symmetry !== "none" ? { symmetry } : {}),
-    ...(local && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
+    ...(chosen.length && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
     ...(noun ? { source_noun: noun } : {}),
     ...(parts.length ? { parts } : {}),
-    ...(further.length ? { prompts: further } : {}),
   };
 }
 
 /** @param {Record<string, any>} params Of a job. @returns {Control} */
 export function controlOf(params) {
-  const { prompts, regions } = furtherOf(params.prompts ?? []);
   const parts = partsAsked((params.parts ?? []).map(withoutNulls));
   return structuredClone({
-    regions: [...(params.regions ?? []), ...parts.regions, ...regions].map(withoutNulls),
+    regions: [...(params.regions ?? []), ...parts.regions].map(withoutNulls),
     handles: (params.handles ?? []).map(withoutNulls),
     symmetry: params.symmetry ?? "none",
     falloff: params.falloff === undefined || params.falloff === null ? "" : String(params.falloff),
     noun: String(params.source_noun ?? ""),
     names: parts.names,
-    prompts,
   });
 }
 
@@ -97,16 +100,7 @@ export function regionWords(region) {
   return material !== undefined ? `Material ${material}` : `Mesh ${mesh}`;
 }
 
-/** The further prompts of a job, with their weights and what they pull at. @param {any[]} prompts @returns {string[]} */
-export function promptWords(prompts) {
-  return prompts.map((each) => {
-    const where = (each.regions ?? []).map(withoutNulls).map(regionWords).join(", ");
-    const weight = (each.weight ?? 1) === 1 ? "" : `, weight ${figure(each.weight)}`;
-    return `Prompt: ${each.prompt}${weight}${where && ` (${each.outside ? "outside of: " : ""}${where})`}`;
-  });
-}
-
-/** All that is asked, in sentences for a list; `promptWords` says the prompts. @param {Control} control @returns {string[]} */
+/** All that is asked, in sentences for a list. @param {Control} control @returns {string[]} */
 export function controlWords({ regions, handles, symmetry, noun, names }) {
   return [
     ...(noun ? [`The asset: ${noun}`] : []),
@@ -158,14 +152,14 @@ export function falloffProblem(text) {
  * @param {Control} control
  * @param {boolean} subdivided Whether the long edges are split first, which numbers the triangles anew.
  */
-export function controlProblem({ regions, handles, falloff, prompts }, subdivided) {
+export function controlProblem({ regions, handles, falloff }, subdivided) {
   const painted = regions.some(({ faces }) => faces?.length) || handles.some(({ vertex }) => vertex !== undefined);
   if (subdivided && painted) return "Painted triangles are numbered as in the file: they cannot be used with long edges split first. Use a box or a part.";
   for (const { box } of regions) {
     const axis = box ? AXES[[0, 1, 2].findIndex((i) => box.min[i] > box.max[i])] : undefined;
     if (axis) return `A box ends before it begins along ${axis}.`;
   }
-  return falloffProblem(falloff) || furtherProblem(prompts, regions);
+  return falloffProblem(falloff);
 }
 
 /** Past states of a document, for Undo. */

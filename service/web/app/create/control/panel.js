@@ -3,9 +3,7 @@
 import { announce, toast } from "../../announce.js";
 import { button, fill, h, labelled, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
-import { CONTROL_PARAMS, controlProblem, History, isEmpty, noControl, noReading, SYMMETRIES } from "./model.js";
-import { isAimed, keepWords, promptAction, promptName, unaimed } from "./further.js";
-import { PromptRows } from "./prompt-rows.js";
+import { CONTROL_PARAMS, controlProblem, History, isEmpty, isPart, noControl, noReading, SYMMETRIES, unaimed } from "./model.js";
 import { partAction, partOf } from "../parts/naming.js";
 import { handleRow, named, partOptions, regionRow } from "./rows.js";
 import { Toolbar } from "./toolbar.js";
@@ -48,7 +46,6 @@ export class ControlPanel {
     /** What shows how the asset is read. @type {{press: () => void, refuse: (text: string) => void} | null} */
     this.reader = null;
     this.view = new ControlView(box, this);
-    this.further = new PromptRows(this);
     this.lists = h("div", { class: "control-lists" });
     this.problem = h("p", { class: "field-problem", role: "status", hidden: true });
     this.undoButton = button("Undo", () => this.undo(), { class: "chip chip-small" });
@@ -157,7 +154,7 @@ export class ControlPanel {
   use(tool) {
     this.tool = tool;
     this.bar.take(tool);
-    const same = (/** @type {any} */ region) => region?.box && (isAimed(this.action) ? region.action === this.action : !isAimed(region.action));
+    const same = (/** @type {any} */ region) => region?.box && (isPart(this.action) ? region.action === this.action : !isPart(region.action));
     if (tool === "box" && !same(this.control.regions[this.boxed])) {
       this.boxed = this.control.regions.findLastIndex(same);
       if (this.boxed < 0) this.addBox();
@@ -168,9 +165,9 @@ export class ControlPanel {
 
   /** What a region can be for: values of its `action`, and words. @returns {[string, string][]} */
   get purposes() {
-    const { prompts, regions } = this.control;
+    const { regions } = this.control;
     const parts = [...new Set(regions.map(({ action }) => partOf(action)))].filter((name) => name !== null);
-    const pairs = /** @type {[string, string][]} */ ([...prompts.map(({ id }) => [promptAction(id), promptName(prompts, id)]), ...parts.map((name) => [partAction(name), `Part “${name}”`])]);
+    const pairs = /** @type {[string, string][]} */ (parts.map((name) => [partAction(name), `Part “${name}”`]));
     return [["keep", "Keep"], ["only", "Only this moves"], ...pairs];
   }
 
@@ -240,7 +237,6 @@ export class ControlPanel {
   undo() {
     const control = this.history.undo();
     if (!control) return;
-    keepWords(this.control.prompts, control.prompts);
     this.history.amend(control);
     this.boxed = -1;
     this._take(control);
@@ -267,8 +263,8 @@ export class ControlPanel {
   }
 
   _clear() {
-    const { prompts, noun, names, regions } = this.control;
-    this.control = { ...noControl(), prompts, noun, names, regions: regions.filter(({ action }) => isAimed(action)) };
+    const { noun, names, regions } = this.control;
+    this.control = { ...noControl(), noun, names, regions: regions.filter(({ action }) => isPart(action)) };
     this.boxed = this.chosen = -1;
     this.use("turn");
     this._structure();
@@ -289,16 +285,8 @@ export class ControlPanel {
     this.changed();
   }
 
-  /** Words are other ones: the form is told, and no step remembered. */
-  reworded() {
-    this.history.amend(this.control);
-    this._words();
-    this.onChange();
-  }
-
   /** A value is another one: the step is remembered, and the form told. */
   changed() {
-    this.further.settle();
     this.history.add(this.control);
     this.refresh();
     this.onChange();
@@ -325,10 +313,9 @@ export class ControlPanel {
       });
     const handle = (/** @type {any} */ each, /** @type {number} */ at) => handleRow(each, at + 1, () => this.changed(), () => this._remove("handles", at));
     const rows = regions.map(region);
-    const own = [...rows.filter((_, at) => !isAimed(regions[at].action)), ...handles.map(handle)];
+    const own = [...rows.filter((_, at) => !isPart(regions[at].action)), ...handles.map(handle)];
     this.rows = [...rows, ...own.slice(own.length - handles.length)];
     fill(this.lists, own.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, own.map(({ element }) => element)) : null);
-    this.further.show((id) => rows.filter((_, at) => regions[at].action === promptAction(id)).map(({ element }) => element));
     this.bar.offer(this.purposes, this.action);
     this.falloff.value = this.control.falloff;
     this.symmetry.value = this.control.symmetry;
@@ -345,16 +332,14 @@ export class ControlPanel {
     this.bar.show(tool, this.view.numbered, !this.undoButton.disabled);
     this._place();
     this.reader?.press();
-    const further = this.further?.fault ?? "";
-    const problem = controlProblem({ ...this.control, prompts: [] }, this.subdivided) || this.view.problem;
+    const problem = controlProblem(this.control, this.subdivided) || this.view.problem;
     say(this.problem, problem);
-    this.further?.say(further);
   }
 
   /** The tools are there while this panel is open, or the regions of a prompt are edited. */
   _place() {
     const { open } = /** @type {HTMLDetailsElement} */ (this.element ?? {});
-    this.toolbar.hidden = !this.view.possible || !(open || (isAimed(this.action) && this.tool !== "turn"));
+    this.toolbar.hidden = !this.view.possible || !(open || (isPart(this.action) && this.tool !== "turn"));
   }
 
   /** @param {boolean} subdivided Whether the long edges are split first. @returns {boolean} whether it can be sent */
@@ -362,19 +347,15 @@ export class ControlPanel {
     this.subdivided = subdivided;
     this._words();
     const wrong = this.element.querySelector('[aria-invalid="true"]');
-    const good = !wrong && !controlProblem({ ...this.control, prompts: [] }, subdivided);
+    const good = !wrong && !controlProblem(this.control, subdivided);
     if (!good) /** @type {HTMLDetailsElement} */ (this.element).open = true;
-    return good && this.further.check();
+    return good;
   }
 
   /** Say what the server refuses beside it. @param {any[]} errors @returns {boolean} whether all of them belong here */
   refuse(errors) {
     const own = errors.filter((error) => CONTROL_PARAMS.includes(placeOf(error)[0]));
     if (!own.length) return false;
-    if (own.every((error) => placeOf(error)[0] === "prompts")) {
-      this.further.say(own.map((error) => String(error.msg ?? "Not allowed.")).join(" "));
-      return own.length === errors.length;
-    }
     const said = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
     if (own.every((error) => ["source_noun", "parts"].includes(placeOf(error)[0]))) this.reader?.refuse(said);
     else {
@@ -385,7 +366,6 @@ export class ControlPanel {
   }
 
   focusProblem() {
-    if (this.further.fault) return this.further.focusProblem();
     /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("summary"))?.focus();
   }
 }

@@ -59,10 +59,7 @@ export class Toolbar {
   /** Offer what new regions can be for. @param {[string, string][]} purposes @param {string} chosen */
   offer(purposes, chosen) {
     const { panel } = this;
-    const choice = segmented("New regions", purposes, chosen, (action) => {
-      panel.action = action;
-      panel.further.press();
-    });
+    const choice = segmented("New regions", purposes, chosen, (action) => void (panel.action = action));
     fill(this.purposes, choice);
   }
 

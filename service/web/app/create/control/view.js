@@ -1,8 +1,7 @@
 // @ts-check
 /** The control panel's hand in the 3D view: loads the tools when they are needed, and shows what the panel holds. */
 import { announce } from "../../announce.js";
-import { isAimed, promptAction } from "./further.js";
-import { partOf } from "../parts/naming.js";
+import { isPart } from "./model.js";
 import { rounded } from "./rows.js";
 
 /** @typedef {import("../../../viewer/control/tools.js").Box} Box */
@@ -223,7 +222,7 @@ export class ControlView {
 
   /** Show what the panel holds. */
   draw() {
-    const { regions, handles, prompts } = this.panel.control;
+    const { regions, handles } = this.panel.control;
     if (!this.tools) {
       this.flags = [];
       this.everything = false;
@@ -234,14 +233,12 @@ export class ControlView {
     this.flags = surface ? regions.map((region) => this.library.selectedFaces(region, surface, this.named)) : [];
     const asked = regions
       .map(({ action, faces }, i) => ({ action, flags: faces && !faces.length ? null : this.flags[i], faces }))
-      .filter(({ action, faces }) => !isAimed(action) && (!faces || faces.length));
-    const pulling = prompts.filter(({ where }) => where !== "all").map(({ id, where }) => ({ outside: where === "out", flags: this.flags.filter((_, i) => regions[i].action === promptAction(id)) }));
+      .filter(({ action, faces }) => !isPart(action) && (!faces || faces.length));
     const { action: aim, boxed, tool } = this.panel;
-    // The part that is painted.
-    if (partOf(aim) !== null && tool !== "turn") pulling.push({ outside: false, flags: this.flags.filter((_, i) => regions[i].action === aim) });
+    const painted = isPart(aim) && tool !== "turn" ? this.flags.filter((_, i) => regions[i].action === aim) : [];
     const kept = surface ? this.library.keptFaces(asked, surface.count) : new Uint8Array();
     this.everything = kept.length > 0 && kept.every(Boolean);
-    this.tools.showKept(kept, surface ? this.library.pulledFaces(pulling, surface.count) : new Uint8Array());
+    this.tools.showKept(kept, surface ? this.library.unionOf(painted, surface.count) : new Uint8Array());
     const box = tool === "box" ? (regions[boxed]?.box ?? null) : null;
     this.tools.showMarks(box, handles.map(({ position, to }) => ({ position: /** @type {any} */ (position ?? null), to: /** @type {any} */ (to) })), this.panel.chosen, /** @type {any} */ (this.extra));
   }

@@ -5,6 +5,7 @@ import { Asset, formatOf } from "../../assets.js";
 import { errorsOf } from "../../client.js";
 import { button, fill, h, say } from "../../dom.js";
 import { bytes } from "../../format.js";
+import { plainWords } from "../../plain.js";
 import { placeOf } from "../../groups.js";
 import { fileInput } from "../../picking.js";
 import { numberField, placeFields } from "../control/rows.js";
@@ -297,7 +298,7 @@ export class GuidePanel {
     const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(placeOf(each)[0]) || isTarget(String(each.loc?.[0] ?? "")) || /^silhouette_\d$/.test(String(each.loc?.[0] ?? "")));
     const part = String(error.problem.part ?? error.problem.file ?? "");
     if (this.isEmpty || !(own || isTarget(part) || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
-    this._refuse([error.message, error.advice].filter(Boolean).join(" "));
+    this._refuse(plainWords([error.message, error.advice].filter(Boolean).join(" ")) || error.title);
     return true;
   }
 

@@ -1,19 +1,21 @@
 // @ts-check
-/** The parts of the asset, to point at: words and a slider change one of them, and the view shows at once what becomes of it. */
+/** What the asset is read as, and its parts, to point at: words and a slider change one of them. */
 import { announce } from "../../announce.js";
 import { isAbort, MeshdeformError } from "../../client.js";
 import { fill, h, say } from "../../dom.js";
+import { plainWords } from "../../plain.js";
 import { debounced } from "../../scope.js";
 import { slider } from "../../job/stage-controls.js";
 import { angleOf } from "../front-control.js";
 import { Corrector } from "./corrector.js";
-import { isUnsure, originWords } from "./reading.js";
+import { isUnsure, originWords, readingSentence } from "./reading.js";
 import { ReadingLine } from "./reading-line.js";
 import { LEAST, MOST, partAt, sentenceOf, withWanted } from "./sentence.js";
+import { Slides } from "./slides.js";
 
 /** @typedef {import("./sentence.js").Part} Part */
 /** @typedef {import("./sentence.js").Change} Change */
-/** @typedef {{reading?: import("./reading.js").Reading | null, parts: Part[], result: string | null, warnings: string[]}} Found */
+/** @typedef {{reading?: import("./reading.js").Reading | null, parts: Part[]}} Found */
 
 const SHOWN = 8; // or one more, instead of a button for it
 const STEP = 5;
@@ -25,17 +27,18 @@ export class PartsControl {
    * @param {import("../control/panel.js").ControlPanel} panel Holds what was said of the asset.
    * @param {import("../front-control.js").FrontControl} front
    * @param {import("../../scope.js").Scope} scope
-   * @param {(prompt: string, signal: AbortSignal) => Promise<Found>} ask The server, about the asset in the form.
-   * @param {(prompt: string) => void} write The prompt.
-   * @param {() => void} turn Lead to where the front is turned by hand.
+   * @param {object} does
+   * @param {(signal: AbortSignal) => Promise<Found>} does.ask The server, about the asset in the form.
+   * @param {(prompt: string, form: "glb" | "positions", signal: AbortSignal) => Promise<ArrayBuffer>} does.change The server, for the asset changed.
+   * @param {(prompt: string) => void} does.write The prompt.
    */
-  constructor(box, panel, front, scope, ask, write, turn) {
+  constructor(box, panel, front, scope, does) {
     this.box = box;
     this.panel = panel;
     this.view = panel.view;
     this.front = front;
-    this.ask = ask;
-    this.write = write;
+    this.does = does;
+    this.slides = new Slides(box, does.change);
     /** What the parts were asked for: the asset, and what else they depend on. */
     this.of = "";
     /** What a person said of it. */
@@ -54,17 +57,16 @@ export class PartsControl {
     this.wanted = [];
     /** The prompt as it was written here; another one is the user's own. */
     this.written = "";
-    /** What the view shows instead of the asset. @type {import("./sentence.js").Wanted[]} */
-    this.shown = [];
+    /** Whether the view shows another shape than the asset's. */
+    this.changed = false;
     /** Whether all parts are listed. */
     this.all = false;
     /** Told when the asset has been read. */
     this.onRead = () => {};
     this.finding = new AbortController();
-    this.asking = new AbortController();
-    scope.add(() => [this.finding, this.asking].forEach((each) => each.abort()));
+    scope.add(() => (this.finding.abort(), this.slides.forget()));
     this.find = debounced(() => this._find(), 400, scope);
-    this.preview = debounced(() => this._preview(), 200, scope);
+    this.sentence = h("p", { class: "reading-words", hidden: true });
     this.chips = h("div", { class: "chips", role: "group", "aria-label": "Parts" });
     this.words = h("div", { class: "chips", role: "group" });
     const { input, value, row } = slider("part-slider", "Amount", MOST, () => this._slide(Number(input.value)));
@@ -74,10 +76,14 @@ export class PartsControl {
     this.output = value;
     this.row = row;
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
-    this.line = new ReadingLine((noun) => panel.correct({ noun }), (value) => front.choose(value), turn);
+    this.line = new ReadingLine((noun) => panel.correct({ noun }), (value) => front.choose(value), () => {
+      front.element.classList.add("by-hand");
+      front.input.focus();
+    });
     this.corrector = new Corrector(panel, scope, (part) => this._origin(part), (parts, name) => this._rename(parts, name));
-    panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, text) };
-    this.element = h("div", { class: "parts", hidden: true }, h("div", { class: "read" }, this.line.element, this.chips), this.words, row, this.corrector.element, this.note);
+    panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, plainWords(text) || "That cannot be said of it.") };
+    this.wrong = h("details", { class: "advanced not-right" }, h("summary", null, "Not right?"), this.line.element, front.element, this.corrector.element);
+    this.element = h("div", { class: "parts", hidden: true }, this.sentence, h("div", { class: "read" }, this.chips), this.words, row, this.note, this.wrong);
   }
 
   /**
@@ -97,18 +103,17 @@ export class PartsControl {
     if (prompt === this.written) return;
     this.written = prompt;
     this.wanted = [];
-    this._unshow();
     this._draw();
   }
 
   _forget() {
     this.finding.abort();
+    this.slides.forget();
     this.reading = null;
     this.front.read(null);
     this.parts = [];
     this.wanted = [];
     this.all = false;
-    this._unshow();
     this._choose(null);
   }
 
@@ -124,7 +129,7 @@ export class PartsControl {
   async _find() {
     if (!this.of) return;
     const asked = (this.finding = new AbortController());
-    const found = await this._answer("", asked);
+    const found = await this._answer(asked);
     if (asked.signal.aborted) return;
     this.element.setAttribute("aria-busy", "false");
     if (!found) return this._draw();
@@ -135,20 +140,18 @@ export class PartsControl {
     say(this.note, this.parts.length ? "" : "No parts are known for this file.");
     const chosen = this.corrector.painting ?? this.part?.name;
     this._choose(this.parts.find(({ name }) => name === chosen) ?? null);
-    if (this.wanted.length) this.preview();
     this.onRead();
   }
 
-  /** @param {string} prompt @param {AbortController} asked @returns {Promise<Found | null>} Null where there is none, or it is asked for no more. */
-  async _answer(prompt, asked) {
+  /** @param {AbortController} asked @returns {Promise<Found | null>} Null where there is none, or it is asked for no more. */
+  async _answer(asked) {
     try {
-      const found = await this.ask(prompt, asked.signal);
+      const found = await this.does.ask(asked.signal);
       return asked.signal.aborted ? null : found;
     } catch (error) {
       if (asked.signal.aborted || isAbort(error)) return null;
-      this._unshow();
       if (error instanceof MeshdeformError && error.code === "dependency_missing") this.able = false;
-      else if (prompt || this.said) say(this.note, error instanceof Error ? error.message : String(error));
+      else if (this.said) say(this.note, error instanceof MeshdeformError ? plainWords(error.message) || error.title : String(error));
       return null;
     }
   }
@@ -159,6 +162,7 @@ export class PartsControl {
     this.change = part?.changes[0] ?? null;
     const before = this.wanted.findLast((each) => each.part === part?.name);
     if (before) this.change = before.change;
+    if (part && this.change) void this.slides.learn(part.name, this.change);
     this.view.showPart(part?.faces ?? null);
     this._draw();
   }
@@ -169,7 +173,7 @@ export class PartsControl {
     if (!this.wanted.some(({ part }) => parts.includes(part))) return;
     this.wanted = this.wanted.map((each) => (parts.includes(each.part) ? { ...each, part: name } : each));
     this.written = sentenceOf(this.wanted);
-    this.write(this.written);
+    this.does.write(this.written);
   }
 
   /** @param {Part | null} part That a person points at. */
@@ -190,22 +194,18 @@ export class PartsControl {
   _ask(change, percent) {
     if (!this.part) return;
     this.change = change;
+    void this.slides.learn(this.part.name, change);
     this.wanted = withWanted(this.wanted, { part: this.part.name, change, percent });
+    // Until the server has answered, the mesh goes straight there.
+    if (this.slides.show(this.wanted)) this.view.showPart(null);
     this.written = sentenceOf(this.wanted);
-    this.write(this.written);
+    this.does.write(this.written);
     this._draw();
-    if (this.wanted.length) this.preview();
-    else this._unshow();
   }
 
   /** @param {number} percent */
   _slide(percent) {
-    if (!this.change) return;
-    this._ask(this.change, percent);
-    // Until the server has answered: the way from the source to what it made last is nearly straight.
-    const [shown, ...more] = this.shown;
-    const same = shown && !more.length && this.wanted.length === 1 && shown.part === this.part?.name && shown.change === this.change;
-    if (same && shown.percent * percent > 0) this.box.viewer?.setMorph(percent / shown.percent);
+    if (this.change) this._ask(this.change, percent);
   }
 
   /** Percent that is asked of an operation on the chosen part. @param {Change | null} change */
@@ -213,43 +213,11 @@ export class PartsControl {
     return this.wanted.find((each) => each.part === this.part?.name && each.change.operation === change?.operation)?.percent ?? 0;
   }
 
-  async _preview() {
-    const wanted = this.wanted;
-    if (!wanted.length) return;
-    this.asking.abort();
-    this.asking = new AbortController();
-    const found = await this._answer(sentenceOf(wanted), this.asking);
-    const { viewer } = this.box;
-    if (!found?.result || !viewer?.ready || wanted !== this.wanted) return;
-    const glb = Uint8Array.from(atob(found.result), (letter) => letter.charCodeAt(0));
-    try {
-      await viewer.setDeformed(glb.buffer, { keepCamera: true });
-    } catch (error) {
-      if (!isAbort(error)) say(this.note, "The view cannot show this file changed. The job changes it all the same.");
-      return;
-    }
-    if (wanted !== this.wanted) return this._unshow();
-    this.shown = wanted;
-    viewer.setMorph(1);
-    this._see("Preview");
-    say(this.note, found.warnings.join(" "));
-  }
-
-  /** Show the asset as it is. */
-  _unshow() {
-    this.asking.abort();
-    say(this.note, "");
-    if (!this.shown.length) return;
-    this.shown = [];
-    this.box.viewer?.clearDeformed();
-    this._see("");
-  }
-
-  /** @param {string} tag What the view shows, if it is not the asset. */
-  _see(tag) {
-    say(this.box.tag, tag);
+  /** What the view shows has another shape. @param {boolean} changed Whether it is not the asset. */
+  reshaped(changed) {
+    this.changed = changed;
     this.view.reshape();
-    this.view.showPart(tag ? null : (this.part?.faces ?? null));
+    this.view.showPart(changed ? null : (this.part?.faces ?? null));
   }
 
   _draw() {
@@ -257,11 +225,12 @@ export class PartsControl {
     const known = this.reading !== null || this.parts.length > 0 || this.corrector.any;
     this.element.hidden = !this.of || (!known && this.note.hidden);
     this.line.show(this.reading, this.panel.control.noun, String(angleOf(this.front.value) ?? ""));
-    this.corrector.element.hidden = !known;
+    this.wrong.hidden = !known;
+    say(this.sentence, this.reading ? readingSentence(this.reading, this.parts.length) : "");
     this.corrector.show(this.parts, part);
     const all = this.parts.filter((each, at) => this.all || at < SHOWN || each === part || this.parts.length === SHOWN + 1);
     const more = this.parts.length - all.length;
-    refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null, known ? this.corrector.add : null]);
+    refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null, ]);
     this.words.setAttribute("aria-label", `What becomes of the ${part?.name}`);
     refill(this.words, (part?.changes ?? []).flatMap((each) => [this._word(each, 1), this._word(each, -1)]));
     this.words.hidden = this.row.hidden = !change;
@@ -287,7 +256,7 @@ export class PartsControl {
   /** @param {Part} part */
   _chip(part) {
     const glance = () => this.view.showPart(part.faces);
-    const leave = () => this.view.showPart(this.shown.length ? null : (this.part?.faces ?? null));
+    const leave = () => this.view.showPart(this.changed ? null : (this.part?.faces ?? null));
     const on = { click: () => this._pick(part === this.part ? null : part), pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
     const unsure = isUnsure(part, this.reading);
     const kind = unsure ? " chip-unsure" : part.found_by === "given" ? " chip-given" : "";

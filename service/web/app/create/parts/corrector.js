@@ -33,12 +33,11 @@ export class Corrector {
     this.join = chip("Join…", () => this._join());
     this.paint = chip("Paint", () => this._paint());
     this.back = chip("As it was found", () => this._forget(this.part?.name ?? ""));
-    /** Stands after the parts. */
-    this.add = button("Another part…", () => this._add(), { class: "chip" });
+    this.add = chip("Another part…", () => this._add());
     this.tools = h("div", { class: "row" }, this.origin, this.rename, this.join, this.paint, this.back);
     this.tools.setAttribute("role", "group");
     this.list = h("ul", { class: "control-rows", "aria-label": "Corrections" });
-    this.element = h("div", { class: "corrector" }, this.tools, this.list);
+    this.element = h("div", { class: "corrector" }, this.tools, this.list, h("div", { class: "chips" }, this.add));
   }
 
   /** What is painted now; null: nothing. @returns {string | null} */

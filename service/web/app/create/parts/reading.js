@@ -27,6 +27,17 @@ function sideName(degrees) {
   return SIDES.find(([side]) => Number(side) === angle)?.[1].split(",")[0] ?? `${angle}°`;
 }
 
+const SEEN = /** @type {[number, string][]} */ ([[0, "you"], [90, "right"], [180, "away"], [270, "left"], [360, "you"]]);
+
+/** What an asset is read as, in a sentence that the names of its parts end. @param {Reading} reading @param {number} parts How many. */
+export function readingSentence(reading, parts) {
+  const sure = reading.sure || reading.noun_given;
+  const { front_azimuth_deg: front } = reading;
+  const angle = front === null ? null : ((front % 360) + 360) % 360;
+  const side = angle === null ? "" : SEEN.reduce((best, each) => (Math.abs(each[0] - angle) < Math.abs(best[0] - angle) ? each : best))[1];
+  return `${sure ? "Read as" : "Perhaps"} ${withArticle(reading.noun)}${side ? `, ${isFrontSure(reading) ? "" : "perhaps "}facing ${side}` : ""}${parts ? ". Its parts:" : "."}`;
+}
+
 /** Whether the front is more than a guess: that of a guessed noun is one. @param {Reading} reading */
 export function isFrontSure({ sure, noun_given: given, front_sure, front_given }) {
   return front_given || (front_sure && (sure || given));
