@@ -28,6 +28,7 @@ from service.http.middleware import RequestFrame, TracingMiddleware
 from service.http.origins import CrossOrigin, HeadAsGet
 from service.jobs import creation_routes, preview_routes
 from service.jobs import routes as job_routes
+from service.jobs.arrivals import give_up_late
 from service.operations import routes as operation_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
@@ -110,14 +111,14 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     try:
         with (
             Reconciler(
-                state.record,
+                state.background,
                 state.queue,
                 settings.max_attempts,
                 settings.lease_s,
                 store=state.store,
                 max_running=settings.max_running_jobs,
             ),
-            WebhookDelivery(state.record, settings),
+            WebhookDelivery(state.background, settings),
             on_termination(state.waiters.close),
         ):
             returning = asyncio.create_task(_return_memory(state))
@@ -126,6 +127,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
                     yield
             finally:
                 returning.cancel()
+                await give_up_late(state)
     finally:
         app.state.gate.close()
         state.close()

@@ -123,6 +123,12 @@ class JobView(Document):
         description="The results, sorted by name; none unless the job has succeeded.",
     )
 
+    made_by: str | None = Field(
+        None,
+        description="Version of Meshdeform that computed the results; several, in order, if a later one went on from a "
+        "checkpoint: their results may differ. Null if unknown, or there are none.",
+        examples=["0.1.0"],
+    )
     unreadable: str | None = Field(
         None,
         description="Why this server cannot read the request, so that it neither retries nor branches the job, and "
@@ -154,15 +160,20 @@ class JobView(Document):
             started_at=job.started_at,
             finished_at=job.finished_at,
             deadline_at=job.deadline_at,
-            max_run_s=job.document.get("max_run_s"),
+            max_run_s=_number(written.get("max_run_s")),
             retain_until=job.retain_until,
             retry_at=job.retry_at,
             progress=job.progress,
             artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],
+            made_by=job.made_by,
         )
 
 
 _OUTPUT = OutputOptions().model_dump(mode="json")
+
+
+def _number(value: Any) -> float | None:
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def _members(document: Mapping[str, Any], name: str) -> Any:

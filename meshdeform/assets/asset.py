@@ -16,13 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.archive import Archive, open_archive
+from meshdeform.assets.archive import MODEL_3MF, Archive, open_archive
+from meshdeform.assets.build import Converted, Up
 from meshdeform.assets.bundle import pack_gltf
+from meshdeform.assets.companions import read_companions
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC, Json
 from meshdeform.assets.corners import corner_colors, corner_weights
 from meshdeform.assets.document import Document, Usage, read_floats, read_triangles
-from meshdeform.assets.inspect import TRIANGLES, AssetSummary, asset_format, check_document, instances_of
+from meshdeform.assets.inspect import TRIANGLES, ZIPS, AssetSummary, asset_format, check_document, instances_of
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
@@ -68,8 +70,9 @@ class Asset:
         Nodes whose meshes are no part of the surface.
     backdrop : Backdrop, optional
         Planes that make everything else small.
-    in_metres : bool
-        Whether its file, or the one in a ZIP, is a glTF: one unit is a metre then and +Y is up; others leave both open.
+    unit, up : float, str, optional
+        Metres of its unit, and the axis that points up, `y` or `z`; None where the format of its file, or of the one in
+        a ZIP, leaves that open.
     """
 
     def __init__(
@@ -80,18 +83,20 @@ class Asset:
         usage: Usage,
         excluded: frozenset[int] = frozenset(),
         *,
-        in_metres: bool = True,
+        unit: float | None = 1.0,
+        up: Up | None = "y",
     ) -> None:
         self._document = document
         self._read_summary = summary
         self.excluded = excluded
-        self.in_metres = in_metres
+        self.unit, self.up = unit, up
         self.repairs = rebuild_directions(document)
         self._source = source
         self._usage = usage
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks, self._loose = read_surface(document, excluded)
+        self._companions, unread = read_companions(document, self.surface, excluded)
         self.backdrop = find_backdrop(document, self.surface, self._blocks)
         backdrops = () if self.backdrop is None else (self.backdrop.warning,)
         parts = self.parts()
@@ -111,7 +116,7 @@ class Asset:
             triangles=len(self.surface.triangles),
             bounds=_bounds(self.surface.positions[triangles_drawn]),
             skipped=tuple(self.surface.skipped),
-            warnings=(*summary.warnings, *self.repairs.warnings, *notices),
+            warnings=(*summary.warnings, *self.repairs.warnings, *unread, *notices),
         )
 
     def to_bytes(self) -> bytes:
@@ -235,7 +240,7 @@ class Asset:
 
     def _as_repaired(self, source: Asset) -> Asset:
         """Take over what was repaired and found out when the source was read."""
-        self.repairs, self.in_metres = source.repairs, source.in_metres
+        self.repairs, self.unit, self.up = source.repairs, source.unit, source.up
         warnings = (*self.summary.warnings, *source.repairs.warnings)
         self.summary = dataclasses.replace(self.summary, format=source.summary.format, warnings=warnings)
         return self
@@ -319,7 +324,7 @@ class Asset:
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
         shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints)
         finish = Finish(self._usage if compact else None, provenance)
-        return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
+        return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish, self._companions)
 
     def morph(
         self,
@@ -364,22 +369,18 @@ class Asset:
         return provenance if isinstance(provenance, dict) else None
 
 
-def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, str, tuple[str, ...]]:
-    """Return the asset of a ZIP, with the files that it refers to, as a GLB, its format, and notices about it."""
+def _unpack(archive: Archive, limits: Limits) -> Converted:
+    """Return the asset of a ZIP, with the files that it refers to."""
     data = archive.files[archive.main]
-    kind = asset_format(data, archive.main)
-    if kind == "zip":
+    kind = "3mf" if archive.main.lower().endswith(MODEL_3MF) else asset_format(data, archive.main)
+    if kind in ZIPS - {"3mf"}:
         raise AssetFormatError(f"{archive.main} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
     if kind in {"glb", "gltf"}:
-        return pack_gltf(archive, limits), kind, archive.notices()
+        return Converted(pack_gltf(archive, limits), archive.notices(), 1.0, "y")
     from meshdeform.assets.convert import convert_to_glb
 
-    packed, notices = convert_to_glb(data, kind, limits, archive)
-    return packed, kind, (*notices, *archive.notices())
-
-
-_METRES = frozenset(("glb", "gltf"))
-"""Formats whose unit is the metre."""
+    converted = convert_to_glb(data, kind, limits, archive)
+    return dataclasses.replace(converted, notices=(*converted.notices, *archive.notices()))
 
 
 def _bounds(corners: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
@@ -395,8 +396,8 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     Parameters
     ----------
     data : bytes
-        A GLB, a glTF JSON with embedded buffers, an OBJ, PLY or STL, or a ZIP of one of them and the files that it
-        refers to.
+        A GLB, a glTF JSON with embedded buffers, an OBJ, PLY, STL or 3MF, or a ZIP of one of them and the files that
+        it refers to.
     filename : str
         Its name. The extension decides the format where the content does not.
     limits : Limits, optional
@@ -409,21 +410,22 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     """
     limits = limits or Limits()
     limits.check_bytes(len(data))
-    kind = inner = asset_format(data, filename)
-    notices: tuple[str, ...] = ()
-    if kind == "zip":
-        data, inner, notices = _unpack(open_archive(data, limits), limits)
+    kind = asset_format(data, filename)
+    read = Converted(data, (), 1.0, "y")
+    if kind in ZIPS:
+        read = _unpack(open_archive(data, limits), limits)
     elif kind not in {"glb", "gltf"}:
         from meshdeform.assets.convert import convert_to_glb
 
-        data, notices = convert_to_glb(data, kind, limits, Archive(filename or f"asset.{kind}", {}))
+        read = convert_to_glb(data, kind, limits, Archive(filename or f"asset.{kind}", {}))
+    data = read.glb
     document = Document.parse(data, limits, glb=data.startswith(GLB_MAGIC))
     summary = check_document(document.root, document.binary_length, limits, kind)
     usage = Usage.of(document.root, document.binary_length)
     decode_meshopt(document)
     decode_draco(document)
-    summary = dataclasses.replace(summary, warnings=(*summary.warnings, *notices))
-    return Asset(document, summary, data, usage, in_metres=inner in _METRES)
+    summary = dataclasses.replace(summary, warnings=(*summary.warnings, *read.notices))
+    return Asset(document, summary, data, usage, unit=read.unit, up=read.up)
 
 
 _Rows = NDArray[np.float64]

@@ -116,6 +116,8 @@ jobs = sa.Table(
     sa.Column("step_s", sa.Double),
     # Bytes of its artifacts and checkpoints.
     sa.Column("stored_bytes", sa.BigInteger, nullable=False),
+    # The versions of Meshdeform that computed its results, in order; null if unknown.
+    sa.Column("made_by", sa.String(200)),
     sa.Index(None, "state", "id"),
     sa.Index(None, "owner_id", "id"),
     sa.Index(None, "owner_id", "state", "id"),
@@ -229,6 +231,8 @@ checkpoints = sa.Table(
     sa.Column("mesh_sha256", sa.String(64)),
     sa.Column("mesh_size", sa.BigInteger),
     sa.Column("created_at", UtcDateTime, nullable=False),
+    # The versions of Meshdeform that computed it, in order; null if unknown.
+    sa.Column("made_by", sa.String(200)),
 )
 
 files = sa.Table(

@@ -381,6 +381,8 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
 
     `document`: as stored in the record. Raises UnreadableJobError: another version's; or KindRetiredError.
     """
+    if not isinstance(document, Mapping):
+        raise UnreadableJobError("The stored request cannot be read here: it is no object.")
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
     _refuse_retired(kind)
     if kind == JobKind.TEXT_DEFORM:
@@ -422,7 +424,7 @@ def _with_rig_of_its_time(request: JobRequest, document: Mapping[str, Any]) -> J
     Requests name it when they are stored. Those without it are older: a prompt kept the rig then, and a change in plain
     words, for which the option was not set, moved it.
     """
-    if request.kind is not JobKind.TEXT_DEFORM or "rig" in document.get("output", {}):
+    if request.kind is not JobKind.TEXT_DEFORM or "rig" in (document.get("output") or {}):
         return request
     values = {**dict(request.output), "rig": RigMode.KEEP}
     output = OutputOptions.model_construct(request.output.model_fields_set, **values)

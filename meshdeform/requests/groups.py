@@ -8,12 +8,13 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from meshdeform.requests.choices import GuidanceKind
-from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, Control, OpenGuidance
+from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, Control, InputFrame, OpenGuidance
 from meshdeform.requests.problems import did_you_mean, reason
 
 PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     **dict.fromkeys(CommonParams.model_fields, ("", ())),
     **dict.fromkeys(Control.model_fields, ("control", ())),
+    **dict.fromkeys(InputFrame.model_fields, ("input", ())),
     **{
         name: ("guidance", tuple(kind for kind, other in GUIDANCES.items() if name in other.model_fields))
         for group in GUIDANCES.values()
@@ -55,7 +56,10 @@ def grouped(params: Mapping[str, Any]) -> dict[str, Any]:
     stay where they are.
     """
     kind = params.get("guidance")
-    groups: dict[str, dict[str, Any]] = {"guidance": {}, "control": dict(params.get("control") or {})}
+    groups: dict[str, dict[str, Any]] = {
+        "guidance": {},
+        **{name: dict(params.get(name) or {}) for name in ("control", "input")},
+    }
     if kind is not None:
         groups["guidance"] = dict(kind) if isinstance(kind, Mapping) else {"kind": kind}
     rest: dict[str, Any] = {}

@@ -41,7 +41,7 @@ from service.words.known import as_word
 
 router = APIRouter(dependencies=KNOWN_QUERY)
 health = APIRouter(tags=["health"])
-_FORMATS = ["glb", "obj", "ply", "stl", "zip"]
+_FORMATS = ["glb", "obj", "ply", "stl", "3mf", "zip"]
 _STORE_S = 5.0  # short, because probes ask every few seconds
 _READY_S = 1.8  # less than probes usually wait
 _SILENT = PartHealth(status="unavailable", detail="It does not answer.")

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from meshdeform.cli.app import app
 from meshdeform.client import Client
 from meshdeform.errors import StaleAttemptError, UnavailableError
+from meshdeform.record.leases import HANDED_OVER
 from meshdeform.record.models import JobError, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.usage import MonthOfOwner
@@ -45,7 +46,7 @@ def used(record: JobRecord, owner: str = "ann") -> MonthOfOwner:
 
 ENDS: dict[str, Callable[[JobRecord, str, int], object]] = {
     "released": lambda record, job, attempt: record.leases.release(job, attempt),
-    "handed over": lambda record, job, attempt: record.leases.release(job, attempt, handed_over=True),
+    "handed over": lambda record, job, attempt: record.leases.release(job, attempt, HANDED_OVER),
     "out of memory": lambda record, job, attempt: record.leases.out_of_memory(job, attempt, 9),
     "failed for now": lambda record, job, attempt: record.leases.postpone(job, attempt, ERROR, 9, 0.0),
 }

@@ -25,10 +25,14 @@ export interface SubmitOptions {
 export interface PreviewOptions extends Omit<SubmitOptions, "idempotencyKey"> {
   /** `positions` (the default) of all seeds, for `readPreview`; or `glb`: the `result.glb` of one seed. */
   as?: "positions" | "glb";
+  /** Whether of a large asset a draft will do; `draft` of the answer says whether it is one. */
+  draft?: boolean;
 }
 
 export interface Preview {
   data: ArrayBuffer;
+  /** Whether a simplified surface was fitted in place of a large asset's. */
+  draft: boolean;
   /** SHA-256 of the asset, by which the next preview can name it: `{ sha256 }`. */
   asset: string;
 }
@@ -122,11 +126,12 @@ export class Client {
    * refused with `asset_not_kept`. The request is not repeated by itself: whoever looks on may want something else by then.
    */
   async preview(asset: Asset | { sha256: string; filename?: string }, request: PreviewRequest, options: PreviewOptions = {}): Promise<Preview> {
-    const { as = "positions", ...more } = options;
+    const { as = "positions", draft = false, ...more } = options;
     const kept = "sha256" in asset && !("id" in asset);
     const body = kept && !more.files ? { json: { ...request, asset } } : await this.#body(kept ? null : asset, kept ? ({ ...request, asset } as PreviewRequest) : request, more);
-    const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal, once: true });
-    return { data: await response.arrayBuffer(), asset: response.headers.get("Meshdeform-Asset") ?? "" };
+    const response = await this.#transport.request(`v1/jobs:preview?as=${as}&draft=${draft}`, { method: "POST", ...body, signal: options.signal, once: true });
+    const { headers } = response;
+    return { data: await response.arrayBuffer(), draft: headers.get("Meshdeform-Draft") === "true", asset: headers.get("Meshdeform-Asset") ?? "" };
   }
 
   /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */

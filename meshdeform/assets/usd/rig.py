@@ -1,16 +1,17 @@
-"""Write skins and morph targets as UsdSkel: a Skeleton for each skin, with the joints and all nodes above them.
+"""Write skins and morph targets as UsdSkel: a Skeleton for each skin, with its joints and the nodes between them.
 
-glTF shows a skin's vertex at ``sum_j w_j W_j B_j p``, USD at ``sum_j w_j J_j inv(bind_j) q`` with the joints' matrices
-J_j in the skeleton's space. The skeleton stands at the root, so that ``J_j = W_j``. With M the map of the bind pose to
-the world, ``q = M p`` and ``bind_j = M inv(B_j)``: the points are then those of the asset, in metres, wherever bind
-pose and rest agree.
+glTF shows a skin's vertex at ``sum_j w_j W_j B_j p``, USD at ``W_P sum_j w_j J_j inv(bind_j) q`` with the joints'
+matrices J_j in the skeleton's space. The skeleton stands at the node P above all joints, so that
+``J_j = inv(W_P) W_j``: a scale of P, which many armatures have, is none of a joint, as Blender needs it. With M the map
+of the bind pose to that space, ``q = M p`` and ``bind_j = M inv(B_j)``: the points are then those that are shown
+wherever bind pose and rest agree.
 
 Source: UsdSkel schemas (Pixar).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,6 +45,7 @@ class Skeleton:
     """A skeleton in the layer."""
 
     path: str
+    parent: str  # the prim that it stands at, as its meshes do
     nodes: dict[int, str]  # the joint of each node, those above first
     place: Matrix  # from the space of its meshes to that of its points, (4, 4)
     joints: NDArray[np.int64] | None = (
@@ -56,19 +58,29 @@ class Skeleton:
 class Rigs:
     """The skeletons of a scene."""
 
-    def __init__(self, layer: Layer, scene: Scene, motion: Motion) -> None:
+    def __init__(self, layer: Layer, scene: Scene, motion: Motion, places: Mapping[int, str]) -> None:
         self._layer, self._scene, self._motion = layer, scene, motion
         self._nodes: list[Json] = scene.root.get("nodes", [])
         self._worlds = world_matrices(self._nodes)
         self._parents = {child: at for at, node in enumerate(self._nodes) for child in node.get("children", [])}
+        self._places = places  # the prim of each node
         self._skins: dict[int, Skeleton] = {}
         self._made: list[Skeleton] = []
 
-    def of(self, instance: Instance, place: str) -> Skeleton | None:
-        """Return the skeleton that a mesh needs; None if it has neither a skin nor morph targets.
+    def above(self, skin: int) -> int | None:
+        """Return the node above all joints of a skin that is nearest to them; None if nothing is."""
+        ways = []
+        for joint in self._scene.root["skins"][skin]["joints"]:
+            way, at = list[int](), self._parents.get(joint)
+            while at is not None:
+                way.append(at)
+                at = self._parents.get(at)
+            ways.append(way[::-1])
+        shared = [steps[0] for steps in zip(*ways, strict=False) if len(set(steps)) == 1]
+        return shared[-1] if shared else None
 
-        `place`: path of the prim of its node, below which a mesh without a skin has a skeleton of its own.
-        """
+    def of(self, instance: Instance) -> Skeleton | None:
+        """Return the skeleton that a mesh needs; None if it has neither a skin nor morph targets."""
         if instance.skin is not None:
             if instance.skin not in self._skins:
                 self._skins[instance.skin] = self._skin(instance)
@@ -76,44 +88,50 @@ class Rigs:
         primitives = self._scene.root["meshes"][instance.mesh].get("primitives", [])
         if not any(each.get("targets") for each in primitives):
             return None
+        place = self._places[instance.node]
         path = self._layer.prim(place, "Skeleton", "Skeleton", schemas=_BOUND)
         self._describe(path, [_ALONE], [np.eye(4)], [np.eye(4)])
-        self._made.append(Skeleton(path, {}, np.eye(4)))
+        self._made.append(Skeleton(path, place, {}, np.eye(4)))
         return self._made[-1]
 
     def _skin(self, instance: Instance) -> Skeleton:
         assert instance.skin is not None
         skin = self._scene.root["skins"][instance.skin]
-        place = placement_matrix(self._scene.document, instance, self._worlds)
+        above = self.above(instance.skin)
+        if above is not None and not is_invertible(self._worlds[above]):
+            above = None
+        back = np.eye(4) if above is None else np.linalg.inv(self._worlds[above])
+        place = back @ placement_matrix(self._scene.document, instance, self._worlds)
         place = place if is_invertible(place) else np.eye(4)
         ordered: dict[int, str] = {}
         for joint in skin["joints"]:
-            self._with_parents(joint, ordered)
+            self._with_parents(joint, above, ordered)
         at = {node: k for k, node in enumerate(ordered)}
-        bind = [self._worlds[node] for node in ordered]
+        bind = [back @ self._worlds[node] for node in ordered]
         for joint, inverse in zip(skin["joints"], inverse_binds(self._scene.document, skin), strict=True):
             if is_invertible(inverse):
                 bind[at[joint]] = place @ np.linalg.inv(inverse)
-        path = self._layer.prim(self._layer.root, str(skin.get("name", "")), "Skeleton", schemas=_BOUND)
+        parent = self._layer.root if above is None else self._places[above]
+        path = self._layer.prim(parent, str(skin.get("name", "")), "Skeleton", schemas=_BOUND)
         self._describe(path, list(ordered.values()), bind, [local_matrix(self._nodes[node]) for node in ordered])
         maps = joint_matrices(self._scene.document, instance.skin, self._worlds)
         rest = int(np.abs(maps - maps.mean(axis=0)).sum(axis=(1, 2)).argmin())
         joints = np.array([at[joint] for joint in skin["joints"]])
-        self._made.append(Skeleton(path, ordered, place, joints, rest))
+        self._made.append(Skeleton(path, parent, ordered, place, joints, rest))
         return self._made[-1]
 
-    def _with_parents(self, joint: int, ordered: dict[int, str]) -> None:
-        """Add a joint and the nodes above it, each with its path, those above first."""
-        way = [joint]
-        while way[-1] in self._parents and way[-1] not in ordered:
-            way.append(self._parents[way[-1]])
+    def _with_parents(self, joint: int, top: int | None, ordered: dict[int, str]) -> None:
+        """Add a joint and the nodes above it, below `top`, each with its path, those above first."""
+        way: list[int] = []
+        at: int | None = joint
+        while at is not None and at != top and at not in ordered:
+            way.append(at)
+            at = self._parents.get(at)
         for node in reversed(way):
-            if node not in ordered:
-                above = ordered.get(self._parents.get(node, -1), "")
-                name = valid_name(str(self._nodes[node].get("name", "")), "joint")
-                path = f"{above}/{name}" if above else name
-                taken = set(ordered.values())
-                ordered[node] = f"{path}_{node}" if path in taken else path
+            above = ordered.get(self._parents.get(node, -1), "")
+            name = valid_name(str(self._nodes[node].get("name", "")), "joint")
+            path = f"{above}/{name}" if above else name
+            ordered[node] = f"{path}_{node}" if path in ordered.values() else path
 
     def _describe(self, path: str, joints: Sequence[str], bind: list[Matrix], rest: list[Matrix]) -> None:
         layer = self._layer

@@ -41,7 +41,8 @@ class StageWriter:
         rigged = any(_rigged(scene, instance) for instance in instances_of(scene.root))
         self._layer = Layer(path, "/Root", "SkelRoot" if rigged else "Xform", f"Meshdeform {__version__}")
         self._materials = Materials(self._layer, scene, path.parent)
-        self._rigs = Rigs(self._layer, scene, self._motion)
+        self._places: dict[int, str] = {}  # the prim of each node
+        self._rigs = Rigs(self._layer, scene, self._motion, self._places)
         self._shown = {instance.node: instance for instance in instances_of(scene.root)}
         self.triangles = 0
 
@@ -55,7 +56,8 @@ class StageWriter:
         parents = {child: at for at, node in enumerate(self._nodes) for child in node.get("children", [])}
         joints = {joint for skin in self._scene.root.get("skins", []) for joint in skin["joints"]}
         shown = shown_nodes(self._scene.root)
-        needed = set(self._shown)
+        skins = {instance.skin for instance in self._shown.values() if instance.skin is not None}
+        needed = {*self._shown, *(top for skin in skins if (top := self._rigs.above(skin)) is not None)}
         for node in reversed(shown):
             if node not in joints or any(child in needed for child in self._nodes[node].get("children", [])):
                 needed.add(node)
@@ -66,13 +68,13 @@ class StageWriter:
                 continue
             above, depth, missing = places.get(parents.get(node, -1), (self._layer.root, 0, np.eye(4)))
             local = missing @ local_matrix(self._nodes[node])
-            path = self._xform(above, node, local)
+            self._places[node] = path = self._xform(above, node, local)
             deep = depth >= _MAX_DEPTH
             places[node] = (above, depth, local) if deep else (path, depth + 1, np.eye(4))
             if deep and self._motion.moves(node):
                 self._scene.lost["movements of nodes below a node that lies too deep"] += 1
-            if node in self._shown:
-                self._meshes(self._shown[node], path)
+        for instance in self._shown.values():
+            self._meshes(instance)
         self._rigs.animate()
         if self._motion.end > self._motion.start:
             self._layer.play(self._motion.start, self._motion.end)
@@ -112,11 +114,9 @@ class StageWriter:
             self._layer.samples(made, {time: at(time) for time in self._motion.times([node], prop)})
         self._order(path, "translate", "orient", "scale")
 
-    def _meshes(self, instance: Instance, place: str) -> None:
-        skeleton = self._rigs.of(instance, place)
-        parents = [place]
-        if instance.skin is not None:
-            parents = [self._layer.root]  # a skin ignores its node
+    def _meshes(self, instance: Instance) -> None:
+        skeleton, place = self._rigs.of(instance), self._places[instance.node]
+        parents = [skeleton.parent if skeleton else place]  # a skin ignores its node
         copies = instance_matrices(self._scene.document, instance.node)
         if len(copies) != 1 or not np.array_equal(copies[0], np.eye(4)):
             parents = []

@@ -382,6 +382,7 @@ class Client:
         target: AssetLike | None = None,
         files: Mapping[str, AssetLike] | None = None,
         filename: str | None = None,
+        draft: bool = False,
     ) -> PreviewShapes:
         """Return the shapes that a job would give the asset, within seconds and without one.
 
@@ -392,6 +393,8 @@ class Client:
         ----------
         seeds : sequence of int, optional
             Up to 6 seeds, one for each shape. Default: that of the parameters.
+        draft : bool
+            Whether of a large asset a draft will do, which takes seconds where the shape itself may take minutes.
 
         Raises
         ------
@@ -401,7 +404,8 @@ class Client:
             The service cannot make previews, or it takes too long.
         """
         order = Order(prompt, params, output, seeds=seeds or None)
-        made = self._previewed("positions", order, Files.of(asset, target, files, filename, False, None))
+        sent = Files.of(asset, target, files, filename, False, None)
+        made = self._previewed({"as": "positions", "draft": str(draft).lower()}, order, sent)
         return PreviewShapes.read(made)
 
     def preview_glb(
@@ -417,12 +421,12 @@ class Client:
     ) -> bytes:
         """Return the bytes of `result.glb` that a job would make. Parameters and errors are those of `preview`."""
         order = Order(prompt, params, output)
-        return self._previewed("glb", order, Files.of(asset, target, files, filename, False, None))
+        return self._previewed({"as": "glb"}, order, Files.of(asset, target, files, filename, False, None))
 
-    def _previewed(self, form: str, order: Order, files: Files) -> bytes:
+    def _previewed(self, query: Mapping[str, str], order: Order, files: Files) -> bytes:
         with contextlib.ExitStack() as opened:
             call, sent = prepared(self._connection, "/v1/jobs:preview", order, files, opened)
-            call = replace(call, query={"as": form}, read_timeout_s=_MAKE_S)
+            call = replace(call, query=query, read_timeout_s=_MAKE_S)
             asset = sent.get("asset")
             if asset is not None and asset.sha256 in self._kept:
                 others = tuple(part for part in call.parts if part.name != "asset")
@@ -450,9 +454,14 @@ class Client:
                 raise ValueError("The service already has this file: use the reference.")  # noqa: TRY004
             return uploaded(self._connection, source, checked_key(idempotency_key))
 
-    def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
-        """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
-        call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
+    def retry(self, job: JobLike, *, max_run_s: float | None = None, idempotency_key: str | None = None) -> JobView:
+        """Retry a job that did not succeed, as a new job that continues from its last checkpoint.
+
+        `max_run_s`: seconds for which the new job may run. Default: as for the old one.
+        """
+        headers = {"Idempotency-Key": checked_key(idempotency_key)}
+        document = None if max_run_s is None else {"max_run_s": max_run_s}
+        call = Call("POST", job_path(job, "retry"), headers=headers, document=document)
         return self._connection.document(JobView, call)
 
     def branch(

@@ -65,11 +65,12 @@ export class Client {
      * refused with `asset_not_kept`. The request is not repeated by itself: whoever looks on may want something else by then.
      */
     async preview(asset, request, options = {}) {
-        const { as = "positions", ...more } = options;
+        const { as = "positions", draft = false, ...more } = options;
         const kept = "sha256" in asset && !("id" in asset);
         const body = kept && !more.files ? { json: { ...request, asset } } : await this.#body(kept ? null : asset, kept ? { ...request, asset } : request, more);
-        const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal, once: true });
-        return { data: await response.arrayBuffer(), asset: response.headers.get("Meshdeform-Asset") ?? "" };
+        const response = await this.#transport.request(`v1/jobs:preview?as=${as}&draft=${draft}`, { method: "POST", ...body, signal: options.signal, once: true });
+        const { headers } = response;
+        return { data: await response.arrayBuffer(), draft: headers.get("Meshdeform-Draft") === "true", asset: headers.get("Meshdeform-Asset") ?? "" };
     }
     /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
     async guessSketch(drawing, options = {}) {

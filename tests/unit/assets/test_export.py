@@ -174,6 +174,10 @@ def test_a_usdz_is_in_metres_with_y_up_and_passes_the_checks_of_its_library(tmp_
         validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
         errors = UsdValidation.ValidationContext(validators).Validate(stage)
         assert not [error.GetErrorAsString() for error in errors], name
+        for prim in stage.Traverse():
+            # Blender's bones have no scale: that of the armature is left to its node.
+            for rest in UsdSkel.Skeleton(prim).GetRestTransformsAttr().Get() or []:
+                np.testing.assert_allclose(np.linalg.det(np.array(rest)), 1, atol=1e-6)
         rigged = name in ("rigged", "arm", "morphing")
         assert stage.GetDefaultPrim().IsA(UsdSkel.Root) == rigged
         with zipfile.ZipFile(io.BytesIO(made.data)) as package:
