@@ -18,12 +18,14 @@ import { SAMPLES } from "../samples.js";
 import { debounced } from "../scope.js";
 import { ManyCard } from "./card.js";
 import { lookCloser } from "./closer.js";
-import { archiveOf, sorted } from "./files.js";
+import { archiveOf, MOST_FILES, sorted } from "./files.js";
 import { csvRow, Item, resultNames, tally } from "./item.js";
 import { ManyWork } from "./work.js";
 
 const PAUSE_MS = 600;
 const POLL_MS = 1500;
+/** Cards of a group, whose files may have been kept in several shapes. */
+const MOST_SHOWN = 4 * MOST_FILES;
 const IDEAS = ["20 % taller", "bigger head", "longer legs", "a chair"];
 
 export class ManyView {
@@ -90,7 +92,10 @@ export class ManyView {
   /** Hang the jobs of the group again. */
   async _restore() {
     try {
-      const jobs = await this._jobs();
+      const jobs = [];
+      for await (const job of client.jobs({ limit: 200, metadata: { group: this.group }, signal: this.scope.signal })) {
+        if (jobs.push(job) === MOST_SHOWN) break;
+      }
       if (this.scope.over) return;
       if (!jobs.length) fill(this.problem, h("p", { class: "lead" }, "Nothing is kept here any more."));
       this.field.value = this.sentence = new Set(jobs.map(({ prompt }) => prompt)).size === 1 ? jobs[0].prompt : "";
@@ -101,7 +106,7 @@ export class ManyView {
     }
   }
 
-  /** @returns {Promise<any[]>} those of the group, newest first */
+  /** @returns {Promise<any[]>} the newest of the group: those that run are among them */
   async _jobs() {
     return (await client.jobPage({ limit: 200, metadata: { group: this.group }, signal: this.scope.signal })).jobs;
   }
