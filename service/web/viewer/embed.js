@@ -19,7 +19,7 @@ import { mountClips, MeshViewer } from "./viewer.js";
 const STYLE = new CSSStyleSheet();
 STYLE.replaceSync(`
   :host { display: grid; grid-template: minmax(0, 1fr) auto auto / minmax(0, 1fr); box-sizing: border-box; aspect-ratio: 4 / 3; max-block-size: 100svh; max-inline-size: 100%; accent-color: currentcolor; }
-  :host([hidden]), [hidden] { display: none; }
+  :host([hidden]), [hidden] { display: none !important; }
   :host([theme=light]) { color-scheme: light; color: #1d1b18; }
   :host([theme=dark]) { color-scheme: dark; color: #f0ece4; }
   .view { position: relative; min-height: 0; border-radius: 12px; overflow: hidden; --viewer-background: color-mix(in srgb, currentcolor 7%, transparent); --viewer-background-edge: color-mix(in srgb, currentcolor 16%, transparent); }
