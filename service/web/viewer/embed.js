@@ -20,8 +20,8 @@ const STYLE = new CSSStyleSheet();
 STYLE.replaceSync(`
   :host { display: grid; grid-template: minmax(0, 1fr) auto auto / minmax(0, 1fr); box-sizing: border-box; aspect-ratio: 4 / 3; max-block-size: 100svh; max-inline-size: 100%; accent-color: currentcolor; }
   :host([hidden]), [hidden] { display: none !important; }
-  :host([theme=light]) { color-scheme: light; color: #1d1b18; }
-  :host([theme=dark]) { color-scheme: dark; color: #f0ece4; }
+  :host([theme=light]) { color-scheme: light; color: #1d1b18; background: #f5f3ee; border-radius: 12px; }
+  :host([theme=dark]) { color-scheme: dark; color: #f0ece4; background: #151412; border-radius: 12px; }
   .view { position: relative; min-height: 0; border-radius: 12px; overflow: hidden; --viewer-background: color-mix(in srgb, currentcolor 7%, transparent); --viewer-background-edge: color-mix(in srgb, currentcolor 16%, transparent); }
   .view > img { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: contain; }
   .bar, .clips { display: flex; gap: 12px; align-items: center; min-height: 44px; }
