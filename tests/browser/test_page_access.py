@@ -92,6 +92,9 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.goto("/#/examples")
     page.locator(".gallery .card").first.wait_for()
     yield "examples"
+    page.goto("/#/many")
+    page.locator(".many-card").nth(5).wait_for()
+    yield "many"
     page.goto("/#/examples/kept-foot")
     page.get_by_role("region", name="Quality").wait_for()
     yield "example"

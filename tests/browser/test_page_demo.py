@@ -64,8 +64,8 @@ def visitor(browser: Browser, host: str, request: pytest.FixtureRequest, tmp_pat
 @pytest.mark.without_pictures
 def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
     visitor.goto("./#/jobs")  # there are none here
-    visitor.get_by_role("link", name="a chair").click()
-    expect(visitor.get_by_role("heading", level=1, name="“a chair”")).to_be_visible()
+    visitor.get_by_role("link", name="a lamp").click()
+    expect(visitor.get_by_role("heading", level=1, name="“a lamp”")).to_be_visible()
     expect(visitor.get_by_label("Strength", exact=True)).to_be_visible()
     expect(visitor.get_by_role("button", name="Run it")).to_have_count(0)
 

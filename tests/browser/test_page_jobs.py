@@ -82,7 +82,7 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     open_more(page)
     assert saved("Download result.glb") == (f"{stem}.glb", service.artifact(job_id, "result.glb"))
     assert saved("Download sphere.obj") == ("sphere.obj", small_sphere.read_bytes())
-    name, video = saved("Save turntable")
+    name, video = saved("Save a turntable as WebM")
     assert (name, video[:4]) == ("turntable.webm", b"\x1a\x45\xdf\xa3")
     assert len(video) > 50_000, "one picture alone has less"
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 import re
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ import pytest
 from meshdeform.assets import load_asset
 from tests.acceptance.service import Service
 from tests.browser.conftest import Watch
-from tests.browser.steps import barriers, expect
+from tests.browser.steps import barriers, expect, open_form
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page
@@ -26,9 +27,21 @@ def until_text(place: Locator, text: str) -> None:
     expect(place).to_have_text(text, timeout=240_000)
 
 
-def file_of(name: str, data: bytes) -> Any:
-    """A file as the browser takes it."""
-    return {"name": name, "mimeType": "", "buffer": data}
+_DROP = """(files) => {
+  const carried = new DataTransfer();
+  for (const [name, content] of files) {
+    carried.items.add(new File([Uint8Array.from(atob(content), (letter) => letter.charCodeAt(0))], name));
+  }
+  for (const kind of ["dragover", "drop"]) {
+    const event = new DragEvent(kind, { bubbles: true, cancelable: true, dataTransfer: carried });
+    document.querySelector("h1").dispatchEvent(event);
+  }
+}"""
+
+
+def drop(page: Page, files: dict[str, bytes]) -> None:
+    """Drop files on the page."""
+    page.evaluate(_DROP, [[name, base64.b64encode(data).decode()] for name, data in files.items()])
 
 
 def packed(files: dict[str, bytes]) -> bytes:
@@ -60,9 +73,10 @@ def test_a_folder_is_changed_by_one_sentence_and_what_is_kept_comes_back(
     expect(cards).to_have_count(6)  # samples, which files of one's own take the place of
     sphere = small_sphere.read_bytes()
     zipped = packed({"pets/a.obj": sphere, "pets/b.obj": sphere, "pets/notes.txt": b"-", ".hidden/c.obj": sphere})
-    page.get_by_label("Asset files").set_input_files(
-        [file_of("ball.obj", sphere), file_of("broken.glb", b"glTF no more"), file_of("all.zip", zipped)]
-    )
+    page.get_by_label("Asset files").set_input_files({"name": "ball.obj", "mimeType": "", "buffer": sphere})
+    expect(cards).to_have_count(1)
+    open_form(page)  # where several files are too many
+    drop(page, {"ball.obj": sphere, "broken.glb": b"glTF no more", "all.zip": zipped})
     expect(cards).to_have_count(4)
     expect(page.get_by_text("1 other file left out.")).to_be_visible()
     broken, tally = cards.filter(has_text="broken.glb"), page.locator("#many-tally")

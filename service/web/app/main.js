@@ -5,6 +5,7 @@ import { DEMO, rewind } from "./demo.js";
 import { button, fill, h } from "./dom.js";
 import { forgetDrafts } from "./drafts.js";
 import { currentKey, currentLink, forgetKey, holdLink } from "./key.js";
+import { handMany } from "./picking.js";
 import { parseRoute, permalinkHash } from "./router.js";
 import { Scope } from "./scope.js";
 
@@ -84,6 +85,7 @@ async function show() {
     else link.removeAttribute("aria-current");
   }
   view(root, scope);
+  if (route.name === "create") handMany(scope);
   if (first) {
     first = false;
     return;

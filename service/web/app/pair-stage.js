@@ -1,7 +1,7 @@
 // @ts-check
 /** Two shapes side by side in 3D: cameras that move together, what differs as colours, and wireframe. */
 import { button, h } from "./dom.js";
-import { drawnPicture, segmented, showLegend, toggle } from "./job/stage-controls.js";
+import { segmented, showLegend, toggle } from "./job/stage-controls.js";
 import { linkViews, movingControls, ViewerBox } from "./viewer-box.js";
 
 /** @typedef {"none" | "displacement" | "stretch" | "texture"} Colour */
@@ -16,9 +16,8 @@ export class PairStage {
    * @param {string} words.label Of the whole, for people who do not see it.
    * @param {[string, string]} words.tags What each view shows.
    * @param {[Colour, string][]} words.colours Those that are offered where the shapes have the same triangles.
-   * @param {boolean} [words.always] Whether both are always shown; otherwise the second alone where there is little room.
    */
-  constructor(scope, { label, tags, colours, always = false }) {
+  constructor(scope, { label, tags, colours }) {
     this.scope = scope;
     this.views = tags.map((tag) => new ViewerBox(tag, scope));
     /** Whether the second shape has the triangles of the first. */
@@ -29,16 +28,15 @@ export class PairStage {
     this.colours.hidden = true;
     /** Nothing can be drawn here. */
     this.flat = false;
-    this.element = this._build(label, always);
+    this.element = this._build(label);
     linkViews(this.views[0], this.views[1]);
   }
 
-  /** @param {string} label @param {boolean} always */
-  _build(label, always) {
+  /** @param {string} label */
+  _build(label) {
     const wireframe = toggle("Wireframe", (on) => this.views.forEach(({ viewer }) => viewer?.setWireframe(on)));
     this.both = toggle("Side by side", (on) => this.element.classList.toggle("single", !on));
-    const wide = always || window.matchMedia("(min-width: 700px)").matches;
-    this.both.hidden = always;
+    const wide = window.matchMedia("(min-width: 700px)").matches;
     this.both.setAttribute("aria-pressed", String(wide));
     const reset = button("Reset view", () => this.views.forEach((view) => view.resetView()), { icon: "reset", quiet: true, class: "button-quiet" });
     this.tools = h("div", { class: "row stage-tools" }, this.colours, wireframe, this.both, reset);
@@ -46,30 +44,24 @@ export class PairStage {
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": label },
       h("div", { class: "stage pair-stage" }, this.views.map(({ element }) => element), this.legend),
-      movingControls(this.scope, this.views, (ending) => this.turntableName(ending)),
+      movingControls(this.scope, this.views, (ending) => `turntable.${ending}`),
       this.tools,
     );
   }
 
-  /** What a turntable of the second view is saved as. @param {string} ending */
-  turntableName(ending) {
-    return `turntable.${ending}`;
-  }
-
   /**
-   * Show a GLB, and another one, which may be the first in another shape.
+   * Show a GLB, and the same in another shape.
    * @param {ArrayBuffer} first
    * @param {ArrayBuffer} second
-   * @param {boolean} [apart] Whether they are of different assets: each is shown as it is then.
    * @returns {Promise<boolean>} Whether the second has the triangles of the first.
    */
-  async show(first, second, apart = false) {
+  async show(first, second) {
     const [one, other] = this.views;
     // Each viewer has a copy: what it reads it may keep.
-    const found = await Promise.all([one.load(first.slice(0), "glb"), other.load((apart ? second : first).slice(0), "glb")]);
+    const found = await Promise.all([one.load(first.slice(0), "glb"), other.load(first.slice(0), "glb")]);
     this.flat = found.includes(null);
     this.element.classList.toggle("flat", this.flat);
-    this.comparable = !apart && found.every(Boolean) && (await other.deform(second.slice(0)));
+    this.comparable = found.every(Boolean) && (await other.deform(second.slice(0)));
     if (this.scope.over) return false;
     this.colours.hidden = !this.comparable;
     if (this.comparable) {
@@ -77,11 +69,6 @@ export class PairStage {
       this.colour(this.kind);
     }
     return this.comparable;
-  }
-
-  /** Show the picture that a job made, where nothing can be drawn. @param {Blob} picture */
-  showPicture(picture) {
-    this.element.querySelector(".stage")?.append(drawnPicture(this.scope, picture, "Before, above, and after, below, from four sides"));
   }
 
   /** @param {Colour} kind */

@@ -3,8 +3,16 @@
 import { h } from "./dom.js";
 import { routeHash } from "./router.js";
 
+/** @typedef {{path: string, blob: Blob}} Found A file, where it lay. */
+
 /** A field that was given to another view. @type {File | null} */
 let handed = null;
+
+/** Files that were given to another view. @type {Promise<Found[]> | null} */
+let handedMany = null;
+
+/** Of folders, before anything is known of what they hold. */
+const MOST_ENTRIES = 5000;
 
 /** @param {File} file */
 export function isField(file) {
@@ -62,4 +70,61 @@ export function takeDrops(scope, element, take) {
     event.preventDefault();
     take(files, event.target, event.dataTransfer);
   });
+}
+
+/** Let several files, or a folder, that are dropped on a view for one asset hang in the view for many. @param {import("./scope.js").Scope} scope */
+export function handMany(scope) {
+  const take = (/** @type {DragEvent} */ event) => {
+    const { target, dataTransfer: transfer } = event;
+    const elsewhere = target instanceof Element && target.closest("[data-drop='guide'], dialog");
+    if (!transfer || elsewhere || !areMany(transfer)) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    handedMany = droppedFiles(transfer);
+    location.hash = routeHash({ name: "many" });
+  };
+  document.addEventListener("drop", take, { capture: true, signal: scope.signal });
+}
+
+/** @returns {Promise<Found[]> | null} The files with which the view for many opens. */
+export function takeHandedMany() {
+  const files = handedMany;
+  handedMany = null;
+  return files;
+}
+
+/** @param {DataTransfer} transfer */
+function areMany({ items, files }) {
+  if ([...items].some((item) => item.webkitGetAsEntry?.()?.isDirectory)) return true;
+  return files.length > 1 && ![...files].some(({ type }) => type.startsWith("image/"));
+}
+
+/** What was dropped, folders with all that is in them. To be called while the event is handled. @param {DataTransfer} transfer @returns {Promise<Found[]>} */
+export async function droppedFiles(transfer) {
+  const entries = [...transfer.items].flatMap((item) => item.webkitGetAsEntry?.() ?? []);
+  if (!entries.length) return [...transfer.files].map(chosenFile);
+  /** @type {Found[]} */
+  const found = [];
+  for (const entry of entries) await walk(entry, found);
+  return found;
+}
+
+/** @param {File} file Of an input, of files or of a folder. @returns {Found} */
+export function chosenFile(file) {
+  return { path: file.webkitRelativePath || file.name, blob: file };
+}
+
+/** @param {any} entry Of a file system. @param {Found[]} found */
+async function walk(entry, found) {
+  if (found.length >= MOST_ENTRIES) return;
+  const path = entry.fullPath.replace(/^\//, "");
+  if (entry.isFile) found.push({ path, blob: await new Promise((resolve, reject) => entry.file(resolve, reject)) });
+  if (!entry.isDirectory) return;
+  const reader = entry.createReader();
+  // A reader gives a folder in pieces, the last of which is empty.
+  for (;;) {
+    const inside = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+    if (!inside.length) return;
+    for (const each of inside) await walk(each, found);
+  }
 }

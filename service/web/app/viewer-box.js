@@ -136,11 +136,6 @@ export class ViewerBox {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     return this.viewer.snapshot({ width: 2 * width, height: 2 * height, background: getComputedStyle(this.canvas).backgroundColor });
   }
-
-  /** @returns {Promise<Blob>} One turn around what is shown, as a video, or a GIF where none is recorded. */
-  turntable() {
-    return this.viewer.turntable({ background: getComputedStyle(this.canvas).backgroundColor, signal: this.scope.signal });
-  }
 }
 
 /** @param {ViewerBox} a @param {ViewerBox} b */
@@ -149,11 +144,6 @@ export async function linkViews(a, b) {
   if (!a.viewer || !b.viewer) return;
   const { linkCameras } = await viewerModule();
   linkCameras(a.viewer, b.viewer);
-}
-
-/** What plays the clips of views, in step; hidden where there are none. @param {import("./scope.js").Scope} scope @param {...ViewerBox} views @returns {HTMLElement} */
-export function clipPlayer(scope, ...views) {
-  return movingControls(scope, views);
 }
 
 /**

@@ -8,10 +8,10 @@
  * `source` and `result` are GLBs of the same triangles; `label` names the view for those who do not see it. Further
  * attributes: `poster`, a picture until they are there, which is when the element is first seen; `animation`, the clip
  * that plays then, by its name or empty for the first (it stands still where motion is unwanted); `theme`, `light` or
- * `dark` where it should not be that of the page. It fills the box that the page's CSS gives it, else it is as wide as its
+ * `dark` where it should not be that of the page; `usdz`, the result as USDZ, with which iPhones show it in the room, as
+ * Android does with the GLB. It fills the box that the page's CSS gives it, else it is as wide as its
  * place and no higher than the window, in the font and the colours of the text around it; `--viewer-background` and
- * `accent-color` change those. With `usdz`, the result as USDZ, iPhones show it in the room, and Android does with the
- * GLB. Events: `ready`, and `failed`, whose `detail` is the error.
+ * `accent-color` change those. Events: `ready`, and `failed`, whose `detail` is the error.
  */
 import { arLink } from "./ar.js";
 import { mountClips, MeshViewer } from "./viewer.js";
@@ -19,9 +19,9 @@ import { mountClips, MeshViewer } from "./viewer.js";
 const STYLE = new CSSStyleSheet();
 STYLE.replaceSync(`
   :host { display: grid; grid-template: minmax(0, 1fr) auto auto / minmax(0, 1fr); box-sizing: border-box; aspect-ratio: 4 / 3; max-block-size: 100svh; max-inline-size: 100%; accent-color: currentcolor; }
-  :host([hidden]), [hidden] { display: none; }
-  :host([theme=light]) { color-scheme: light; color: #1d1b18; }
-  :host([theme=dark]) { color-scheme: dark; color: #f0ece4; }
+  :host([hidden]), [hidden] { display: none !important; }
+  :host([theme=light]) { color-scheme: light; color: #1d1b18; background: #f5f3ee; border-radius: 12px; }
+  :host([theme=dark]) { color-scheme: dark; color: #f0ece4; background: #151412; border-radius: 12px; }
   .view { position: relative; min-height: 0; border-radius: 12px; overflow: hidden; --viewer-background: color-mix(in srgb, currentcolor 7%, transparent); --viewer-background-edge: color-mix(in srgb, currentcolor 16%, transparent); }
   .view > img { position: absolute; inset: 0; width: 100%; height: 100%; object-fit: contain; }
   .bar, .clips { display: flex; gap: 12px; align-items: center; min-height: 44px; }

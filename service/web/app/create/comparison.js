@@ -17,7 +17,6 @@ const KEY = "b";
 export class Comparison {
   // What `_view` makes.
   /** @type {HTMLElement} */ colours;
-  /** @type {HTMLButtonElement} */ turn;
 
   /** @param {import("./asset-panel.js").AssetPanel} assets @param {import("../scope.js").Scope} scope */
   constructor(assets, scope) {
@@ -60,17 +59,7 @@ export class Comparison {
     this.colours.hidden = true;
     const wires = toggle("Wireframe", (on) => [box, this.box].forEach(({ viewer }) => viewer?.setWireframe(on)));
     const picture = button("Save picture", () => orToast("No picture", async () => saveBytes(await box.picture(), "shape.png")), { icon: "camera", class: "button-quiet" });
-    this.turn = button("Save turntable", () => this._turntable(), { icon: "turn", class: "button-quiet" });
-    return h("div", { class: "row stage-tools", role: "group", "aria-label": "View" }, this.colours, wires, picture, this.turn);
-  }
-
-  async _turntable() {
-    this.turn.disabled = true;
-    await orToast("No turntable", async () => {
-      const video = await this.assets.box.turntable();
-      saveBytes(video, `turntable.${video.type.includes("mp4") ? "mp4" : "webm"}`);
-    });
-    this.turn.disabled = false;
+    return h("div", { class: "row stage-tools", role: "group", "aria-label": "View" }, this.colours, wires, picture);
   }
 
   /** @param {import("../pair-stage.js").Colour} kind */

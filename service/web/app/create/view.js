@@ -24,7 +24,7 @@ import { isAboutNegative, isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
-import { clipPlayer } from "../viewer-box.js";
+import { movingControls } from "../viewer-box.js";
 import { AssetPanel, EXAMPLES } from "./asset-panel.js";
 import { Comparison } from "./comparison.js";
 import { controlParams, isEmpty, readingOf } from "./control/model.js";
@@ -139,7 +139,7 @@ export class Workbench {
     this.strip = new ShapeStrip(scope, (shape) => this._take(shape), () => this.comparison.choices(this.strip.shapes));
     this.assets.addBelow(this.control.toolbar);
     this.assets.addBelow(this.comparison.element);
-    this.assets.addBelow(clipPlayer(scope, this.assets.box, this.comparison.box));
+    this.assets.addBelow(movingControls(scope, [this.comparison.box, this.assets.box], (ending) => `turntable.${ending}`));
     this.assets.onShown = () => {
       this.strip.begin(this.assets.asset?.print ?? "");
       this._suitParts();

@@ -28,7 +28,7 @@ export class Moves {
   /**
    * @param {Recorded} recorded
    * @param {import("../viewer-box.js").ViewerBox} box That shows the result.
-   * @param {ArrayBuffer} result
+   * @param {{seed: number, bytes: ArrayBuffer}} result Its seed, and its file.
    * @param {import("../scope.js").Scope} scope
    * @param {(label: string) => void} shown Another shape is shown: what it is, as the slider has it.
    */
@@ -44,7 +44,7 @@ export class Moves {
     /** @type {Part | null} */
     this.part = null;
     const all = recorded.members ? shapesOf(recorded.members) : [];
-    const members = all.map((member, k) => this._button(`Design ${k + 1}`, "live-member", () => this._see(null, { places: member.places }, ""), h("img", { alt: "", width: PICTURE / 2, height: PICTURE / 2 })));
+    const members = all.map((member, k) => this._button(`Design ${k + 1}`, "live-member", () => this._see(null, member.seed === result.seed ? { glb: "" } : { places: member.places }, ""), h("img", { alt: "", width: PICTURE / 2, height: PICTURE / 2 })));
     const parts = recorded.parts.map((part) => this._button(titled(part.name), "chip chip-small", () => this._see(part, part.shape, `${titled(part.name)} ${part.more}`)));
     const whole = all.length ? null : this._button("Result", "chip chip-small", () => this._see(null, { glb: "" }, ""));
     this.element = h(
@@ -53,7 +53,7 @@ export class Moves {
       members.length ? h("div", { class: "live-strip", role: "group", "aria-label": "Designs" }, members) : null,
       h("div", { class: "chips", role: "group", "aria-label": "Parts" }, whole, parts),
     );
-    this._press(members[0] ?? whole);
+    this._press(members[all.findIndex(({ seed }) => seed === result.seed)] ?? whole);
     this.drawn = this._draw(all, members, scope);
     scope.add(() => this.light?.overlay.dispose());
   }
@@ -86,7 +86,7 @@ export class Moves {
     await this.drawn;
     const { viewer } = this.box;
     if (!viewer || turn !== this.turn) return;
-    if ("glb" in shape) await viewer.setDeformed(shape.glb ? decoded(shape.glb) : this.result.slice(0), { keepCamera: true });
+    if ("glb" in shape) await viewer.setDeformed(shape.glb ? decoded(shape.glb) : this.result.bytes.slice(0), { keepCamera: true });
     else viewer.setShape("places" in shape ? shape.places : shapesOf(shape.positions)[0].places);
     if (turn !== this.turn) return;
     this.part = part;

@@ -105,14 +105,14 @@ export class ExampleView {
     if (this.scope.over) return;
     strength.row.hidden = !(await this.stage.show(bytes[0], bytes[1]));
     this._strengthen();
-    if (DEMO && !strength.row.hidden) await this._recorded(example.id, bytes[1]);
+    if (DEMO && !strength.row.hidden) await this._recorded(example, bytes[1]);
   }
 
-  /** Offer what needs a server elsewhere. @param {string} id @param {ArrayBuffer} result */
-  async _recorded(id, result) {
-    const response = await fetch(new URL(`recorded/${id}.json`, document.baseURI), { signal: this.scope.signal });
+  /** Offer what needs a server elsewhere. @param {Example} example @param {ArrayBuffer} bytes Of its result. */
+  async _recorded({ id, document: asked }, bytes) {
+    const response = await fetch(new URL(`recorded/${id}.json`, globalThis.document.baseURI), { signal: this.scope.signal });
     if (!response.ok || !this.stage || this.scope.over) return;
-    this.moves = new Moves(await response.json(), this.stage.views[1], result, this.scope, (label) => {
+    this.moves = new Moves(await response.json(), this.stage.views[1], { seed: asked.params.seed, bytes }, this.scope, (label) => {
       this.label = label;
       this._strengthen();
     });

@@ -47,7 +47,8 @@ export class ManyCard {
     const job = item.keeps(sentence) ? item.job : null;
     const failed = FAILED.includes(state);
     const failure = state === "refused" ? item.why : failed ? item.failure : null;
-    this.noun.textContent = item.noun;
+    // Those that were kept in several shapes have their words.
+    this.noun.textContent = [item.noun, sentence || !item.job ? "" : `“${item.job.prompt}”`].filter(Boolean).join(" · ");
     this.state.className = `badge badge-${state === "refused" ? "failed" : state === "changed" ? "queued" : state}`;
     const glyph = GLYPHS[state];
     this.state.hidden = state === "read";

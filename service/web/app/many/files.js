@@ -3,7 +3,7 @@
  * The assets among what was chosen or dropped: files, folders and ZIPs, each with the files that it names. Nothing is
  * sent, and nothing larger than the limits is unpacked.
  *
- * @typedef {{path: string, blob: Blob}} Found A file, where it lay.
+ * @typedef {import("../picking.js").Found} Found
  * @typedef {{path: string, asset: Asset}} Read An asset, and where it lay.
  * @typedef {{assets: Read[], left: string[]}} Sorted `left` says in sentences what was not taken.
  */
@@ -14,42 +14,10 @@ import { bytes, count, counted } from "../format.js";
 /** How much one page holds. */
 export const MOST_FILES = 100;
 export const MOST_BYTES = 1 << 29;
-/** Of folders, before anything is known of what they hold. */
-const MOST_ENTRIES = 5000;
 const HIDDEN = /(^|\/)(\.|__MACOSX\/|Thumbs\.db$)/;
 /** What refers to other files by their names. */
 const NAMING = /\.(gltf|obj|mtl)$/i;
 const LARGEST_NAMING = 1 << 26;
-
-/** What was dropped, folders with all that is in them. To be called while the event is handled. @param {DataTransfer} transfer @returns {Promise<Found[]>} */
-export async function droppedFiles(transfer) {
-  const entries = [...transfer.items].flatMap((item) => item.webkitGetAsEntry?.() ?? []);
-  if (!entries.length) return [...transfer.files].map(chosenFile);
-  /** @type {Found[]} */
-  const found = [];
-  for (const entry of entries) await walk(entry, found);
-  return found;
-}
-
-/** @param {File} file Of an input, of files or of a folder. @returns {Found} */
-export function chosenFile(file) {
-  return { path: file.webkitRelativePath || file.name, blob: file };
-}
-
-/** @param {any} entry Of a file system. @param {Found[]} found */
-async function walk(entry, found) {
-  if (found.length >= MOST_ENTRIES) return;
-  const path = entry.fullPath.replace(/^\//, "");
-  if (entry.isFile) found.push({ path, blob: await new Promise((resolve, reject) => entry.file(resolve, reject)) });
-  if (!entry.isDirectory) return;
-  const reader = entry.createReader();
-  // A reader gives a folder in pieces, the last of which is empty.
-  for (;;) {
-    const inside = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
-    if (!inside.length) return;
-    for (const each of inside) await walk(each, found);
-  }
-}
 
 /** @param {Found[]} given @param {Read[]} [known] Those that there are already. @returns {Promise<Sorted>} */
 export async function sorted(given, known = []) {

@@ -97,7 +97,7 @@ export function tally(items, sentence) {
   /** @type {Map<string, number>} */
   const counts = new Map();
   for (const item of items) {
-    const words = item.state(sentence) === "read" ? (item.sample ? "a sample" : "read") : item.words(sentence).replace("…", "").toLowerCase();
+    const words = item.state(sentence) === "read" ? (item.sample ? "samples" : "read") : item.words(sentence).replace("…", "").toLowerCase();
     counts.set(words, (counts.get(words) ?? 0) + 1);
   }
   return [...counts].map(([words, number]) => `${number} ${words}`).join(", ");

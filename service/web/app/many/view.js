@@ -11,19 +11,21 @@ import { button, fill, h, icon } from "../dom.js";
 import { bytes, counted } from "../format.js";
 import { isTerminal } from "../history.js";
 import { saveBytes } from "../job/files.js";
-import { fileInput, takeDrops } from "../picking.js";
+import { chosenFile, droppedFiles, fileInput, takeDrops, takeHandedMany } from "../picking.js";
 import { orToast, problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { SAMPLES } from "../samples.js";
 import { debounced } from "../scope.js";
 import { ManyCard } from "./card.js";
 import { lookCloser } from "./closer.js";
-import { archiveOf, chosenFile, droppedFiles, sorted } from "./files.js";
+import { archiveOf, MOST_FILES, sorted } from "./files.js";
 import { csvRow, Item, resultNames, tally } from "./item.js";
 import { ManyWork } from "./work.js";
 
 const PAUSE_MS = 600;
 const POLL_MS = 1500;
+/** Cards of a group, whose files may have been kept in several shapes. */
+const MOST_SHOWN = 4 * MOST_FILES;
 const IDEAS = ["20 % taller", "bigger head", "longer legs", "a chair"];
 
 export class ManyView {
@@ -55,8 +57,10 @@ export class ManyView {
     const changed = debounced(() => this._say(this.field.value), PAUSE_MS, scope);
     this.field.addEventListener("input", changed);
     fill(root, intro("Many files,", "one sentence", "Drop a folder: each asset is read for what it is, and all become what you say."), kindsNav("many"), this._panel(), this.problem, this.wall);
-    takeDrops(scope, root, (_files, _target, transfer) => transfer && this._dropped(transfer));
-    void (group ? this._restore() : this._samples());
+    takeDrops(scope, root, (_files, _target, transfer) => this._dropped(droppedFiles(transfer)));
+    const handed = takeHandedMany();
+    if (handed) void this._dropped(handed);
+    else void (group ? this._restore() : this._samples());
   }
 
   _panel() {
@@ -88,7 +92,10 @@ export class ManyView {
   /** Hang the jobs of the group again. */
   async _restore() {
     try {
-      const jobs = await this._jobs();
+      const jobs = [];
+      for await (const job of client.jobs({ limit: 200, metadata: { group: this.group }, signal: this.scope.signal })) {
+        if (jobs.push(job) === MOST_SHOWN) break;
+      }
       if (this.scope.over) return;
       if (!jobs.length) fill(this.problem, h("p", { class: "lead" }, "Nothing is kept here any more."));
       this.field.value = this.sentence = new Set(jobs.map(({ prompt }) => prompt)).size === 1 ? jobs[0].prompt : "";
@@ -99,17 +106,17 @@ export class ManyView {
     }
   }
 
-  /** @returns {Promise<any[]>} those of the group, newest first */
+  /** @returns {Promise<any[]>} the newest of the group: those that run are among them */
   async _jobs() {
     return (await client.jobPage({ limit: 200, metadata: { group: this.group }, signal: this.scope.signal })).jobs;
   }
 
-  /** @param {DataTransfer} transfer */
-  async _dropped(transfer) {
-    await orToast("Not read", async () => this._take(await droppedFiles(transfer)));
+  /** @param {Promise<import("../picking.js").Found[]>} files */
+  _dropped(files) {
+    return orToast("Not read", async () => this._take(await files));
   }
 
-  /** @param {import("./files.js").Found[]} found */
+  /** @param {import("../picking.js").Found[]} found */
   async _take(found) {
     if (!found.length) return;
     fill(this.left, "Looking at the files…");
