@@ -98,7 +98,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     other = finished[:-4] + "0000"  # the same job under another name
     page.route(f"**/{other}**", lambda route: route.continue_(url=route.request.url.replace(other, finished)))
     page.goto(f"/#/compare/{finished}/{other}")
-    page.get_by_role("group", name="Compare").get_by_label("Side by side").wait_for(state="attached")
+    page.locator(".verdict p").first.wait_for()
     yield "comparison"
 
 
