@@ -2,6 +2,7 @@
 /** Saves the shape that is shown: the file of a job in every format that the server makes, or the shape itself where no job has it yet. */
 import { client } from "../client.js";
 import { button, h } from "../dom.js";
+import { currentLink } from "../key.js";
 import { download, downloadMade, saveBytes } from "../job/files.js";
 import { artifactName, shapeName } from "../names.js";
 import { orToast } from "../problem-box.js";
@@ -39,7 +40,7 @@ export class Downloads {
     this.element.hidden = !shown;
     // The other formats are made of a result as it is stored.
     const whole = Boolean(shown?.result && shown.share === 1);
-    this.format.hidden = !whole;
+    this.format.hidden = !whole || currentLink() !== ""; // who came by a link has nothing made
     if (!whole) this.format.value = FORMATS[0][0];
     this.button.classList.toggle("button-primary", whole);
   }

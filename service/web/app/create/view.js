@@ -97,8 +97,9 @@ export class Workbench {
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     /** What the form asks for where it asks for the job that is shown, as `shapeKey` has it. */
     this.jobKey = "";
-    /** And the strength that it had. */
+    /** And the strength that it had, and all of it. */
     this.jobStrength = 1;
+    this.jobWish = /** @type {any} */ (null);
     /** Shapes that the job has, and those of other versions. */
     this.offered = { steps: /** @type {number[]} */ ([]), finished: false, lastStep: 0 };
     /** @type {Shape[]} */
@@ -318,6 +319,7 @@ export class Workbench {
   _isOf(key) {
     this.jobKey = key;
     this.jobStrength = this.settings.strength.share;
+    this.jobWish = this._wish();
   }
 
   // The job that is shown.
@@ -380,6 +382,7 @@ export class Workbench {
       strength: name === "" ? this.jobStrength : 1,
       tag: label,
       picture: known?.picture,
+      wish: newest ? this.jobWish : null,
       stored: { path, name, step: name.startsWith("step") ? step : null },
     };
   }
@@ -395,7 +398,7 @@ export class Workbench {
 
   /** Whether the form asks for the job that is shown, and not for another one. */
   get _isJob() {
-    return this.panel !== null && this.jobKey !== "" && this._key() === this.jobKey && this.start === null;
+    return this.panel !== null && this.jobKey !== "" && (this.shared || (this._key() === this.jobKey && this.start === null));
   }
 
   // What is shown.
@@ -412,17 +415,11 @@ export class Workbench {
   /** Go back to a shape. @param {Shape} shape */
   async _take(shape) {
     if (shape.href) return void (location.hash = shape.href);
-    if (shape.stored && shape.key !== this.jobKey) {
-      this._startFrom(shape.stored.step);
-      return this.live.look(shape);
-    }
-    this._startFrom(null);
+    this._startFrom(shape.stored?.step ?? null);
+    if (!shape.wish || shape.key === this.live.key) return this.live.look(shape);
     this.live.know(shape);
-    const wish = shape.wish ?? null;
-    if (wish && !(shape.key === this.live.key && this.live.settled)) {
-      this._restore(wish, this.guide.parts);
-      this._changed();
-    } else await this.live.look(shape);
+    this._restore(shape.wish, this.guide.parts);
+    this._changed();
   }
 
   /** Let the next job start from a step of the one that is shown. @param {number | null} step */
