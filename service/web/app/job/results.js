@@ -42,6 +42,9 @@ const FILES = /** @type {Record<string, string>} */ ({
   "preview.png": "Before and after from four sides",
 });
 
+/** What a job of another kind began with. */
+const SOURCES = /** @type {Record<string, string>} */ ({ family_fit: "The collection", family_synthesize: "The family" });
+
 /** What files of the same name are for other kinds of job. */
 const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
   family_fit: { "preview.png": "The assets, coloured by part" },
@@ -84,7 +87,7 @@ export function filesPanel(job, artifacts, scope) {
     { class: "files" },
     sorted.map(row),
     mayMake ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
-    line(filename, `The ${job.kind === "family_fit" ? "collection" : "asset"} as ${shared ? "it was sent" : "you sent it"} · ${bytes(size)}`, button(`Download ${filename}`, () => download(`v1/jobs/${job.id}/asset`, filename, size, false, scope), { icon: "download", quiet: true })),
+    line(filename, `${SOURCES[job.kind] ?? "The asset"} as ${shared ? "it was sent" : "you sent it"} · ${bytes(size)}`, button(`Download ${filename}`, () => download(`v1/jobs/${job.id}/asset`, filename, size, false, scope), { icon: "download", quiet: true })),
     mayMake ? line("Other files", "Levels of detail, clothes, props that lie where the asset does", others, button("Deform other files alike", () => others.click(), { icon: "spark", quiet: true })) : null,
   );
   return panel("files-title", "Files", list);
