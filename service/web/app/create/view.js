@@ -532,8 +532,11 @@ export class Workbench {
     const strength = this.settings.strength.share;
     const there = asset && asset === shown && this.begun;
     const [goal, seed] = this.shared ? [this.panel?.job.id, 0] : JSON.parse(this._key());
-    const waits = this._isJob && this.panel !== null && this.panel.state !== "succeeded" && !isTerminal(this.panel.state);
+    // The shape of the job comes with its events; one that failed is made anew.
+    const state = this._isJob ? (this.panel?.state ?? "") : "";
+    const waits = this._isJob && (state === "succeeded" || !isTerminal(state));
     this.live.suit({ goal: there && !this._aimless(this._wish()) ? goal : "", seed, strength, possible: !waits && this._possible() });
+    if (state === "succeeded" && there && !this.live.shape) this.assets.box.say("Loading the shape…", "", "", true);
   }
 
   /** Whether a shape can be made before a job runs. */
