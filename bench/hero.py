@@ -30,10 +30,11 @@ def painted_animal(cells: int = 22) -> bytes:
     mesh = quadruped(cells)
     verts, faces = mesh.verts, mesh.faces
     normals = trimesh.Trimesh(verts, faces, process=False).vertex_normals
-    return build_glb(verts, faces, normals=normals, colors=_colors(verts))
+    return build_glb(verts, faces, normals=normals, colors=coat(verts))
 
 
-def _colors(verts: NDArray[np.float64]) -> NDArray[np.float32]:
+def coat(verts: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return linear colours (V, 3) float32 of patches, hooves and a muzzle."""
     centres = np.random.default_rng(3).uniform(verts.min(0), verts.max(0), (420, 3))
     nearest = np.sort(np.linalg.norm(verts[:, None] - centres, axis=2), axis=1)[:, :2]
     # Between two cells the coat shows; the wider the gap, the nearer both centres are.

@@ -20,7 +20,7 @@ from meshdeform.requests.groups import PLACES
 __all__ = ["EXPECTED", "ROOM", "counts"]
 
 ROOT = Path(__file__).resolve().parents[1]
-_GENERATED_PAGES = ("docs/nouns.md", "docs/parameters.md")
+_GENERATED_PAGES = ("docs/extensions.md", "docs/nouns.md", "docs/parameters.md")
 _GENERATED_PARTS = re.compile(r"^<!-- from .*?^<!-- until here -->$", re.DOTALL | re.MULTILINE)
 """What `docs/generate.py` writes into pages that people write."""
 EXPECTED = Path(__file__).with_suffix(".json")

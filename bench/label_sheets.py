@@ -1,8 +1,7 @@
 """Draw meshes coloured by the parts of their faces, with the names of the colours; sheets of such pictures.
 
 ``python -m bench.label_sheets FOLDER [NOUN ...]`` draws members of the families, two of each noun, and one for each
-pose that the noun has; with ``--plain`` twelve of each noun, of all its kinds in turn, in one colour and without a
-title, to see whether they are recognised.
+pose that the noun has.
 """
 
 from __future__ import annotations
@@ -20,13 +19,11 @@ from meshdeform.nouns.families import FAMILIES
 from meshdeform.nouns.forms import drawn
 from meshdeform.nouns.labels import LabelledMember, labelled_member
 from meshdeform.nouns.poses import POSES, posed
-from meshdeform.reading.banks import candidate_member
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.visibility import nearest_faces
 from meshdeform.vocabulary.solids import PART_NAMES
 
 SIDE = 190
-_TWELVE = 12
 AZIMUTHS = (35.0, 215.0)
 _FIXED = {
     "body": (200, 200, 200), "leg": (70, 120, 230), "head": (240, 200, 60), "ear": (220, 50, 50),
@@ -106,15 +103,5 @@ def main(folder: Path, nouns: Sequence[str]) -> None:
         sheet(images[first : first + 24]).save(folder / f"members-{first // 24:02}.png")
 
 
-def plain(folder: Path, nouns: Sequence[str]) -> None:
-    """Write a sheet of twelve members for each noun into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for noun in nouns:
-        members = [candidate_member(noun, number, ()) for number in range(_TWELVE)]
-        images = [picture(one.verts, one.faces, [""] * len(one.faces)) for one in members]
-        sheet(images).save(folder / f"{noun}.png")
-
-
 if __name__ == "__main__":
-    words = [word for word in sys.argv[1:] if word != "--plain"]
-    (plain if "--plain" in sys.argv else main)(Path(words[0]), words[1:] or list(FAMILIES))
+    main(Path(sys.argv[1]), sys.argv[2:] or list(FAMILIES))

@@ -6,7 +6,8 @@
 
 Plain processes: two APIs, two workers with the default lease of 30 s (`--chaos`: 5 s), PostgreSQL behind PgBouncer,
 Redis, and an S3 server behind a proxy that fails on demand. Jobs are posted over HTTP before the fault and during it,
-each with an `Idempotency-Key`, and again until it is accepted. Then every job must have ended once, with the result of
+each with an `Idempotency-Key`, and again until it is accepted; one in ten names its file by a URL of a slow host, and
+may fail with `asset_not_fetched`. Then every other job must have ended once, with the result of
 an undisturbed run (`Cluster.check`), and the record has no other. A row has the accepted jobs, those that ended so,
 those lost (not ended, failed, or with another result) and twice (a second job of a key, or a second end), those that
 took more than one attempt, the seconds from the end of the fault to the last job's end, and the slowest answer of
@@ -32,6 +33,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from datetime import UTC, datetime
 from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import httpx
@@ -54,6 +56,8 @@ Fault = Callable[[], AbstractContextManager[object]]
 WORKERS, APIS = ["one", "two"], ("api", "api2")
 PATIENCE_S, BACKLOG, LONG = 240.0, 40, 500
 POSTGRES = {"max_connections": "60", "superuser_reserved_connections": "0", "max_wal_size": "64MB"}
+_FETCHED = 10
+"""Of so many jobs, one names its file by a URL of a slow host."""
 REAL = {"preset": "preview", "steps": 2, "checkpoint_every_steps": 1, "seed": 7}
 TERMINATE = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = 'service'"
 
@@ -61,7 +65,7 @@ TERMINATE = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datnam
 class Deployment(Cluster):
     """A cluster with two APIs, whose jobs are sums or, if there is an `expected` hash, small runs of the product."""
 
-    real, expected, ports = False, "", (0, 0)
+    real, expected, ports, slow_host = False, "", (0, 0), ""
 
     def start_apis(self) -> None:
         """Start both, where they do not run."""
@@ -118,9 +122,10 @@ class Outages:
         os.environ.update(server.settings() | behind)  # this process looks into the store as well
         self.redis = stack.enter_context(running_redis(base))
         url = f"postgresql://meshdeform@127.0.0.1:{self.bouncer.port}/service"
-        more = {"storage_url": "s3://outages/some/prefix", "environment": settings}
+        environment = {"MESHDEFORM_FETCH_NETWORKS": "127.0.0.0/8", **settings}
+        more = {"storage_url": "s3://outages/some/prefix", "environment": environment}
         self.cluster = Deployment(base, self.redis, database_url=url, **more)
-        self.cluster.real = real
+        self.cluster.real, self.cluster.slow_host = real, stack.enter_context(slow_host())
         stack.callback(self.cluster.clean_up)
         self.start_parts()
         self.faults: dict[str, Fault] = {
@@ -274,6 +279,34 @@ class Outages:
             self.cluster.parts[name].child().kill()
 
 
+class _SlowHost(BaseHTTPRequestHandler):
+    """Sends the sphere after up to ten seconds."""
+
+    def do_GET(self) -> None:
+        time.sleep(random.uniform(0.0, 10.0))
+        data = SPHERE.read_bytes()
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        with contextlib.suppress(OSError):
+            self.wfile.write(data)
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@contextmanager
+def slow_host() -> Iterator[str]:
+    """A URL of a slow host, while the block runs."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _SlowHost)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{server.server_address[1]}/sphere.glb"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
 class Jobs:
     """Jobs that were posted, with the steps of each, and what the APIs answered beside 202."""
 
@@ -281,7 +314,8 @@ class Jobs:
         self._cluster, self._choose = cluster, random.Random(label)
         self._label = f"{re.sub('[^a-z]+', '-', label.lower())}-{time.time_ns()}"
         self.steps, self.answers, self.complaints = dict[str, int](), Counter[str](), list[str]()
-        self.ended = self.lost = self.twice = self.again = 0
+        self.fetched = set[str]()  # jobs whose file comes from a slow host
+        self.ended = self.lost = self.twice = self.again = self.not_fetched = 0
         self.last_end = datetime.min.replace(tzinfo=UTC)
 
     def post(self, number: int, steps: int) -> str:
@@ -292,8 +326,13 @@ class Jobs:
 
         def accepted() -> str | None:
             url = f"http://127.0.0.1:{self._cluster.ports[next(turns) % 2]}/v1/jobs"
-            files, headers = {"asset": ("sphere.glb", SPHERE.read_bytes())}, {"Idempotency-Key": key}
-            answer = httpx.post(url, files=files, data={"request": json.dumps(request)}, headers=headers, timeout=60.0)
+            headers = {"Idempotency-Key": key}
+            if number % _FETCHED == _FETCHED - 1:
+                named = {**request, "asset": {"url": self._cluster.slow_host}}
+                answer = httpx.post(url, json=named, headers=headers, timeout=60.0)
+            else:
+                files = {"asset": ("sphere.glb", SPHERE.read_bytes()), "request": (None, json.dumps(request))}
+                answer = httpx.post(url, files=files, headers=headers, timeout=60.0)
             if answer.status_code in (200, 202):
                 return str(answer.json()["id"])
             assert answer.status_code in (409, 429) or answer.is_server_error, answer.text
@@ -303,6 +342,8 @@ class Jobs:
 
         job_id = until("a job is accepted", accepted, deadline_s=PATIENCE_S)
         self.steps[job_id] = steps
+        if number % _FETCHED == _FETCHED - 1:
+            self.fetched.add(job_id)
         return job_id
 
     def post_many(self, numbers: range, every_s: float = 0.0) -> None:
@@ -327,6 +368,10 @@ class Jobs:
             self.twice += len(ends) > 1
             try:
                 assert ends, "not over"
+                job = self._cluster.job(job_id)
+                if job_id in self.fetched and job.error is not None and job.error.code == "asset_not_fetched":
+                    self.not_fetched += 1  # as is said of a server that dies meanwhile
+                    continue
                 job = self._cluster.check(job_id, steps=steps)
             except (AssertionError, MeshdeformError) as error:
                 self.lost += 1
@@ -417,6 +462,7 @@ def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float])
         f"seed {seed}: {sum(faults.faults.values())} faults in {time.monotonic() - start:.0f} s {dict(faults.faults)}"
     )
     print(f"jobs {len(jobs.steps)}, ended {jobs.ended}, lost {jobs.lost}, twice {jobs.twice}, again {jobs.again}")
+    print(f"of {len(jobs.fetched)} from a slow host, {jobs.not_fetched} not fetched")
     print(f"answers beside 202: {dict(jobs.answers)}", *jobs.complaints, sep="\n    ")
     return not jobs.lost and not jobs.twice
 

@@ -66,6 +66,11 @@ EXAMPLES = (
         0,
         {"regions": [{"box": {"min": [-1, -1, -1], "max": [1, -0.6, 1]}, "action": "keep"}]},
     ),
+    Example("walker", "walker.glb", "Animal that walks", "longer legs", 0),
+    Example("car", "car.glb", "Car", "30 % longer", 0),
+    Example("teapot", "teapot.glb", "Teapot", "longer spout", 0),
+    Example("robot", "robot.glb", "Robot", "bigger head", 0),
+    Example("horse", "horse.glb", "Horse", "longer neck", 0),
 )
 
 

@@ -3,6 +3,7 @@
     python -m bench.record_load                          SQLite
     python -m bench.record_load --database postgresql
     python -m bench.record_load --database postgresql --jobs 1000000
+    python -m bench.record_load --database postgresql --queued 100      as many wait
 
 Prints for each question its statements, its duration with a hundred thousand jobs (`--jobs`) relative to that with a
 thousand in the same run, and the tables and indices that a statement's plan reads from end to end, or until it has
@@ -52,11 +53,11 @@ def stored_files(name: str = "a") -> dict[str, StoredFile]:
     return {"asset": StoredFile(key=f"assets/{name}", filename="a.glb", size=1, sha256="a" * 64)}
 
 
-def fill(record: JobRecord, count: int) -> None:
-    """Write jobs as copies of one, 1 in 100 queued and the others over, each with a label and a file of its own."""
+def fill(record: JobRecord, count: int, queued: int) -> None:
+    """Write jobs as copies of one, so many in 100 queued, the others over, each with a label and a file of its own."""
     record.create(NewJob(_REQUEST, stored_files("first"), owner_id="owner-0"))
     for first in range(0, count, _AT_ONCE):
-        _fill(record, first, min(first + _AT_ONCE, count))
+        _fill(record, first, min(first + _AT_ONCE, count), queued)
     if not record.database.is_sqlite:
         # As the server does by itself after a while; SQLite never does.
         engine = sa.create_engine(
@@ -67,12 +68,12 @@ def fill(record: JobRecord, count: int) -> None:
         engine.dispose()
 
 
-def _fill(record: JobRecord, start: int, end: int) -> None:
+def _fill(record: JobRecord, start: int, end: int, share: int) -> None:
     numbers = sa.select(sa.literal(start).label("n")).cte("numbers", recursive=True)
     numbers = numbers.union_all(sa.select(numbers.c.n + 1).where(numbers.c.n < end - 1))
     n, now, later = numbers.c.n, record.database.now(), record.database.now(86_400.0)
     text = sa.cast(n + _FIRST, sa.String)
-    queued = n % 100 == 1
+    queued = n % 100 < share
     first, first_id = jobs.alias("first"), sa.select(sa.func.max(jobs.c.id)).scalar_subquery()
     changed: dict[str, Any] = {
         "id": sa.literal(_PREFIX) + text,
@@ -203,6 +204,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--database", choices=["sqlite", "postgresql"], default="sqlite")
     parser.add_argument("--jobs", type=int, default=LARGE)
+    parser.add_argument("--queued", type=int, default=1, metavar="PERCENT", help="of the jobs; the others are over")
     options = parser.parse_args()
     with contextlib.ExitStack() as cleanup:
         base = Path(cleanup.enter_context(tempfile.TemporaryDirectory(prefix="meshdeform-record-", dir="/tmp")))
@@ -218,7 +220,7 @@ def main() -> None:
                 url = server.url
             record = JobRecord(url)
             cleanup.callback(record.close)
-            fill(record, count)
+            fill(record, count, options.queued)
             records.append(record)
         ask(*records)
 

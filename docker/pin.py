@@ -14,7 +14,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-EXTRAS = ("service", "worker", "sd", "otel")
+EXTRAS = ("service", "worker", "sd", "otel", "usd")
 HERE = Path(__file__).resolve().parent
 HEAD = """\
 # What the images install, to the version; `python docker/pin.py` writes this file from a tested environment.

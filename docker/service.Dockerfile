@@ -14,7 +14,7 @@ COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY meshdeform meshdeform
 COPY service service
 COPY worker worker
-RUN pip install --constraint docker/constraints.txt ".[service,otel]"
+RUN pip install --constraint docker/constraints.txt ".[service,otel,usd]"
 
 FROM python:3.11.14-slim-bookworm
 # The same user id in both images: the API and the workers may share a folder of stored objects.

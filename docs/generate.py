@@ -1,6 +1,6 @@
 """Writes what of the documentation is made from the code: `python docs/generate.py`. A test compares.
 
-* docs/parameters.md, from the models of a request;
+* docs/parameters.md, from the models of a request, and docs/extensions.md, from the rules for extensions;
 * parts of pages, between two comments: the settings in docs/configuration.md, the codes in docs/errors.md, the methods
   in docs/client.md, the commands and exit codes in docs/cli.md, the routes, and the files of each kind of job, in
   docs/http.md, tables in docs/plain.md and docs/sketch.md, and the layout of a file in docs/surface_fit.md.
@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # a script finds its own folder only
 
-from docs.generation import client, commands, errors, kinds, parameters, routes, settings, tables  # noqa: E402
+from docs.generation import client, commands, errors, extensions, kinds, parameters, routes, settings, tables  # noqa: E402
 
 __all__ = ["pages"]
 
@@ -24,7 +24,7 @@ __all__ = ["pages"]
 def pages() -> dict[Path, str]:
     """Return what each generated page should hold now."""
     folder = ROOT / "docs"
-    found = {folder / "parameters.md": parameters.page()}
+    found = {folder / "parameters.md": parameters.page(), folder / "extensions.md": extensions.page()}
     for name, renewals in _RENEWED.items():
         text = (folder / name).read_text(encoding="utf-8")
         for renew in renewals:

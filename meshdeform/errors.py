@@ -48,6 +48,7 @@
     ├── WorkerLostError                500  worker_lost            every attempt's worker died
     ├── DeviceMemoryError              500  gpu_oom                the device's memory is too small for the job
     ├── RunTimeError                   500  run_time_exceeded      the job ran for longer than it may
+    ├── RecordVersionError             500  record_version         a record that this version cannot use
     ├── UnavailableError               503  unavailable            Redis, the record or the store does not respond
     └── DependencyError                501  dependency_missing     an optional package or program is not installed
 
@@ -93,6 +94,7 @@ __all__ = [
     "PartNotFoundError",
     "PromptError",
     "RangeError",
+    "RecordVersionError",
     "RequestError",
     "RequestTimeoutError",
     "RunTimeError",
@@ -539,9 +541,16 @@ class RunTimeError(MeshdeformError):
 
     code = "run_time_exceeded"
     advice = (
-        "Retry the job: it goes on from there and may run for as long again. Or post it with fewer steps, or with a "
-        "larger `max_run_s`; the service's operator can raise MESHDEFORM_MAX_RUN_S."
+        "Retry the job: it goes on from its last checkpoint and may run for as long again, or for the `max_run_s` that "
+        "the retry names. Or post it with fewer steps; the service's operator can raise MESHDEFORM_MAX_RUN_S."
     )
+
+
+class RecordVersionError(MeshdeformError):
+    """The record was written by a version of Meshdeform whose records this one cannot use."""
+
+    code = "record_version"
+    advice = "Install the version that wrote it: nothing was changed."
 
 
 class UnavailableError(MeshdeformError):

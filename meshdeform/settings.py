@@ -8,6 +8,7 @@ from __future__ import annotations
 import ipaddress
 import json
 import os
+import re
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -39,6 +40,15 @@ def _check_networks(blocks: list[str]) -> list[str]:
     return blocks
 
 
+def _check_origins(origins: list[str]) -> list[str]:
+    for origin in origins:
+        if origin != "*" and not _ORIGIN.fullmatch(origin):
+            raise ValueError(f"{origin!r} is not an origin; write origins such as https://app.example, or * for all")
+    return origins
+
+
+_ORIGIN = re.compile(r"https?://(?:\[[0-9a-f:]+\]|[a-z0-9._-]+)(?::[0-9]{1,5})?")
+"""As browsers write them: in lower case, without a path."""
 _Texts = Annotated[list[str], NoDecode, BeforeValidator(_split)]
 _Networks = Annotated[_Texts, AfterValidator(_check_networks)]
 
@@ -153,6 +163,12 @@ class Settings(BaseSettings):
     allowed_hosts: _Texts = Field(
         default_factory=list,
         description="Host names, separated by commas, by which web pages may use a service on loopback without a key.",
+    )
+    cors_origins: Annotated[_Texts, AfterValidator(_check_origins)] = Field(
+        default_factory=list,
+        description="Origins, separated by commas, whose web pages may use the API from the browser (CORS): "
+        "`https://app.example`. `*`: all, only with MESHDEFORM_AUTH=off. Signed URLs are open to pages of every "
+        "origin.",
     )
     trusted_proxies: _Networks = Field(
         default_factory=list,

@@ -9,8 +9,11 @@ import argparse
 import logging
 import signal
 import socket
+import sys
 from collections.abc import Sequence
 
+from meshdeform.errors import RecordVersionError
+from meshdeform.serving.processes import FOREIGN_RECORD
 from meshdeform.settings import Settings
 from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
 from meshdeform.support.threads import collection_paused, limit_heaps
@@ -27,10 +30,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     limit_heaps()
     import uvicorn
 
+    from meshdeform.record.database import check_version
     from meshdeform.serving.connections import http_options, raise_open_files
 
     settings = Settings()  # the parent has checked them
     configure_logging(settings)
+    try:
+        check_version(settings.resolved_database_url)
+    except RecordVersionError as error:
+        print(error.detail, error.advice_text, file=sys.stderr)
+        sys.exit(FOREIGN_RECORD)
     logged = settings.log_format == "json" if options.access_log is None else options.access_log
     if not logged:
         logging.getLogger(ACCESS_LOG).setLevel(logging.WARNING)

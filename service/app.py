@@ -13,6 +13,7 @@ from fastapi import FastAPI
 from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.record.reconciler import Reconciler
+from meshdeform.serving.access import check_origins
 from meshdeform.settings import Settings
 from meshdeform.support.telemetry import start_tracing, stop_tracing
 from meshdeform.support.threads import return_freed_memory
@@ -24,8 +25,10 @@ from service.events.waiting import on_termination
 from service.http.auth import Gate
 from service.http.errors import add_error_handlers, problem_responses
 from service.http.middleware import RequestFrame, TracingMiddleware
+from service.http.origins import CrossOrigin, HeadAsGet
 from service.jobs import creation_routes, preview_routes
 from service.jobs import routes as job_routes
+from service.jobs.arrivals import give_up_late
 from service.operations import routes as operation_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
@@ -60,6 +63,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.webhooks.include_router(webhook_routes.messages)
     app.state.settings = settings
     app.state.metrics = Metrics()
+    app.add_middleware(HeadAsGet, router=app.router)
     app.add_middleware(TracingMiddleware)
     app.add_middleware(MetricsMiddleware, metrics=app.state.metrics)
     refusals = problem_responses(UnauthorizedError, LimitError)
@@ -87,14 +91,15 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 
 def _put_in_frame(app: FastAPI) -> None:
-    """Put the frame outside the handler of unexpected errors, where `add_middleware` cannot put it."""
+    """Put what every answer needs outside the handler of unexpected errors, where `add_middleware` cannot put it."""
     build = app.build_middleware_stack
-    app.build_middleware_stack = lambda: RequestFrame(build())  # type: ignore[method-assign]
+    app.build_middleware_stack = lambda: RequestFrame(CrossOrigin(build(), app))  # type: ignore[method-assign]
 
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings = app.state.settings or Settings()
+    check_origins(settings)
     start_tracing("api")
     # A program that brings its own settings is more than a server.
     state = AppState.open(settings, alone=app.state.settings is None)
@@ -106,14 +111,14 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     try:
         with (
             Reconciler(
-                state.record,
+                state.background,
                 state.queue,
                 settings.max_attempts,
                 settings.lease_s,
                 store=state.store,
                 max_running=settings.max_running_jobs,
             ),
-            WebhookDelivery(state.record, settings),
+            WebhookDelivery(state.background, settings),
             on_termination(state.waiters.close),
         ):
             returning = asyncio.create_task(_return_memory(state))
@@ -122,6 +127,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
                     yield
             finally:
                 returning.cancel()
+                await give_up_late(state)
     finally:
         app.state.gate.close()
         state.close()

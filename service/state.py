@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from fastapi import Depends, Request
 from meshdeform.assets import Limits
 from meshdeform.assets.check import CheckedAssets
 from meshdeform.errors import MeshdeformError
+from meshdeform.record.database import HASTY, MAX_CONNECTIONS
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs.kept_readings import samples_in
@@ -23,7 +25,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.storage.readings import StoredReadings
 from meshdeform.webhooks.addresses import LookupPool
-from service.downloads.strengths import Strengths
+from service.downloads.variants import Variants
 from service.events.waiting import JobWaiters
 from service.http.limits import FairSlots
 from service.jobs.kept_assets import KeptAssets
@@ -33,10 +35,14 @@ from service.workspace import Workspace
 # One more than an owner may have: nobody waits for the files of one other owner.
 _CHECKS_AT_ONCE, _CHECKS_PER_OWNER, _CHECK_WAIT_S = 3, 2, 120.0
 _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
+# Of one owner so few that those of three slow ones leave room for others.
+_FETCHES_AT_ONCE, _FETCHES_PER_OWNER, _FETCH_WAIT_S = 16, 4, 120.0
 _PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
 _PREVIEWS, _PREVIEWING_OWNERS, _PREVIEWS_IDLE_S = "meshdeform.runs.preview_work", 8, 600.0
 _STORE_HEALTH_S = 2.0
+_BACKGROUND = 4
+"""Of the connections to PostgreSQL, those for the reconciler and for webhooks."""
 
 
 _Result = TypeVar("_Result")
@@ -86,13 +92,14 @@ class AppState:
     """The shared objects of the service."""
 
     settings: Settings
-    record: JobRecord
+    record: JobRecord  # for requests: it does not wait long for its database
+    background: JobRecord  # for tasks that nobody waits for
     queue: JobQueue
     store: ObjectStore
     waiters: JobWaiters
     assets: CheckedAssets
     workspace: Workspace
-    strengths: Strengths
+    variants: Variants
     readings: StoredReadings
     kept_assets: KeptAssets
     previews: WarmProcesses = field(
@@ -110,6 +117,14 @@ class AppState:
             _BODIES_AT_ONCE, _BODIES_PER_OWNER, wait_s=_BODY_WAIT_S, purpose="files are being received"
         )
     )
+    # Files that are fetched from URLs at the same time.
+    fetches: FairSlots = field(
+        default_factory=lambda: FairSlots(
+            _FETCHES_AT_ONCE, _FETCHES_PER_OWNER, wait_s=_FETCH_WAIT_S, purpose="files are being fetched"
+        )
+    )
+    # Jobs whose files are still being fetched after they were accepted.
+    late: set[asyncio.Task[None]] = field(default_factory=set)
     # What `/readyz` asks. The answer of the object store is kept, because it lists a bucket, and nobody needs a key.
     record_health: Probe = field(default_factory=Probe)
     redis_health: Probe = field(default_factory=Probe)
@@ -128,19 +143,21 @@ class AppState:
 
         `alone`: whether the process is a server and nothing else: what it needs once is then done in another one.
         """
-        record = JobRecord(settings.resolved_database_url, upgrade_elsewhere=alone)
+        url = settings.resolved_database_url
+        record = JobRecord(url, MAX_CONNECTIONS - _BACKGROUND, upgrade_elsewhere=alone, patience=HASTY)
         location, public_url = settings.resolved_storage_url, settings.storage_public_url
         store = ObjectStore(location, public_url=public_url, create=not record.files.any())
         workspace, limits = Workspace(), Limits.from_settings(settings)
         return cls(
             settings=settings,
             record=record,
+            background=JobRecord(url, _BACKGROUND),
             queue=JobQueue(settings.redis_url, settings.queue),
             store=store,
             waiters=JobWaiters(record.events.heads),
             assets=CheckedAssets(limits),
             workspace=workspace,
-            strengths=Strengths(record, store, workspace, limits),
+            variants=Variants(record, store, workspace, limits),
             readings=StoredReadings(store, samples_in(settings.cache_folder)),
             kept_assets=KeptAssets(workspace.folder / "kept"),
         )
@@ -156,6 +173,7 @@ class AppState:
         self.workspace.close()
         self.queue.close()
         self.record.close()
+        self.background.close()
 
 
 async def _app_state(request: Request) -> AppState:  # not `def`: FastAPI would call that in a thread

@@ -128,8 +128,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
-def pytest_sessionstart() -> None:
+def pytest_sessionstart(session: pytest.Session) -> None:
     """Drop the caller's settings: the tests run on the defaults, but each command and worker on one thread."""
+    shared = os.environ.get("MESHDEFORM_CACHE_DIR") if hasattr(session.config, "workerinput") else None
     for name in [name for name in os.environ if name.startswith("MESHDEFORM_")]:
         del os.environ[name]
     # More threads than free cores spend their time waiting for each other.
@@ -137,6 +138,11 @@ def pytest_sessionstart() -> None:
     # Readings of other runs say nothing about this code.
     os.environ["MESHDEFORM_CACHE_DIR"] = cache = tempfile.mkdtemp(prefix="meshdeform-cache-")
     atexit.register(shutil.rmtree, cache, ignore_errors=True)
+    # Members of nouns are drawn once for all workers: `shared` is the folder of the process that starts them.
+    nouns = Path(shared or cache, "nouns")
+    nouns.mkdir(exist_ok=True)
+    if shared:
+        Path(cache, "nouns").symlink_to(nouns)
 
 
 @pytest.fixture(autouse=True)

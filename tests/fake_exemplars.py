@@ -48,9 +48,10 @@ class FakeFit:
         *,
         labels: Index | None = None,
         cache: Path | None = None,
+        mends: bool = True,
     ) -> None:
         self.verts, self.faces, self.reading, self.wish, self.labels = verts, faces, reading, wish, labels
-        self.cache = cache
+        self.cache, self.mends = cache, mends
         self.frame = frame_of(verts, faces, reading)
         self.made.append(self)
 

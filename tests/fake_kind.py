@@ -17,8 +17,8 @@ class OutOfMemoryError(RuntimeError):
 
 
 class _FakeRun:
-    def __init__(self, total_steps: int, value: int, step: int, on_step: Callable[[int], None]) -> None:
-        self.total_steps, self.value, self._step, self._on_step = total_steps, value, step, on_step
+    def __init__(self, kind: FakeKind, total_steps: int, value: int, step: int) -> None:
+        self.total_steps, self.value, self._step, self._kind = total_steps, value, step, kind
 
     @property
     def step(self) -> int:
@@ -26,7 +26,7 @@ class _FakeRun:
 
     def __iter__(self) -> Iterator[StepReport]:
         while self._step < self.total_steps:
-            self._on_step(self._step + 1)
+            self._kind.on_step(self._step + 1)
             self._step += 1
             self.value = self.value * 3 + self._step
             yield StepReport(self._step, self.total_steps, {"total": 1.0 / self._step})
@@ -38,17 +38,20 @@ class _FakeRun:
         return ArtifactData(str(self.value).encode(), "model/gltf-binary")
 
     def finish(self) -> dict[str, ArtifactData]:
+        self._kind.on_finish()
         return {"result.glb": self.snapshot()}
 
 
 class FakeKind:
     """Starts fake runs and remembers with what input (`started`) and at which step (`started_at`).
 
-    `on_step` is called in every step before anything is changed; it may raise, cancel, or stop the worker.
+    `on_step` is called in every step before anything is changed; it may raise, cancel, or stop the worker. `on_finish`
+    is called after the last one.
     """
 
     def __init__(self) -> None:
         self.on_step: Callable[[int], None] = lambda step: None
+        self.on_finish: Callable[[], None] = lambda: None
         self.started: list[RunInput] = []
         self.started_at: list[int] = []
 
@@ -67,4 +70,4 @@ class FakeKind:
         except ValueError as error:
             raise CheckpointError("The checkpoint is torn.") from error
         self.started_at.append(state["step"])
-        return _FakeRun(params.steps or 10, state["value"], state["step"], lambda step: self.on_step(step))
+        return _FakeRun(self, params.steps or 10, state["value"], state["step"])

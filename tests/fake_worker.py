@@ -3,7 +3,8 @@
 Everything around it is real: RQ, the record, the store, leases, checkpoints, signals. ``--supervised`` is the
 supervisor of such a process. ``FAKE_STEP_S`` says how long a step takes. Words of a prompt make trouble: `fails`,
 `ooms` (in every attempt), `ooms once` (unless there is the file that ``FAKE_OOM_ONCE`` names), `hangs`,
-`freezes` (with the interpreter's lock, as compiled code may; there is then the file that ``FAKE_FROZEN`` names).
+`freezes` (with the interpreter's lock, as compiled code may; there is then the file that ``FAKE_FROZEN`` names), and
+`never ends` (after its last step).
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ class TroubledKind(FakeKind):
     def start(self, given: RunInput) -> Any:
         """Start a run that may run into trouble at its seventh step."""
         self.on_step = lambda step: self._step(step, given.request.prompt)
+        self.on_finish = lambda: time.sleep(3600.0 if "never ends" in given.request.prompt else 0.0)
         return super().start(given)
 
     def _step(self, step: int, prompt: str) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from meshdeform.errors import MeshdeformError
+from meshdeform.errors import MeshdeformError, RecordVersionError
+from meshdeform.serving.processes import FOREIGN_RECORD
 from meshdeform.settings import Settings
 from meshdeform.support.telemetry import configure_logging
 from meshdeform.support.threads import limit_waiting
@@ -18,6 +19,9 @@ def main(process_module: str = PROCESS_MODULE) -> None:
     configure_logging(settings)
     try:
         Supervisor(settings, process_module).run()
+    except RecordVersionError as error:
+        print(error.detail, error.advice_text, file=sys.stderr)
+        sys.exit(FOREIGN_RECORD)
     except MeshdeformError as error:
         sys.exit(f"{error.detail} {error.advice_text}")
 

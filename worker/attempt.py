@@ -14,6 +14,7 @@ long a step takes.
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import math
 import threading
@@ -26,16 +27,18 @@ from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
+from meshdeform import __version__
 from meshdeform.assets import Limits
 from meshdeform.errors import (
     CheckpointError,
+    DependencyError,
     MeshdeformError,
+    ModelError,
     NotFoundError,
-    RunTimeError,
     StaleAttemptError,
     UnavailableError,
 )
-from meshdeform.record.leases import USUAL, Leases, Turns, WorkerIdentity
+from meshdeform.record.leases import HANDED_BACK, HANDED_OVER, OUTAGE, USUAL, Leases, Turns, WorkerIdentity
 from meshdeform.record.models import Artifact, CheckpointRef, Job, JobError, JobState, OriginMode, Progress, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput, StartRun, StepReport
@@ -47,6 +50,7 @@ from meshdeform.storage.readings import StoredReadings
 from meshdeform.support.failpoints import failpoint
 from meshdeform.support.telemetry import bound, carried, span
 from worker.health import Pulse
+from worker.overdue import OPTIMIZING, over_time, time_limit
 
 if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
@@ -106,6 +110,7 @@ class Ended:
     """The end of an attempt, not yet recorded: its stored results, or why it failed.
 
     `step_s` are the mean seconds per step; None if no step was done. `may_pass`: another attempt may not fail so.
+    `made_by` are the versions that computed the results.
     """
 
     outcome: Outcome
@@ -113,10 +118,11 @@ class Ended:
     error: JobError | None = None
     step_s: float | None = None
     may_pass: bool = False
+    made_by: str | None = None
 
 
 class _InterruptedError(Exception):
-    """The job was canceled, or the process is stopping, during a wait."""
+    """The job was canceled, makes room for another one, or the process is stopping, during a wait."""
 
 
 class Attempt:
@@ -127,9 +133,9 @@ class Attempt:
         self._retry = Retry(self._go_on, at.retry_for_s)
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
+        self._made_by = __version__
         self._steps, self._steps_s = 0, 0.0
-        limits = [limit for limit in (job.request.max_run_s, at.settings.max_run_s) if limit]
-        self._max_run_s = min(limits, default=math.inf)
+        self._max_run_s = time_limit(job.document, at.settings.max_run_s)
         self._ends = time.monotonic() + self._max_run_s - job.ran_s
 
     def run(self) -> Ended:
@@ -151,7 +157,7 @@ class Attempt:
         with span("start"):
             run = self._run = self._start()
         failpoint("worker.started")
-        self._phase("optimizing", run)
+        self._phase(OPTIMIZING, run)
         if self._must_stop():
             return self._stopped()
         with span("optimize"):
@@ -159,7 +165,7 @@ class Attempt:
         if stopped is not None:
             return self._ended(stopped)
         self._phase("writing")
-        artifacts = run.finish()
+        artifacts = versions_told(run.finish(), self._made_by)
         failpoint("worker.finished")
         if self._watch.canceled:
             return self._ended(Outcome.CANCELED)
@@ -188,17 +194,11 @@ class Attempt:
             if stop:
                 return self._interrupted()
             if over:
-                raise self._run_time_error(report)
+                raise over_time(self._max_run_s, f"done {report.step} of {report.total_steps} steps")
             if yields and saved:
                 return Outcome.HANDED_OVER
             began = time.monotonic()
         return None
-
-    def _run_time_error(self, report: StepReport) -> RunTimeError:
-        return RunTimeError(
-            f"The job has run for the {self._max_run_s:g} s that it may run, and done {report.step} of "
-            f"{report.total_steps} steps."
-        )
 
     def _start(self) -> JobRun:
         """Start from the newest usable checkpoint, otherwise from the job's origin or its files."""
@@ -228,12 +228,13 @@ class Attempt:
             )
             return self._at.start(job_input)
 
-        for checkpoint in self._checkpoints.usable(self._retry):
+        for checkpoint, made_by in self._checkpoints.usable(self._retry):
             try:
                 run = start(checkpoint)
             except CheckpointError as error:
                 _log.warning("job %s: %s", job.id, error)
                 continue
+            self._continues(made_by)
             _log.info("job %s: resumes at step %d", job.id, run.step)
             return run
         if job.origin is None or not job.origin.key:
@@ -244,11 +245,21 @@ class Attempt:
                 raise CheckpointError(f"The checkpoint of job {job.origin.job_id} can no longer be read.")
             return start(initial=origin)
         try:
-            return start(origin)
+            run = start(origin)
         except CheckpointError as error:
             # The request is the same, so a start from the beginning gives the same result.
             _log.warning("job %s: starts from the beginning: %s", job.id, error)
             return start()
+        if origin is not None:
+            self._continues(job.origin.made_by)
+        return run
+
+    def _continues(self, made_by: str | None) -> None:
+        """Note which versions have computed what the attempt goes on from."""
+        before = [each for each in (made_by or "").split(", ") if each]
+        self._made_by = self._checkpoints.made_by = ", ".join(
+            before if before[-1:] == [__version__] else [*before, __version__]
+        )
 
     def _input(self, part: str, file: StoredFile) -> InputFile:
         """Read a file of the job and verify its SHA-256."""
@@ -272,11 +283,15 @@ class Attempt:
 
     def _go_on(self) -> None:
         self._at.pulse.beat()
-        if self._must_stop():
+        if self._must_stop() or self._watch.yields:
             raise _InterruptedError
+        if time.monotonic() >= self._ends:
+            raise over_time(self._max_run_s, f"was {self._watch.doing}")
 
     def _interrupted(self) -> Outcome:
-        return Outcome.CANCELED if self._watch.canceled else Outcome.HANDED_BACK
+        if self._watch.canceled:
+            return Outcome.CANCELED
+        return Outcome.HANDED_BACK if self._at.stopping() else Outcome.HANDED_OVER
 
     def _stopped(self) -> Ended:
         return self._ended(self._interrupted())
@@ -284,11 +299,21 @@ class Attempt:
     def _failed(self, error: Exception) -> Ended:
         if isinstance(error, MeshdeformError):
             _log.warning("job %s: failed: %s", self._job.id, error)
-            return self._ended(Outcome.FAILED, error=JobError.of(error), may_pass=error.transient)
+            return self._ended(Outcome.FAILED, error=JobError.of(error), may_pass=self._may_pass(error))
         _log.error("job %s: failed", self._job.id, exc_info=error)
         # The text of an unexpected error may contain paths of this machine, so it stays in the log.
         unknown = MeshdeformError("An unexpected error occurred in the worker; see the worker's log.")
         return self._ended(Outcome.FAILED, error=JobError.of(unknown), may_pass=True)
+
+    def _may_pass(self, error: MeshdeformError) -> bool:
+        """Return whether another attempt may not fail so: another worker may have what this one lacks."""
+        if not isinstance(error, DependencyError | ModelError):
+            return error.transient
+        leases = self._at.record.leases
+        others = self._retry.until_answered("the other workers", lambda: leases.alive(self._at.worker.queue)) > 1
+        if others:
+            leases.leave_to_others(self._job.id)
+        return others
 
     def _out_of_memory(self, error: Exception) -> Ended:
         """Save the state from before the step that ran out of memory, if possible."""
@@ -312,7 +337,7 @@ class Attempt:
         may_pass: bool = False,
     ) -> Ended:
         step_s = self._steps_s / self._steps if self._steps else None
-        return Ended(outcome, results or [], error, step_s, may_pass)
+        return Ended(outcome, results or [], error, step_s, may_pass, self._made_by if results else None)
 
 
 @dataclass(frozen=True)
@@ -395,17 +420,15 @@ class JobRunner:
             finally:
                 self.at.renew()
         elif ended.outcome in (Outcome.HANDED_BACK, Outcome.HANDED_OVER):
-            over = ended.outcome is Outcome.HANDED_OVER
-            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, handed_over=over))
+            reason = HANDED_OVER if ended.outcome is Outcome.HANDED_OVER else HANDED_BACK
+            retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, reason))
         elif ended.may_pass and ended.error is not None:
             arguments = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
             retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *arguments))
         else:
-            state, error, results, step_s = _TERMINAL[ended.outcome], ended.error, ended.results, ended.step_s
-            retry.until_answered(
-                about,
-                lambda: record.leases.finish(job.id, job.attempt, state, error, results=results, step_s=step_s),
-            )
+            finish = partial(record.leases.finish, job.id, job.attempt, _TERMINAL[ended.outcome], ended.error)
+            about_it = partial(finish, results=ended.results, step_s=ended.step_s, made_by=ended.made_by)
+            retry.until_answered(about, about_it)
 
     def _between(self) -> None:
         self.at.pulse.beat()
@@ -414,9 +437,23 @@ class JobRunner:
 
     def _leave(self, job: Job) -> None:
         try:
-            self.at.record.leases.release(job.id, job.attempt)
+            self.at.record.leases.release(job.id, job.attempt, OUTAGE)
         except MeshdeformError as error:
             _log.warning("job %s: stays claimed until its lease expires: %s", job.id, error.detail)
+
+
+def versions_told(artifacts: dict[str, ArtifactData], made_by: str) -> dict[str, ArtifactData]:
+    """Return results whose report says so if several versions computed them."""
+    report = artifacts.get("report.json")
+    if report is None or ", " not in made_by:
+        return artifacts
+    told = json.loads(report.data)
+    told["made_by"] = made_by.split(", ")
+    one_after_the_other = made_by.replace(", ", ", then ")
+    mixed = f"This was computed by Meshdeform {one_after_the_other}, and may differ from what one of them would make."
+    told["warnings"] = [*told.get("warnings", ()), mixed]
+    data = json.dumps(told, indent=2, allow_nan=False).encode()
+    return {**artifacts, "report.json": ArtifactData(data, report.content_type)}
 
 
 def _traced(job: Job) -> AbstractContextManager[None]:
@@ -485,7 +522,7 @@ class CheckpointStore:
     """The checkpoints of one attempt at a job, the newest `kept` of them, and those left by earlier attempts.
 
     The attempt is part of the keys, so that two attempts never write the same object. `step` is the newest step stored
-    by this attempt; 0 for none.
+    by this attempt; 0 for none. `made_by`: the versions that compute what it stores.
     """
 
     def __init__(self, record: JobRecord, store: ObjectStore, job: Job, kept: int) -> None:
@@ -493,15 +530,16 @@ class CheckpointStore:
         self._not_before = 0.0
         self._missed = False
         self.step = 0
+        self.made_by = __version__
 
-    def usable(self, retry: Retry) -> Iterator[bytes]:
-        """Yield the intact stored checkpoints, newest first."""
+    def usable(self, retry: Retry) -> Iterator[tuple[bytes, str | None]]:
+        """Yield the intact stored checkpoints, newest first, with the versions that computed them."""
         about = f"job {self._job.id}: the checkpoints"
         for reference in retry.until_answered(about, lambda: self._record.leases.checkpoints(self._job.id)):
             what = f"the checkpoint of step {reference.step}"
             data = self._intact(reference.key, reference.sha256, what, retry)
             if data is not None:
-                yield data
+                yield data, reference.made_by
 
     def origin(self, retry: Retry) -> bytes | None:
         """Return the checkpoint of the job's origin; None if there is none or it is damaged."""
@@ -549,7 +587,14 @@ class CheckpointStore:
         shape = self._save_mesh(run, name) if mesh else None
         failpoint("worker.checkpoint.stored")
         self._record.leases.set_checkpoint(
-            job.id, job.attempt, key=stored.key, step=step, sha256=stored.sha256, size=stored.size, mesh=shape
+            job.id,
+            job.attempt,
+            key=stored.key,
+            step=step,
+            sha256=stored.sha256,
+            size=stored.size,
+            mesh=shape,
+            made_by=self.made_by,
         )
         failpoint("worker.checkpoint.recorded")
         self.step = step
@@ -669,11 +714,12 @@ class JobWatch:
         end_s: float = 0.0,
     ) -> None:
         self._leases, self._worker, self._job, self._listen = leases, worker, job, listen
-        self._lease_s, self._turns, self._turn_ends = lease_s, turns, time.monotonic() + turns.turn_s
+        self._lease_s, self._turns, self._began = lease_s, turns, time.monotonic()
+        self._turn_s: float | None = None
         self._end_s = end_s
         self._heartbeat_every_s = min(lease_s / _HEARTBEATS_PER_LEASE, _LONGEST_HEARTBEAT_S)
         self._timer = StepTimer()
-        self._latest = self._progress(0, 0, "loading", {})
+        self._latest = self._progress(job.progress.step, job.progress.total_steps, "loading", {})
         self._published: Progress | None = None
         self._last_event: Progress | None = None
         self._last_event_at = 0.0
@@ -705,6 +751,11 @@ class JobWatch:
             at.step if step is None else step, at.total_steps if total_steps is None else total_steps, name, at.losses
         )
         self._timer.start()
+
+    @property
+    def doing(self) -> str:
+        """The phase."""
+        return self._latest.phase
 
     def step(self, report: StepReport) -> None:
         """Note a finished step. This takes microseconds: the thread publishes it."""
@@ -743,7 +794,7 @@ class JobWatch:
                 elif due:
                     # One statement for both.
                     self._attempt(lambda: self._publish(self._lease_s))
-                if due and now >= self._turn_ends and not self.yields:
+                if due and now >= self._began + self._turns.turn_s and not self.yields:
                     self._attempt(self._look_who_waits)
                 self._attempt(self._publish)
                 self._wake.wait(min(PUBLISH_EVERY_S, self._heartbeat_every_s))
@@ -779,7 +830,11 @@ class JobWatch:
         self._note(self._leases.heartbeat(self._job.id, self._job.attempt, self._lease_s, worker=worker))
 
     def _look_who_waits(self) -> None:
-        self.yields = self._leases.hand_over(self._job, self._turns)
+        if self._turn_s is None:
+            # What has no steps begins anew after a hand-over. Each turn is twice as long, so that it ends some day.
+            self._turn_s = self._turns.turn_s * 2.0 ** self._leases.fruitless(self._job)
+        if time.monotonic() >= self._began + self._turn_s:
+            self.yields = self._leases.hand_over(self._job, self._turns)
 
     def _note(self, state: JobState) -> None:
         if state is JobState.CANCELING:

@@ -1,9 +1,8 @@
 """Keep one worker process running, and the queue consistent with the record. Never imports torch.
 
 The supervisor restarts, with back-off, a worker that died of a crash, the out-of-memory killer or a signal, and kills
-one that hangs. If a worker that makes no progress does not hear that its job is canceled, as in a long call of compiled
-code, the supervisor ends the job and replaces the process. It also runs the reconciler, which takes jobs back from dead
-workers.
+one that hangs, or whose job is to end and does not (`overdue.py`). It also runs the reconciler, which takes jobs back
+from dead workers.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ import signal
 import time
 
 from meshdeform.errors import MeshdeformError, UnavailableError
-from meshdeform.record.models import JobState
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
@@ -22,6 +20,7 @@ from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, py
 from meshdeform.settings import Settings
 from meshdeform.support.failpoints import failpoint
 from worker.health import OUT_OF_MEMORY, PULSE, STOP_GRACE_S, WORKER_ID, PulseMonitor, new_worker_id, sign_of_life
+from worker.overdue import Overdue
 
 _log = logging.getLogger(__name__)
 
@@ -30,10 +29,6 @@ _TEND_EVERY_S = 0.25
 _OPEN_EVERY_S = 2.0
 _LOADING_S = 120.0
 """Minimum seconds that a process has for its imports, however short the time limit of a step is."""
-_DEAF_S, _CANCEL_GRACE_S = 1.5, 2.0
-"""Seconds without progress after which the record is asked for a cancellation, and then for the worker to obey it."""
-_ASK_EVERY_S, _ASK_AGAIN_S = 0.5, 10.0
-"""Seconds between two questions, and after one that the record did not answer."""
 _STOP = frozenset({signal.SIGINT, signal.SIGTERM})
 
 
@@ -44,8 +39,7 @@ class Supervisor:
         self._settings, self._process_module = settings, process_module
         self._worker_id = ""
         self._monitor: PulseMonitor | None = None
-        self._killed_at = self._ask_at = 0.0
-        self._canceled_at: float | None = None
+        self._killed_at = 0.0
 
     def run(self) -> None:
         """Supervise the worker until SIGINT or SIGTERM, then let it hand its job back and exit.
@@ -70,8 +64,9 @@ class Supervisor:
                     lambda: self._give_up_lease(record),
                     at_once={OUT_OF_MEMORY},
                 )
+                overdue = Overdue(record, self._settings.max_run_s or 0.0, worker.restart)
                 while not inbox.wait(_TEND_EVERY_S) & _STOP:
-                    self._look_after(worker, record)
+                    self._look_after(worker, overdue)
                     worker.supervise()
                 worker.stop(STOP_GRACE_S)
                 # The worker has handed its job back, unless it had to be killed.
@@ -104,12 +99,12 @@ class Supervisor:
         command = python_command(self._process_module)
         return Child("worker process", command, env=environment, pass_fds=[descriptor])
 
-    def _look_after(self, worker: SupervisedChild, record: JobRecord) -> None:
+    def _look_after(self, worker: SupervisedChild, overdue: Overdue) -> None:
         if self._monitor is None or worker.child.exit_code is not None:
             return
         silent_s = self._monitor.silent_s()
         self._kill_if_hung(worker, silent_s, loading=self._monitor.loading)
-        self._cancel_if_deaf(worker, record, silent_s)
+        overdue.look(self._worker_id, silent_s)
 
     def _kill_if_hung(self, worker: SupervisedChild, silent_s: float, *, loading: bool) -> None:
         limit_s = max(self._settings.step_timeout_s, _LOADING_S if loading else 0.0)
@@ -117,29 +112,6 @@ class Supervisor:
             _log.error("the worker process has made no progress for %.0f s and is killed", silent_s)
             self._killed_at = time.monotonic()
             worker.child.kill()
-
-    def _cancel_if_deaf(self, worker: SupervisedChild, record: JobRecord, silent_s: float) -> None:
-        """End the job of a worker that makes no progress, if it is to be canceled and the worker does not do it."""
-        now = time.monotonic()
-        if silent_s < _DEAF_S:
-            self._canceled_at = None
-        if silent_s < _DEAF_S or now < self._ask_at:
-            return
-        self._ask_at = now + _ASK_EVERY_S
-        try:
-            held = record.upkeep.canceling(self._worker_id)
-            if held is None:
-                self._canceled_at = None
-            elif self._canceled_at is None:
-                self._canceled_at = now
-            elif now - self._canceled_at >= _CANCEL_GRACE_S:
-                # First: the worker can write nothing more, and if it has just ended the job, it is left alone.
-                record.leases.finish(*held, JobState.CANCELED)
-                _log.warning("job %s: canceled; the worker process does not stop by itself and is replaced", held[0])
-                worker.restart()
-        except MeshdeformError as error:
-            _log.warning("a cancellation may take longer: %s", error)
-            self._ask_at = now + _ASK_AGAIN_S
 
     def _give_up_lease(self, record: JobRecord) -> None:
         """Remove the worker that just ended, so that its job is taken back before its lease expires."""

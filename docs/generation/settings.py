@@ -22,8 +22,8 @@ GROUPS: dict[str, tuple[str, str]] = {
     ),
     "Requests to other hosts": ("fetch_assets fetch_networks webhook_networks", ""),
     "Who may ask": (
-        "web auth allowed_hosts trusted_proxies requests_per_minute max_active_jobs max_priority max_stored_bytes "
-        "max_uploads max_uploads_bytes max_words max_words_bytes",
+        "web auth allowed_hosts cors_origins trusted_proxies requests_per_minute max_active_jobs max_priority "
+        "max_stored_bytes max_uploads max_uploads_bytes max_words max_words_bytes",
         "",
     ),
     "Logs": ("log_format", ""),

@@ -119,6 +119,13 @@ class JobEstimate(Document):
     run_s: float | None = Field(
         None, ge=0.0, description="Seconds from then until it finishes; null if unknown.", examples=[90.0]
     )
+    not_resumable_s: float | None = Field(
+        None,
+        ge=0.0,
+        description="Seconds of these before its first and after its last step, which begin anew when it is handed "
+        "over to another worker; null if unknown.",
+        examples=[4.5],
+    )
     basis: str = Field(description="Basis of the estimate.", examples=["20 jobs of this kind and model"])
     steps: int = Field(0, ge=0, description="Its steps; 0 of a change in plain words.", examples=[200])
 
@@ -243,7 +250,7 @@ class FoundParts(Document):
 class FileLimits(Document):
     """Limits on a file."""
 
-    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "zip"]])
+    formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "3mf", "zip"]])
     max_bytes: int = Field(description="Bytes of a request's body, and of an upload.", examples=[104857600])
     max_json_bytes: int = Field(description="Bytes of a GLB's JSON chunk.", examples=[16777216])
     max_accessor_elements: int = Field(description="Elements of one accessor.", examples=[20000000])
@@ -348,6 +355,25 @@ class LimitList(Document):
     uploads: UploadLimits = Field(description="Limits on `POST /v1/uploads`.")
     words: WordLimits | None = Field(None, description="Limits on `POST /v1/words`; null of servers without words.")
     kinds: list[KindView] = Field(description="The kinds of job.")
+
+
+class UsageMonth(Document):
+    """What was used in a month."""
+
+    month: str = Field(description="Year and month, in UTC.", examples=["2026-11"])
+    jobs: int = Field(ge=0, description="Jobs that ended, in whichever state.", examples=[120])
+    seconds: float = Field(
+        ge=0.0,
+        description="Seconds for which workers had jobs, all attempts together; an attempt counts when it ends.",
+        examples=[913.5],
+    )
+    bytes: int = Field(ge=0, description="Bytes of the artifacts that were made.", examples=[73400320])
+
+
+class UsageList(Document):
+    """What was used, by month."""
+
+    months: list[UsageMonth] = Field(description="Newest first; months without use are left out.")
 
 
 class UploadView(Document):

@@ -58,11 +58,18 @@ class ArtifactView(Document):
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
     created_at: datetime = Field(description="UTC.", examples=[_TIME])
     href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/artifacts/result.glb"])
+    warnings: list[str] = Field(
+        default_factory=list,
+        description="What its format cannot hold, and what its numbers mean, in sentences.",
+        examples=[["Without animations: 2."]],
+    )
 
     @classmethod
     def of(cls, artifact: Artifact, job_id: str) -> Self:
         """Return the document of an artifact."""
-        return cls(**artifact.model_dump(exclude={"key"}), href=f"/v1/jobs/{job_id}/artifacts/{artifact.name}")
+        described = artifact.model_dump(exclude={"key", "warnings"})
+        href = f"/v1/jobs/{job_id}/artifacts/{artifact.name}"
+        return cls(**described, href=href, warnings=artifact.warnings or [])
 
 
 class JobView(Document):
@@ -116,6 +123,12 @@ class JobView(Document):
         description="The results, sorted by name; none unless the job has succeeded.",
     )
 
+    made_by: str | None = Field(
+        None,
+        description="Version of Meshdeform that computed the results; several, in order, if a later one went on from a "
+        "checkpoint: their results may differ. Null if unknown, or there are none.",
+        examples=["0.1.0"],
+    )
     unreadable: str | None = Field(
         None,
         description="Why this server cannot read the request, so that it neither retries nor branches the job, and "
@@ -147,15 +160,20 @@ class JobView(Document):
             started_at=job.started_at,
             finished_at=job.finished_at,
             deadline_at=job.deadline_at,
-            max_run_s=job.document.get("max_run_s"),
+            max_run_s=_number(written.get("max_run_s")),
             retain_until=job.retain_until,
             retry_at=job.retry_at,
             progress=job.progress,
             artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],
+            made_by=job.made_by,
         )
 
 
 _OUTPUT = OutputOptions().model_dump(mode="json")
+
+
+def _number(value: Any) -> float | None:
+    return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def _members(document: Mapping[str, Any], name: str) -> Any:

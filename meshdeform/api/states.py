@@ -129,6 +129,9 @@ MAX_INLINE_BYTES = 32 * 2**20
 MAX_FETCH_S = 30.0
 """Longest time to fetch a file from a URL, in seconds."""
 
+FETCH_SOON_S = 5.0
+"""Seconds after which a job is accepted whose file is still being fetched."""
+
 MAX_FILENAME = 200
 """Maximum characters of a file name. Only the end of a longer name is kept."""
 

@@ -27,6 +27,8 @@ from meshdeform.errors import (
 )
 
 ZIP_MAGIC = b"PK\x03\x04"
+MODEL_3MF = "3d/3dmodel.model"
+"""What the name of the main file of a 3MF ends with, in lower case."""
 _ENDINGS = (("glb", "gltf"), ("obj",), ("ply",), ("stl",))
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
 _ENCRYPTED, _UTF8 = 0x1, 0x800
@@ -204,6 +206,9 @@ def _decoded(entry: zipfile.ZipInfo) -> str:
 
 def _main(names: list[str]) -> str:
     """Return the name of the archive's only asset; of several kinds, the one that holds the most."""
+    model = next((name for name in names if name.lower().endswith(MODEL_3MF)), None)
+    if model is not None:
+        return model
     for endings in _ENDINGS:
         candidates = [name for name in names if name.lower().rpartition(".")[2] in endings]
         if len(candidates) > 1:

@@ -16,13 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.archive import Archive, open_archive
+from meshdeform.assets.archive import MODEL_3MF, Archive, open_archive
+from meshdeform.assets.build import Converted, Up
 from meshdeform.assets.bundle import pack_gltf
+from meshdeform.assets.companions import read_companions
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC, Json
 from meshdeform.assets.corners import corner_colors, corner_weights
 from meshdeform.assets.document import Document, Usage, read_floats, read_triangles
-from meshdeform.assets.inspect import TRIANGLES, AssetSummary, asset_format, check_document, instances_of
+from meshdeform.assets.inspect import TRIANGLES, ZIPS, AssetSummary, asset_format, check_document, instances_of
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
@@ -48,6 +50,7 @@ from meshdeform.assets.writer import (
 from meshdeform.errors import AssetFormatError
 
 if TYPE_CHECKING:
+    from meshdeform.assets.pose import Pose
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
 
@@ -67,8 +70,9 @@ class Asset:
         Nodes whose meshes are no part of the surface.
     backdrop : Backdrop, optional
         Planes that make everything else small.
-    in_metres : bool
-        Whether its file, or the one in a ZIP, is a glTF: one unit is a metre then and +Y is up; others leave both open.
+    unit, up : float, str, optional
+        Metres of its unit, and the axis that points up, `y` or `z`; None where the format of its file, or of the one in
+        a ZIP, leaves that open.
     """
 
     def __init__(
@@ -79,18 +83,20 @@ class Asset:
         usage: Usage,
         excluded: frozenset[int] = frozenset(),
         *,
-        in_metres: bool = True,
+        unit: float | None = 1.0,
+        up: Up | None = "y",
     ) -> None:
         self._document = document
         self._read_summary = summary
         self.excluded = excluded
-        self.in_metres = in_metres
+        self.unit, self.up = unit, up
         self.repairs = rebuild_directions(document)
         self._source = source
         self._usage = usage
         self.surface: Surface
         self._blocks: list[Block]
         self.surface, self._blocks, self._loose = read_surface(document, excluded)
+        self._companions, unread = read_companions(document, self.surface, excluded)
         self.backdrop = find_backdrop(document, self.surface, self._blocks)
         backdrops = () if self.backdrop is None else (self.backdrop.warning,)
         parts = self.parts()
@@ -110,7 +116,7 @@ class Asset:
             triangles=len(self.surface.triangles),
             bounds=_bounds(self.surface.positions[triangles_drawn]),
             skipped=tuple(self.surface.skipped),
-            warnings=(*summary.warnings, *self.repairs.warnings, *notices),
+            warnings=(*summary.warnings, *self.repairs.warnings, *unread, *notices),
         )
 
     def to_bytes(self) -> bytes:
@@ -119,6 +125,28 @@ class Asset:
             return self._source
         document = self._document.fork()
         embed_data_uris(document)
+        return document.to_bytes()
+
+    def document(self) -> Document:
+        """Return the glTF document, to read or to edit: a copy."""
+        return self._document.fork()
+
+    def baked(self, pose: Pose | None = None) -> tuple[Document, list[str]]:
+        """Return a copy of the document in a pose, without its rig, and what is lost in sentences (`assets/bake.py`).
+
+        `pose`: None is that of the nodes. Raises ParameterError: there is no such clip, or it has no such time.
+        """
+        from meshdeform.assets.bake import bake
+
+        document = self._document.fork()
+        return document, bake(document, pose)
+
+    def packed(self, document: Document) -> bytes:
+        """Write a changed copy of the document as a GLB, without the data that became unused."""
+        from meshdeform.assets.compact import compact
+
+        embed_data_uris(document)
+        compact(document, self._usage, [])
         return document.to_bytes()
 
     def appearance(self) -> Appearance:
@@ -212,7 +240,7 @@ class Asset:
 
     def _as_repaired(self, source: Asset) -> Asset:
         """Take over what was repaired and found out when the source was read."""
-        self.repairs, self.in_metres = source.repairs, source.in_metres
+        self.repairs, self.unit, self.up = source.repairs, source.unit, source.up
         warnings = (*self.summary.warnings, *source.repairs.warnings)
         self.summary = dataclasses.replace(self.summary, format=source.summary.format, warnings=warnings)
         return self
@@ -235,16 +263,13 @@ class Asset:
         AssetError
             An attribute has another number of elements than its positions.
         """
-        from meshdeform.assets.compact import compact
         from meshdeform.assets.subdivide import subdivide
 
         document = self._document.fork()
         done = subdivide(document, max_triangles, self.excluded)
         if not done.split:
             return self, done
-        embed_data_uris(document)
-        compact(document, self._usage, [])
-        finer = load_asset(document.to_bytes(), limits=Limits.unlimited()).without(self.excluded)
+        finer = load_asset(self.packed(document), limits=Limits.unlimited()).without(self.excluded)
         return finer._as_repaired(self), done
 
     def replace(
@@ -299,7 +324,7 @@ class Asset:
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
         shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints)
         finish = Finish(self._usage if compact else None, provenance)
-        return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish)
+        return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish, self._companions)
 
     def morph(
         self,
@@ -344,22 +369,18 @@ class Asset:
         return provenance if isinstance(provenance, dict) else None
 
 
-def _unpack(archive: Archive, limits: Limits) -> tuple[bytes, str, tuple[str, ...]]:
-    """Return the asset of a ZIP, with the files that it refers to, as a GLB, its format, and notices about it."""
+def _unpack(archive: Archive, limits: Limits) -> Converted:
+    """Return the asset of a ZIP, with the files that it refers to."""
     data = archive.files[archive.main]
-    kind = asset_format(data, archive.main)
-    if kind == "zip":
+    kind = "3mf" if archive.main.lower().endswith(MODEL_3MF) else asset_format(data, archive.main)
+    if kind in ZIPS - {"3mf"}:
         raise AssetFormatError(f"{archive.main} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
     if kind in {"glb", "gltf"}:
-        return pack_gltf(archive, limits), kind, archive.notices()
+        return Converted(pack_gltf(archive, limits), archive.notices(), 1.0, "y")
     from meshdeform.assets.convert import convert_to_glb
 
-    packed, notices = convert_to_glb(data, kind, limits, archive)
-    return packed, kind, (*notices, *archive.notices())
-
-
-_METRES = frozenset(("glb", "gltf"))
-"""Formats whose unit is the metre."""
+    converted = convert_to_glb(data, kind, limits, archive)
+    return dataclasses.replace(converted, notices=(*converted.notices, *archive.notices()))
 
 
 def _bounds(corners: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
@@ -375,8 +396,8 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     Parameters
     ----------
     data : bytes
-        A GLB, a glTF JSON with embedded buffers, an OBJ, PLY or STL, or a ZIP of one of them and the files that it
-        refers to.
+        A GLB, a glTF JSON with embedded buffers, an OBJ, PLY, STL or 3MF, or a ZIP of one of them and the files that
+        it refers to.
     filename : str
         Its name. The extension decides the format where the content does not.
     limits : Limits, optional
@@ -389,21 +410,22 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     """
     limits = limits or Limits()
     limits.check_bytes(len(data))
-    kind = inner = asset_format(data, filename)
-    notices: tuple[str, ...] = ()
-    if kind == "zip":
-        data, inner, notices = _unpack(open_archive(data, limits), limits)
+    kind = asset_format(data, filename)
+    read = Converted(data, (), 1.0, "y")
+    if kind in ZIPS:
+        read = _unpack(open_archive(data, limits), limits)
     elif kind not in {"glb", "gltf"}:
         from meshdeform.assets.convert import convert_to_glb
 
-        data, notices = convert_to_glb(data, kind, limits, Archive(filename or f"asset.{kind}", {}))
+        read = convert_to_glb(data, kind, limits, Archive(filename or f"asset.{kind}", {}))
+    data = read.glb
     document = Document.parse(data, limits, glb=data.startswith(GLB_MAGIC))
     summary = check_document(document.root, document.binary_length, limits, kind)
     usage = Usage.of(document.root, document.binary_length)
     decode_meshopt(document)
     decode_draco(document)
-    summary = dataclasses.replace(summary, warnings=(*summary.warnings, *notices))
-    return Asset(document, summary, data, usage, in_metres=inner in _METRES)
+    summary = dataclasses.replace(summary, warnings=(*summary.warnings, *read.notices))
+    return Asset(document, summary, data, usage, unit=read.unit, up=read.up)
 
 
 _Rows = NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,20 @@ from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.inspect import UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.assets.materials import image_type
 
+Up = Literal["y", "z"]
+CLAMP_TO_EDGE = 33071
 _FAR = 32.0
 """Distance from the origin, in diagonals, from which 32-bit floats round a mesh by more than a 500,000th of it."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An encoded image of a material, and how it lies on the surface, in glTF's convention."""
+
+    data: bytes  # PNG or JPEG; others are left out
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+    clamp: bool = False  # whether it ends at its border in place of repeating
 
 
 @dataclass(frozen=True)
@@ -36,10 +48,23 @@ class Primitive:
     # Of the material
     metallic: float = 0.0
     roughness: float = 0.8
-    texture: bytes = b""  # the material's encoded base colour image, PNG or JPEG; others and empty ones are left out
+    texture: Picture | None = None  # of the base colour
+    normal_map: Picture | None = None
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear; above 1 with KHR_materials_emissive_strength
+    emission_texture: Picture | None = None
     polygons: tuple[tuple[int, int], ...] = ()
     """The polygons that the triangles were cut from, in their order: of how many corners, and how many of these follow
     each other. One of n corners has n - 2 triangles. Written as `extras.polygons`; empty if there are none."""
+
+
+@dataclass(frozen=True)
+class Converted:
+    """A mesh file as a GLB, in its own axes and unit."""
+
+    glb: bytes
+    notices: tuple[str, ...]  # what became of the file
+    unit: float | None = None  # metres of its unit; None if its format leaves that open
+    up: Up | None = None  # the axis that points up, in the same way
 
 
 def build_glb(
@@ -117,24 +142,52 @@ def _material(document: Document, primitive: Primitive) -> Json:
     shading: Json = {"metallicFactor": primitive.metallic, "roughnessFactor": primitive.roughness}
     if primitive.base_color is not None:
         shading["baseColorFactor"] = [float(value) for value in primitive.base_color]
-    kind = image_type(primitive.texture)
-    if kind in {"image/png", "image/jpeg"} and primitive.uvs is not None:
-        shading["baseColorTexture"] = {"index": _texture(document, primitive.texture, kind)}
     material: Json = {"name": primitive.material, "pbrMetallicRoughness": shading}
+    for holder, key, picture in (
+        (shading, "baseColorTexture", primitive.texture),
+        (material, "normalTexture", primitive.normal_map),
+        (material, "emissiveTexture", primitive.emission_texture),
+    ):
+        kind = "" if picture is None else image_type(picture.data)
+        if picture is not None and kind in {"image/png", "image/jpeg"} and primitive.uvs is not None:
+            holder[key] = _texture(document, picture, kind)
+    strength = max(primitive.emission)
+    if strength > 0.0:
+        material["emissiveFactor"] = [value / max(strength, 1.0) for value in primitive.emission]
+    if strength > 1.0:
+        _use(document, material, "KHR_materials_emissive_strength", {"emissiveStrength": strength})
     if primitive.base_color is not None and primitive.base_color[3] < 1.0:
         material["alphaMode"] = "BLEND"
     return material
 
 
-def _texture(document: Document, data: bytes, kind: str) -> int:
-    """Append an image and a texture, unless there is one of the same image; return the texture's index."""
-    images, textures = document.items("images"), document.items("textures")
-    for i, image in enumerate(images):
-        if bytes(document.view_bytes(image["bufferView"])) == data:
-            return next(t for t, texture in enumerate(textures) if texture["source"] == i)
-    images.append({"bufferView": document.append_view(data), "mimeType": kind})
-    textures.append({"source": len(images) - 1})
-    return len(textures) - 1
+def _texture(document: Document, picture: Picture, kind: str) -> Json:
+    """Append an image, a texture and a sampler, unless there are such ones; return the use of the texture."""
+    images = document.items("images")
+    same = (i for i, image in enumerate(images) if bytes(document.view_bytes(image["bufferView"])) == picture.data)
+    source = next(same, len(images))
+    if source == len(images):
+        images.append({"bufferView": document.append_view(picture.data), "mimeType": kind})
+    texture: Json = {"source": source}
+    if picture.clamp:
+        texture["sampler"] = _place(document.items("samplers"), {"wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE})
+    use: Json = {"index": _place(document.items("textures"), texture)}
+    if (picture.scale, picture.offset) != ((1.0, 1.0), (0.0, 0.0)):
+        _use(document, use, "KHR_texture_transform", {"offset": list(picture.offset), "scale": list(picture.scale)})
+    return use
+
+
+def _place(items: list[Json], item: Json) -> int:
+    """Return the place of an item in a list, to which it is appended unless it is there."""
+    if item not in items:
+        items.append(item)
+    return items.index(item)
+
+
+def _use(document: Document, holder: Json, name: str, body: Json) -> None:
+    holder.setdefault("extensions", {})[name] = body
+    if name not in document.items("extensionsUsed"):
+        document.items("extensionsUsed").append(name)
 
 
 def _write(document: Document, primitive: Primitive, origin: NDArray[np.float64] | None) -> Json:
@@ -167,6 +220,13 @@ def linear_color(color: Sequence[float]) -> tuple[float, float, float]:
 
 def _linear(values: NDArray[Any]) -> NDArray[Any]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_from_linear(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Encode linear values of 0 to 1 as sRGB (IEC 61966-2-1)."""
+    values = np.asarray(values, np.float64)
+    curve = 1.055 * np.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
+    return np.where(values <= 0.0031308, values * 12.92, curve)
 
 
 def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:

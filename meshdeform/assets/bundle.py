@@ -19,7 +19,8 @@ from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.materials import image_type
-from meshdeform.assets.obj_reader import linked_libraries, linked_pictures
+from meshdeform.assets.mtl_reader import linked_pictures
+from meshdeform.assets.obj_reader import linked_libraries
 from meshdeform.assets.writer import embed_data_uris
 from meshdeform.errors import AssetExternalError, AssetTooLargeError, AssetTruncatedError
 

@@ -23,6 +23,7 @@ from meshdeform.assets.inspect import AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
 from meshdeform.requests.declaration import StrictModel
+from meshdeform.requests.problems import reason
 
 MIN_COLLECTION, MAX_COLLECTION = 10, 3000
 LABELS_FILE = "labels.json"
@@ -194,7 +195,7 @@ def _labels(data: bytes, names: list[str]) -> FamilyLabels:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         raise AssetError(
-            f"{LABELS_FILE} is not valid: {place or 'the document'}: {first['msg']}.",
+            f"{LABELS_FILE} is not valid: {place or 'the document'}: {reason(first)}.",
             advice="docs/families.md describes it.",
         ) from error
     if len(set(labels.parts)) < len(labels.parts):

@@ -9,6 +9,7 @@ Source: glTF 2.0 specification, section 4 (GLB File Format Specification).
 
 from __future__ import annotations
 
+import codecs
 import json
 import math
 import re
@@ -135,7 +136,7 @@ def parse_json(text: bytes, limits: Limits) -> Json:
     `text`: UTF-8. Trailing padding is ignored. `limits`: `max_json_values` and `max_json_depth` are checked before the
     parser runs.
     """
-    text = text.rstrip(b"\0 \t\r\n")
+    text = text.removeprefix(codecs.BOM_UTF8).rstrip(b"\0 \t\r\n")
     _check_shape(text, limits)
     try:
         root = json.loads(text.decode("utf-8"), parse_float=_finite, parse_constant=_refuse_constant)

@@ -42,6 +42,7 @@ from meshdeform.assets.inspect import (
     is_placeholder,
 )
 from meshdeform.assets.limits import Limits
+from meshdeform.assets.references import MANIFOLD
 from meshdeform.errors import AssetError, AssetTruncatedError
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
@@ -255,7 +256,7 @@ _Slot = tuple[Json, str]
 """An object and the name of its member that holds an index."""
 
 _WITHOUT_REFERENCES = (
-    *(DRACO, GPU_INSTANCING, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization", "KHR_animation_pointer"),
+    *(DRACO, GPU_INSTANCING, MANIFOLD, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization", "KHR_animation_pointer"),
     *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_node_", "EXT_texture_", "MSFT_texture_"),
 )
 """Extensions whose integers are no indices of accessors or views, or whose indices are listed here."""
@@ -294,6 +295,12 @@ def accessor_slots(root: Json) -> Iterator[_Slot]:
             yield from _indices(primitive, "indices")
             for attributes in [primitive.get("attributes"), *_objects(primitive, "targets")]:
                 yield from _indices(attributes)
+        manifold = _extension(mesh, MANIFOLD)
+        yield from _indices(manifold, "mergeIndices", "mergeValues")
+        solid = manifold.get("manifoldPrimitive")
+        if isinstance(solid, dict):
+            yield from _indices(solid, "indices")
+            yield from _indices(solid.get("attributes"))
     for skin in _objects(root, "skins"):
         yield from _indices(skin, "inverseBindMatrices")
     for animation in _objects(root, "animations"):

@@ -30,6 +30,7 @@ from meshdeform.assets.container import (
     parse_json,
     text,
 )
+from meshdeform.assets.extensions import notices, rule_of
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, no_triangles, refuse_other_format
 from meshdeform.errors import (
@@ -74,23 +75,15 @@ LOOSE = "points and lines only follow a surface"
 # A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
 _ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
 
-# Required extensions that are supported, or that change neither positions nor their meaning.
-_READ = {DRACO, GPU_INSTANCING, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization"}
-
-_HARMLESS = (
-    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_pointer", "KHR_node_"),
-    *("EXT_texture_", "EXT_lights_", "EXT_materials_", "MSFT_texture_", "VRMC_", "VRM", "EXT_structural_metadata"),
-    *("EXT_mesh_features", "EXT_instance_features", "CESIUM_primitive_outline", "CESIUM_RTC", "GODOT_", "AGI_"),
-)
-
 _INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 
 _POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)
 
 
-FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", *CONVERTERS})
+FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", "3mf", *CONVERTERS})
 """File extensions that `asset_format` distinguishes."""
 
+ZIPS = frozenset({"zip", "3mf"})
 _SURFACES = {"xyz": "points", "npz": "grid", "safetensors": "network"}
 
 
@@ -310,8 +303,10 @@ def check_extensions(root: Json) -> None:
     if not isinstance(required, list) or not all(isinstance(name, str) for name in required):
         raise AssetError("extensionsRequired must be an array of names.")
     for name in required:
-        if name not in _READ and not name.startswith(_HARMLESS):
-            raise AssetUnsupportedError(f"The asset requires the extension {name[:100]!r}.")
+        rule = rule_of(name)
+        if rule is None or rule.refused:
+            reason = f": {rule.refused}" if rule else ""
+            raise AssetUnsupportedError(f"The asset requires the extension {name[:100]!r}{reason}.")
 
 
 def check_nodes(root: Json) -> None:
@@ -462,7 +457,12 @@ def instances_of(root: Json) -> list[Instance]:
 
 def shown_nodes(root: Json) -> list[int]:
     """List the nodes of the default scene, each before those below it."""
-    listed = list(dict.fromkeys(_top_nodes(root)))
+    return nodes_below(root, _top_nodes(root))
+
+
+def nodes_below(root: Json, nodes: list[int]) -> list[int]:
+    """Return nodes and all below them, each before those below it."""
+    listed = list(dict.fromkeys(nodes))
     known = set(listed)
     for at in listed:  # grows while it is read; nodes form a forest
         below = [child for child in root["nodes"][at].get("children", []) if child not in known]
@@ -521,13 +521,13 @@ class PictureSummary:
 class AssetSummary:
     """The size and contents of an asset.
 
-    `format`: `glb`, `gltf`, `obj`, `ply`, `stl` or `zip`. `vertices` and `triangles`: counts in the default scene, over
-    all instances. For OBJ, PLY and STL an estimate until the file is decoded, and 0 for ZIP. `meshes`: number of mesh
-    instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: parts that are not deformed, and why;
-    `warnings`: sentences about anything in the file that may surprise or get in the way. `nodes`, `materials`,
-    `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is deformed
-    (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is drawn, (2,
-    3), in the file's world; empty until the file is decoded.
+    `format`: `glb`, `gltf`, `obj`, `ply`, `stl`, `3mf` or `zip`. `vertices` and `triangles`: counts in the default
+    scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded, and 0 for ZIP and 3MF.
+    `meshes`: number of mesh instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: parts that are
+    not deformed, and why; `warnings`: sentences about anything in the file that may surprise or get in the way.
+    `nodes`, `materials`, `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is
+    deformed (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is
+    drawn, (2, 3), in the file's world; empty until the file is decoded.
     """
 
     format: str
@@ -553,7 +553,7 @@ def inspect_asset(data: Data, filename: str = "", limits: Limits | None = None) 
     limits = limits or Limits()
     limits.check_bytes(len(data))
     kind = asset_format(data, filename)
-    if kind == "zip":
+    if kind in ZIPS:
         inspect_archive(data, limits)
         return AssetSummary(kind, 0, 0)
     if kind not in {"glb", "gltf"}:
@@ -584,14 +584,14 @@ def asset_format(data: Data, filename: str) -> str:
     if ending in _SURFACES:  # an NPZ is a ZIP
         raise no_triangles(_SURFACES[ending])
     if head.startswith(ZIP_MAGIC):
-        return "zip"
+        return "3mf" if ending == "3mf" else "zip"
     if ending == "gltf" or (not ending and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")):
         return "gltf"
     if ending in {"obj", "stl"} and head:
         return ending
-    if ending in {"glb", "ply", "zip"}:
+    if ending in {"glb", "ply", "zip", "3mf"}:
         raise AssetFormatError(f"The file is named .{ending}, but its content is something else.")
-    raise AssetFormatError("The file is neither glTF (.glb), an OBJ, PLY or STL mesh, nor a ZIP of one.")
+    raise AssetFormatError("The file is neither glTF (.glb), an OBJ, PLY or STL mesh, a 3MF, nor a ZIP of one.")
 
 
 def surface_format(head: bytes, filename: str) -> str | None:
@@ -673,8 +673,24 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
         + [_beside(beside)] * bool(beside)
         + [_foreign(foreign)] * bool(foreign)
     )
-    warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []))
+    warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []), *_scenes(root, shown), *notices(root))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
+
+
+def _scenes(root: Json, shown: list[Instance]) -> list[str]:
+    """Return a sentence about scenes that are not deformed, if they show other meshes."""
+    scenes = objects(root, "scenes")
+    known = {instance.node for instance in shown}
+    others = {
+        node
+        for scene in scenes
+        for node in nodes_below(root, indices(scene, "nodes", len(objects(root, "nodes")), "scene"))
+        if "mesh" in root["nodes"][node]
+    } - known
+    if len(scenes) < 2 or not (others or "scene" not in root):
+        return []
+    default = "" if "scene" in root else " The file names none as its default, so the first one is meant."
+    return [f"The file has {len(scenes)} scenes, of which one is deformed; the others stay as they are.{default}"]
 
 
 def _foreign(links: list[str]) -> str:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import io
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from meshdeform.assets.container import Json, extension, index, integer, member, numbers, objects, text
 from meshdeform.assets.document import Document, decode_data_uri
@@ -74,6 +75,75 @@ def read_material(document: Document, at: int) -> Material:
         alpha_mode=text(item, "alphaMode", where) or "OPAQUE",
         alpha_cutoff=_number(item, "alphaCutoff", 0.5, where),
         double_sided=item.get("doubleSided") is True,
+    )
+
+
+@dataclass(frozen=True)
+class Shading:
+    """All of a material that other formats can hold."""
+
+    name: str = ""
+    base: Material = Material()
+    metallic: float = 1.0
+    roughness: float = 1.0
+    emissive: tuple[float, ...] = (0.0, 0.0, 0.0)  # linear RGB, KHR_materials_emissive_strength included
+    ior: float = 1.5
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+    textures: Mapping[str, TextureUse] = field(default_factory=dict)
+    """By `base_color`, `metallic_roughness`, `emissive`, `normal` and `occlusion`: those that the material has."""
+    normal_scale: float = 1.0
+    occlusion_strength: float = 1.0
+    left_out: tuple[str, ...] = ()  # extensions that are not read here
+
+
+_SHADING_EXTENSIONS = {
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_unlit",
+}
+
+
+def read_shading(document: Document, at: int) -> Shading:
+    """Read one material with metalness, roughness, emission, normals, occlusion and clear coat.
+
+    KHR_materials_pbrSpecularGlossiness becomes a dielectric of the same diffuse colour and roughness.
+    """
+    base = read_material(document, at)
+    root, where = document.root, f"materials[{at}]"
+    item = objects(root, "materials")[at]
+    metal = member(item, "pbrMetallicRoughness", where)
+    older = extension(item, "KHR_materials_pbrSpecularGlossiness", where)
+    coat = extension(item, "KHR_materials_clearcoat", where) or {}
+    strength = extension(item, "KHR_materials_emissive_strength", where) or {}
+    light = _number(strength, "emissiveStrength", 1.0, where)
+    places = {
+        "metallic_roughness": (metal, "metallicRoughnessTexture"),
+        "emissive": (item, "emissiveTexture"),
+        "normal": (item, "normalTexture"),
+        "occlusion": (item, "occlusionTexture"),
+    }
+    textures = {name: _texture(root, parent, key, where) for name, (parent, key) in places.items()}
+    extensions = item.get("extensions")
+    known = extensions if isinstance(extensions, dict) else {}
+    glossy = older is not None and "pbrMetallicRoughness" not in item
+    return Shading(
+        text(item, "name", where) or "",
+        base,
+        0.0 if glossy else _number(metal, "metallicFactor", 1.0, where),
+        1.0 - _number(older or {}, "glossinessFactor", 1.0, where)
+        if glossy
+        else _number(metal, "roughnessFactor", 1.0, where),
+        tuple(light * value for value in numbers(item, "emissiveFactor", 3, where) or (0.0, 0.0, 0.0)),
+        _number(extension(item, "KHR_materials_ior", where) or {}, "ior", 1.5, where),
+        _number(coat, "clearcoatFactor", 0.0, where),
+        _number(coat, "clearcoatRoughnessFactor", 0.0, where),
+        {name: use for name, use in {"base_color": base.texture, **textures}.items() if use is not None},
+        _number(member(item, "normalTexture", where), "scale", 1.0, where),
+        _number(member(item, "occlusionTexture", where), "strength", 1.0, where),
+        tuple(sorted(set(known) - _SHADING_EXTENSIONS)),
     )
 
 

@@ -215,7 +215,7 @@ def up_axis_warnings(positions: NDArray[np.float64], triangles: NDArray[np.int64
     """Return a sentence about a mesh that looks as if Z were up; nothing for others."""
     if not looks_z_up(positions, triangles):
         return ()
-    return ("The asset seems to have Z up, so the model sees it on its side. Export it with +Y up.",)
+    return ("The asset seems to have Z up. Unless it is read so, say it by params.input.up, or export it with +Y up.",)
 
 
 def _flat_share(corners: NDArray[np.float64], cross: NDArray[np.float64], *, axis: int, sign: int) -> float:

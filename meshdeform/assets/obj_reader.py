@@ -1,9 +1,9 @@
-"""Read Wavefront OBJ and its material libraries (MTL).
+"""Read Wavefront OBJ; its material libraries are read by `mtl_reader`.
 
 Lines are found, and numbers parsed, for one keyword at a time with numpy, since files have millions of lines.
 
-Source: Wavefront, Object files (.obj) and MTL material format; vertex colours after the position, as MeshLab and
-Blender write them; the PBR extension (`Pm`, `Pr`).
+Source: Wavefront, Object files (.obj); vertex colours after the position, from 0 to 1 as MeshLab and Blender write
+them, or from 0 to 255.
 """
 
 from __future__ import annotations
@@ -11,16 +11,15 @@ from __future__ import annotations
 import posixpath
 import re
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.archive import Archive, not_found, not_readable
-from meshdeform.assets.build import Primitive, linear_color
-from meshdeform.assets.materials import portable_picture
+from meshdeform.assets.archive import Archive
+from meshdeform.assets.build import Primitive
+from meshdeform.assets.mtl_reader import Libraries, Material
 from meshdeform.assets.other_formats import plain_text
 from meshdeform.assets.polygons import cut_polygons
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
@@ -33,10 +32,9 @@ _CONTINUED = re.compile(rb"^(?! *#)(?:[^\n]*\\\n)+[^\n]*", re.MULTILINE)
 _COMMENT = re.compile(rb"(?<= )#[^\n]*")
 _NUMBER = re.compile(rb"[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?|[-+]?(inf|infinity|nan)", re.IGNORECASE)
 _CORNER = re.compile(rb"[-+]?\d+(/([-+]?\d+)?){0,2}")
-# `-s 1 1 1`, `-mm 0 1`, `-clamp on`: options of a texture come before its name.
-_OPTIONS = re.compile(r"(?:-(?:[ost](?: +[-+.\deE]+){1,3}|mm +\S+ +\S+|[a-z]+ +\S+) +)*", re.IGNORECASE)
 _UNREAD = (b"p", b"l", b"curv", b"curv2", b"surf", b"vp")
 """Keywords of points, lines, curves and free-form surfaces."""
+_NOT_SMOOTH = ("off", "0", "")
 _ELEMENTS = {b"v": ("vertex", 3, 6), b"vt": ("texture coordinate", 1, 2), b"vn": ("normal", 3, 3)}
 """Content of a keyword, and the least and the largest count of its numbers."""
 
@@ -48,15 +46,20 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
     primitive for each object, group and material, the last one first; and sentences about what became of the file.
     Vertices of a primitive differ in their index of the position, the texture coordinates or the normal. Where only
     some corners have texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have
-    them. Colours of vertices replace the colour of a material, and a texture that was found replaces both.
+    them, or smoothing groups. Colours of vertices replace the colour of a material, and a texture that was found
+    replaces both.
     """
     lines = _Lines(data)
     tables = {key: _table(lines, key) for key in _ELEMENTS}
     if not (np.abs(tables[b"v"][:, :3]) <= np.finfo(np.float32).max).all():  # NaN compares false
         raise AssetNotFiniteError("The file has vertices that are not finite 32-bit floats.")
+    colors = tables[b"v"][:, 3:]
+    if not (colors > 1.0).any():  # else they are bytes
+        colors *= 255.0
     faces, sizes, corners = _faces(lines)
     if not len(faces):
         return [], ()
+    _smooth(lines, tables, faces, sizes, corners)
     cut = cut_polygons(tables[b"v"][corners[:, 0] - 1, :3], sizes)
     groups, states = _groups(lines, faces)
     if len(states) > most_parts:
@@ -68,6 +71,8 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
         notices.append(
             "The file has textures and colours of vertices: where there is a texture, colours were left out."
         )
+    some = np.unique(corners[:, 2] > 0).size > 1
+    notices += ["Only some faces have normals. Parts with others have none: viewers show them flat."] * some
     titles: dict[str, None] = {}
     primitives = []
     members = groups[cut.polygons]
@@ -84,11 +89,6 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
 def linked_libraries(data: bytes) -> list[str]:
     """Return the names that the material libraries of an OBJ may have: a line may list several, or one with spaces."""
     return _Lines(data).libraries()
-
-
-def linked_pictures(library: bytes) -> list[str]:
-    """Return the paths, relative to a material library, that its base colour textures may have."""
-    return [path for key, value in _statements(library) if key == "map_kd" for path in _picture_paths(value)]
 
 
 class _Lines:
@@ -224,6 +224,41 @@ def _faces(lines: _Lines) -> tuple[_Index, _Index, _Index]:
     return numbers[kept], sizes[kept], corners[np.repeat(kept, sizes)]
 
 
+def _smooth(lines: _Lines, tables: dict[bytes, _Floats], faces: _Index, sizes: _Index, corners: _Index) -> None:
+    """Give corners without normals those of their smoothing groups, in place; a file without `s` has none.
+
+    In a group, a vertex has the mean of its faces' normals by their area; outside of all, a face has its own.
+    """
+    numbers = lines.of(b"s")
+    rows = np.searchsorted(numbers, faces)
+    values = [lines.value(b"s", number).lower() for number in numbers.tolist()]
+    named = {name: k for k, name in enumerate(dict.fromkeys(values))}
+    groups = np.array([-1, *(-1 if name in _NOT_SMOOTH else named[name] for name in values)])[rows]
+    bare = np.repeat(np.logical_or.reduceat(corners[:, 2] == 0, np.cumsum(sizes) - sizes), sizes)
+    if not len(numbers) or not bare.any():
+        return
+    polygons = np.repeat(np.arange(len(faces)), sizes)
+    group = groups[polygons]
+    keys = np.column_stack([np.where(group < 0, 0, corners[:, 0]), np.where(group < 0, polygons, group), group < 0])
+    first, kinds = _distinct(keys)
+    normals = np.zeros((len(first), 3))
+    crosses = _area_vectors(tables[b"v"][corners[:, 0] - 1, :3], sizes)
+    np.add.at(normals, kinds, crosses[polygons])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(length > 0.0, normals / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 1.0])
+    corners[bare, 2] = len(tables[b"vn"]) + 1 + kinds[bare]
+    tables[b"vn"] = np.concatenate([tables[b"vn"], normals])
+
+
+def _area_vectors(places: _Floats, sizes: _Index) -> _Floats:
+    """Return twice the area vector (P, 3) of polygons whose corners (C, 3) follow each other."""
+    starts = np.cumsum(sizes) - sizes
+    following = np.arange(1, len(places) + 1)
+    following[starts + sizes - 1] = starts
+    arms = places - np.repeat(places[starts], sizes, axis=0)
+    return np.asarray(np.add.reduceat(np.cross(arms, arms[following]), starts))
+
+
 def _groups(lines: _Lines, faces: _Index) -> tuple[_Index, list[tuple[str, ...]]]:
     """Return the group (P,) of each face, the last one first, and the object, group and material of each group."""
     states, columns = [], []
@@ -264,20 +299,20 @@ def _title(names: list[str], titles: dict[str, None]) -> str:
 
 
 def _primitive(
-    tables: dict[bytes, _Floats], corners: _Index, title: str, look: _Material | None, material: str
+    tables: dict[bytes, _Floats], corners: _Index, title: str, look: Material | None, material: str
 ) -> Primitive:
     """Return a primitive of triangles (T, 3, 3) of v, vt, vn from 1."""
     rows = corners.reshape(-1, 3)
     kept = [True, bool(rows[:, 1].any()), bool(rows[:, 2].all())]
     first, index = _distinct(rows[:, kept])
     v, vt, vn = rows[first].T - 1
-    look, material = (look, material) if look else (_Material(), "")
+    look, material = (look, material) if look else (Material(), "")
     colors = None
     if tables[b"v"].shape[1] == 6 and not look.texture:
         values = tables[b"v"][v, 3:]
         if not np.isnan(values).all():
-            values = np.where(np.isnan(values).any(axis=1, keepdims=True), 1.0, values)
-            colors = np.column_stack([np.clip(values * 255.0, 0.0, 255.0).round(), np.full(len(v), 255.0)])
+            values = np.where(np.isnan(values).any(axis=1, keepdims=True), 255.0, values)
+            colors = np.column_stack([np.clip(values, 0.0, 255.0).round(), np.full(len(v), 255.0)])
             colors = colors.astype(np.uint8)
     base_color = look.shown_color
     if colors is not None and base_color is not None:
@@ -296,141 +331,17 @@ def _primitive(
         metallic=look.metallic,
         roughness=look.roughness,
         texture=look.texture,
+        normal_map=look.normal_map,
+        emission=look.shown_emission,
+        emission_texture=look.emission_texture,
     )
 
 
-@dataclass
-class _Material:
-    """`Kd` and `d` (None if the library does not have them), `Pm`, `Pr`, and the encoded image of `map_Kd`."""
-
-    base_color: tuple[float, float, float, float] | None = None
-    metallic: float = 0.0
-    roughness: float = 0.8
-    texture: bytes = b""
-    tinted: bool = False
-    """Whether `Kd` is no grey. Beside a texture, programs write a grey that they do not use."""
-
-    @property
-    def shown_color(self) -> tuple[float, float, float, float] | None:
-        """The linear factor of the texture, or the colour where there is none."""
-        if self.base_color is None or self.tinted or not self.texture:
-            return self.base_color
-        return (1.0, 1.0, 1.0, self.base_color[3])
-
-
-def _read_materials(lines: _Lines, archive: Archive) -> tuple[dict[str, _Material], list[str]]:
+def _read_materials(lines: _Lines, archive: Archive) -> tuple[dict[str, Material], list[str]]:
     """Return the materials that an OBJ uses, as its libraries in the archive describe them, and notices."""
     used = (lines.value(b"usemtl", number) for number in lines.of(b"usemtl").tolist())
-    looks = {name: _Material() for name in used if name}
-    reader = _Libraries(archive, looks)
+    looks = {name: Material() for name in used if name}
+    reader = Libraries(archive, looks)
     for number in lines.of(b"mtllib").tolist():
         reader.read_line(lines.value(b"mtllib", number))
     return looks, reader.notices()
-
-
-class _Libraries:
-    """Reads material libraries into the materials that an OBJ uses, and notes what was not found or is not read."""
-
-    def __init__(self, archive: Archive, looks: dict[str, _Material]) -> None:
-        self._archive, self._looks = archive, looks
-        self._libraries: list[str] = []
-        self._pictures: dict[str, None] = {}
-        self._unreadable: dict[str, None] = {}
-        self._left_out: dict[str, None] = {}
-
-    def read_line(self, value: str) -> None:
-        """Read the libraries of an `mtllib` line: it may list several, or one whose name has spaces."""
-        for names in ([value], value.split()):
-            files = [(name, self._archive.find(name)) for name in names]
-            if any(library is not None for _, library in files):
-                break
-        for name, library in files:
-            if library is None:
-                self._libraries.append(name)
-            else:
-                self._read(library, posixpath.join(posixpath.dirname(self._archive.main), name.replace("\\", "/")))
-
-    def notices(self) -> list[str]:
-        """Return sentences about what was not found, or is not read."""
-        sentences = []
-        if self._libraries and self._looks:
-            sentences.append(not_found("Material libraries", self._libraries))
-        if self._pictures:
-            sentences.append(not_found("Textures", list(self._pictures)))
-        if self._unreadable:
-            sentences.append(not_readable(list(self._unreadable)))
-        clear = [name for name, look in self._looks.items() if look.base_color is not None and look.base_color[3] == 0]
-        if clear:
-            listed = ", ".join(clear[:3]) + (" ..." if len(clear) > 3 else "")
-            sentences.append(f"Materials are wholly transparent, so viewers show nothing of what has them: {listed}.")
-        if self._left_out:
-            kinds = ", ".join(self._left_out)
-            sentences.append(f"Only textures of the base colour (map_Kd) are read; left out: {kinds}.")
-        return sentences
-
-    def _picture(self, value: str, beside: str) -> bytes:
-        """Return the picture of a `map_Kd` statement as PNG or JPEG; empty if there is none."""
-        paths = _picture_paths(value)
-        image = next(filter(None, (self._archive.find(path, beside) for path in paths)), b"")
-        picture = portable_picture(image) if image else b""
-        if not picture:
-            (self._unreadable if image else self._pictures)[paths[0]] = None
-        return picture
-
-    def _read(self, library: bytes, beside: str) -> None:
-        material, color, dissolve, transparency = _Material(), (1.0, 1.0, 1.0), None, 0.0
-        used = False
-        for key, value in _statements(library):
-            if key == "newmtl":
-                used = value in self._looks
-                material, color, dissolve, transparency = (
-                    self._looks.get(value, _Material()), (1.0, 1.0, 1.0), None, 0.0
-                )  # fmt: skip
-            elif key == "map_kd":
-                material.texture = self._picture(value, beside) if used else b""
-            elif used and (key.startswith("map_") or key in {"bump", "norm", "disp", "decal", "refl"}):
-                self._left_out[key] = None
-            numbers = _numbers(value)
-            if key == "kd" and len(numbers) >= 3:
-                color = (numbers[0], numbers[1], numbers[2])
-            elif key == "d" and numbers:
-                dissolve = numbers[0]
-            elif key == "tr" and numbers:
-                transparency = numbers[0]
-            elif key == "pm" and numbers:
-                material.metallic = numbers[0]
-            elif key == "pr" and numbers:
-                material.roughness = numbers[0]
-            if key in {"kd", "d", "tr"}:
-                # `Tr` is no part of the format, and programs disagree about its sense.
-                alpha = 1.0 - transparency if dissolve is None else dissolve
-                material.base_color = (*linear_color(color), alpha)
-                material.tinted = len(set(color)) > 1
-
-
-def _statements(library: bytes) -> Iterator[tuple[str, str]]:
-    """Yield the keyword, in lower case, and the rest of each line of a material library."""
-    for line in plain_text(library).decode("utf-8", "replace").splitlines():
-        key, _, value = line.replace("\t", " ").strip().partition(" ")
-        yield key.lower(), value.strip()
-
-
-def _picture_paths(value: str) -> list[str]:
-    """Return the paths that a texture may have: without options, and beside the library if they lead elsewhere."""
-    options = _OPTIONS.match(value)
-    name = value[options.end() if options else 0 :].replace("\\", "/")
-    return list(dict.fromkeys([name, value.rpartition(" ")[2].replace("\\", "/"), posixpath.basename(name)]))
-
-
-def _numbers(text: str) -> list[float]:
-    """Return the leading numbers of a line, each limited to 0..1."""
-    numbers = []
-    for word in text.split():
-        try:
-            value = float(word)
-        except ValueError:
-            break
-        if value != value:
-            break
-        numbers.append(min(max(value, 0.0), 1.0))
-    return numbers

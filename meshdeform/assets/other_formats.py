@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import codecs
+import math
 import re
+import struct
 
 from meshdeform.assets.container import Data
 from meshdeform.assets.limits import Limits
@@ -17,13 +19,17 @@ from meshdeform.errors import (
 _WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
 _READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""
 _USD = ("usd", "usda", "usdc", "usdz")
+_STEP = "pip install cascadio; python -c \"import cascadio; cascadio.step_to_glb('in.{}', 'out.glb')\""
 CONVERTERS = {
     "fbx": "FBX2glTF --binary --input in.fbx --output out.glb",
     **{ending: _READ_BY_BLENDER.format("usd_import", ending, _WRITE) for ending in _USD},
     "abc": _READ_BY_BLENDER.format("alembic_import", "abc", _WRITE),
     "blend": f'blender -b in.blend --python-expr "import bpy; {_WRITE}"',
-    "dae": "assimp export in.dae out.glb",
-    "3ds": "assimp export in.3ds out.glb",
+    **{ending: f"assimp export in.{ending} out.glb" for ending in ("dae", "3ds", "off", "amf", "x3d", "lwo", "ifc")},
+    **{ending: _STEP.format(ending) for ending in ("step", "stp")},
+    "b3dm": "npx 3d-tiles-tools b3dmToGlb -i in.b3dm -o out.glb",
+    "spz": "npx @playcanvas/splat-transform in.spz out.ply, and make a mesh of its points, for example in MeshLab",
+    "gz": "gunzip FILE",
     # Its faces look inwards.
     "vdb": "vdb_tool -read in.vdb -ls2mesh -write out.ply && "
     "python -c \"import trimesh; m = trimesh.load('out.ply'); m.invert(); m.export('out.ply')\"",
@@ -35,12 +41,19 @@ _MAGICS = (
     (b"#usda ", "usda"),
     (b"BLENDER", "blend"),
     (b" BDV\0\0\0\0", "vdb"),
+    (b"b3dm", "b3dm"),
+    (b"ISO-10303-21;", "step"),
+    (b"OFF\n", "off"),
+    (b"OFF\r", "off"),
+    (b"COFF", "off"),
+    (b"\x1f\x8b", "gz"),
 )
 
 _MAX_PLY_HEADER = 64 * 1024
 _OBJ_FACE = re.compile(rb"(?:^|[\r\n])[ \t]*f[ \t]")
 _OBJ_VERTEX = re.compile(rb"(?:^|[\r\n])[ \t]*v[ \t]")
 _STL_HEAD = 4096
+_LEAST_SIZE, _MOST_SIZE = 1e-9, 1e9
 _STL_FACET = re.compile(rb"\bfacet\b[^\r\n]*", re.IGNORECASE)
 
 
@@ -71,10 +84,13 @@ def no_triangles(surface: str) -> AssetEmptyError:
 def refuse_other_format(head: bytes, ending: str) -> None:
     """Refuse a format that must be converted first, with the command that does it."""
     kind = next((kind for magic, kind in _MAGICS if head.startswith(magic)), ending)
+    if kind == "gz" and ending == "spz":  # which is compressed as a whole
+        kind = ending
     if kind in CONVERTERS:
+        command = CONVERTERS[kind]
+        way = "Unpack it" if kind == "gz" else f"Convert it to {'PLY' if 'out.ply' in command else 'GLB'}"
         raise AssetFormatError(
-            f"The file is {kind.upper()}, which Meshdeform does not read.",
-            advice=f"Convert it to {'PLY' if 'out.ply' in CONVERTERS[kind] else 'GLB'}: {CONVERTERS[kind]}",
+            f"The file is {kind.upper()}, which Meshdeform does not read.", advice=f"{way}: {command}"
         )
 
 
@@ -139,9 +155,23 @@ def _stl_counts(data: Data) -> tuple[int, int]:
         return 3 * faces, faces
     if len(data) < 84:
         raise AssetTruncatedError("A binary STL file has at least 84 bytes.")
-    faces = int.from_bytes(bytes(data[80:84]), "little")
-    if len(data) < 84 + 50 * faces:
+    declared, faces = stl_facets(data)
+    if len(data) < 84 + 50 * declared:
         raise AssetTruncatedError(
-            f"The STL file declares {faces} triangles, but has only {len(data) - 84} bytes for them."
+            f"The STL file declares {declared} triangles, but has only {len(data) - 84} bytes for them."
         )
     return 3 * faces, faces
+
+
+def stl_facets(data: Data) -> tuple[int, int]:
+    """Return how many facets a binary STL declares, and how many it has: programs that stream do not know before.
+
+    More than are declared count if they fill the file, and if the next one has numbers as its neighbours have.
+    """
+    declared, (held, rest) = int.from_bytes(bytes(data[80:84]), "little"), divmod(len(data) - 84, 50)
+    if rest or held <= declared:
+        return declared, declared
+    corners = struct.unpack("<9f", bytes(data[96 + 50 * declared : 132 + 50 * declared]))
+    size = max(map(abs, corners))
+    likely = all(math.isfinite(value) for value in corners) and _LEAST_SIZE < size < _MOST_SIZE
+    return declared, held if likely else declared

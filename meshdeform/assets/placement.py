@@ -99,6 +99,15 @@ def inverse_binds(document: Document, skin: Json) -> Floats:
     return np.asarray(rows.reshape(-1, 4, 4).transpose(0, 2, 1))
 
 
+def instance_matrices(document: Document, node: int) -> list[Matrix]:
+    """Return the transforms of a node's GPU instances; the identity alone for a node without any."""
+    count = instance_count(document.root, node)
+    if count is None:
+        return [np.eye(4)]
+    rows = _instance_rows(document, node)
+    return [local_matrix({_INSTANCE_KEYS[name]: rows[name][k].tolist() for name in rows}) for k in range(count)]
+
+
 def _first_instance(document: Document, node: int) -> Matrix:
     """Return the transform of the first GPU instance that does not flatten the mesh, or the identity."""
     if instance_count(document.root, node) is None:

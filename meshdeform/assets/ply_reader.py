@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.archive import Archive, not_found, not_readable
-from meshdeform.assets.build import Primitive
+from meshdeform.assets.build import Picture, Primitive
 from meshdeform.assets.materials import portable_picture
 from meshdeform.assets.notices import rounded_places
 from meshdeform.assets.polygons import Triangulation, cut_polygons
@@ -213,7 +213,7 @@ class _Mesh:
             colors=colors,
             name=f"geometry_{texture}",
             material=f"texture_{texture}" if picture else "",
-            texture=picture,
+            texture=Picture(picture) if picture else None,
         )
 
     def _texture_coordinates(self, sizes: _Index, notices: list[str]) -> tuple[_Floats | None, bool]:

@@ -18,7 +18,7 @@ squares, section 2.1 (affine deformations).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,12 +47,13 @@ class RigMotion:
 class NodeMove:
     """A node's place (3,) and its displacement (3,), in world space.
 
-    `growth` is that of the volume around it along one axis.
+    `growth` is that of the volume around it along one axis, and `linear` its linear map (3, 3).
     """
 
     place: Floats
     shift: Floats
     growth: float
+    linear: Floats = field(default_factory=lambda: np.eye(3))
 
 
 def joint_moves(document: Document, blocks: Sequence[Block], motion: RigMotion) -> dict[int, NodeMove]:
@@ -101,7 +102,7 @@ def carried(place: Floats, rows: NDArray[np.int64], weights: Floats, motion: Rig
     if stiff > 0:
         slope = np.linalg.solve(spread_matrix + stiff * np.eye(3), (pull_matrix + stiff * slope).T).T
     growth = float(np.cbrt(max(np.linalg.det(np.eye(3) + slope), 0.0)))
-    return NodeMove(place, shift + slope @ (place - middle), growth)
+    return NodeMove(place, shift + slope @ (place - middle), growth, np.eye(3) + slope)
 
 
 def joint_shares(document: Document, blocks: Sequence[Block]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:

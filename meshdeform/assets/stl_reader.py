@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.build import Primitive
 from meshdeform.assets.notices import rounded_places
-from meshdeform.assets.other_formats import is_ascii_stl
+from meshdeform.assets.other_formats import is_ascii_stl, stl_facets
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -28,18 +28,25 @@ def read_stl(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, 
 
     Corners are not merged, and normals of facets are those that flat shading gives.
 
-    Bytes after the facets that a binary file declares are left out.
+    Facets that a binary file has beyond those that it declares are read, other bytes after them are left out.
     """
     if is_ascii_stl(data):
-        return _read_text(data, most_parts), ()
-    count = int.from_bytes(data[80:84], "little")
+        return _read_text(data, most_parts)
+    declared, count = stl_facets(data)
+    notices: list[str] = []
+    if count > declared:
+        notices.append(f"The STL declares {declared} triangles and has {count}: all were read.")
+    elif after := len(data) - 84 - 50 * count:
+        notices.append(f"{after} bytes after the triangles of the STL are no triangles, and were left out.")
     facets = np.frombuffer(data, _FACET, count, 84)
     corners = facets["corners"].astype(np.float64)
     solid = _primitive(corners, "geometry_0", _colors(data[:80], facets["attribute"]))
-    return [solid], rounded_places(solid.verts)
+    return [solid], (*notices, *rounded_places(solid.verts))
 
 
-def _read_text(data: bytes, most_parts: int) -> list[Primitive]:
+def _read_text(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
+    """Read a text; commas behind numbers are left out, and those in numbers are decimal points."""
+    data, commas = _without_commas(data)
     heads = list(_SOLID.finditer(data))
     if len(heads) > most_parts:
         raise AssetTooLargeError(f"The file has {len(heads)} parts; the limit is {most_parts}.")
@@ -57,7 +64,18 @@ def _read_text(data: bytes, most_parts: int) -> list[Primitive]:
         if len(corners):
             name = " ".join(title.decode("utf-8", "replace").split())[:100]
             primitives.append(_primitive(corners, name or f"geometry_{number}", None))
-    return primitives
+    return primitives, commas
+
+
+def _without_commas(data: bytes) -> tuple[bytes, tuple[str, ...]]:
+    """Return a text whose numbers have no commas, and a sentence if they were decimal points."""
+    first = _VERTEX.search(data)
+    if first is None or b"," not in b"".join(first.groups()):
+        return data, ()
+    if all(word.endswith(b",") for word in first.groups()[:2]):
+        return _VERTEX.sub(lambda line: line[0].replace(b",", b" "), data), ()
+    text = _VERTEX.sub(lambda line: line[0].replace(b",", b"."), data)
+    return text, ("Numbers of the STL have commas, which were read as decimal points.",)
 
 
 def _primitive(corners: NDArray[np.float64], name: str, colors: NDArray[np.uint8] | None) -> Primitive:

@@ -29,6 +29,7 @@ from meshdeform.assets.document import (
 )
 from meshdeform.assets.inspect import TRIANGLES, UNSIGNED_INT, UNSIGNED_SHORT, instances_of
 from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
+from meshdeform.assets.references import MANIFOLD, drop_manifold, follow_copies
 from meshdeform.errors import AssetError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.edge_splits import longest_together, split_triangles, unique_edges
@@ -117,13 +118,14 @@ def subdivide(document: Document, max_triangles: int, excluded: frozenset[int] =
 def _own_meshes(document: Document, excluded: frozenset[int]) -> None:
     """Give the other nodes a copy of each mesh that they share with excluded ones."""
     nodes, meshes, copies = document.root["nodes"], document.root["meshes"], dict[int, int]()
-    kept = {nodes[at]["mesh"] for at in excluded if "mesh" in nodes[at]}
+    kept, owners = {nodes[at]["mesh"] for at in excluded if "mesh" in nodes[at]}, dict[tuple[int, int], int]()
     for at, node in enumerate(nodes):
         if at not in excluded and node.get("mesh") in kept:
             if node["mesh"] not in copies:
                 copies[node["mesh"]] = len(meshes)
                 meshes.append(clone(meshes[node["mesh"]]))
-            node["mesh"] = copies[node["mesh"]]
+            owners[at, node["mesh"]] = node["mesh"] = copies[node["mesh"]]
+    follow_copies(document.root, owners)
 
 
 def _groups(document: Document, excluded: frozenset[int]) -> Iterator[_Group]:
@@ -252,7 +254,7 @@ def _write(document: Document, group: _Group) -> set[str]:
         for t, target in enumerate(primitive.get("targets", [])):
             primitive["targets"][t] = {name: written[f"{t}/{name}"] for name in target}
         dropped |= drop_lists_of_edges(document.root, primitive)
-    return dropped
+    return dropped | ({MANIFOLD} if drop_manifold(document.root, document.root["meshes"][group.mesh]) else set())
 
 
 def drop_lists_of_edges(root: Json, primitive: Json) -> set[str]:

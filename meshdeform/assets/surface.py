@@ -79,19 +79,20 @@ class LocalShape:
 
 
 def read_surface(
-    document: Document, excluded: frozenset[int] = frozenset()
+    document: Document, excluded: frozenset[int] = frozenset(), instances: Sequence[Instance] | None = None
 ) -> tuple[Surface, list[Block], list[Block]]:
-    """Gather the default scene's surface.
+    """Gather the default scene's surface, or that of other instances.
 
     `excluded`: nodes whose meshes are no part of it. Returns the surface, its blocks, and the blocks of points and
     lines, whose `rows` are empty. Raises AssetNotFiniteError: a position is NaN or infinite. Raises AssetEmptyError:
     the scene has no triangles. Raises AssetError: an index is out of range.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # overflows are reported below as values that are not finite
-        return _read_surface(document, excluded)
+        shown = instances_of(document.root) if instances is None else instances
+        return _read_surface(document, [each for each in shown if each.node not in excluded])
 
 
-def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface, list[Block], list[Block]]:
+def _read_surface(document: Document, shown: Sequence[Instance]) -> tuple[Surface, list[Block], list[Block]]:
     placer = Placer(document)
     blocks: list[Block] = []
     loose: list[Block] = []
@@ -99,7 +100,6 @@ def _read_surface(document: Document, excluded: frozenset[int]) -> tuple[Surface
     owner: list[int] = []
     skipped: list[dict[str, Any]] = []
     start = 0
-    shown = [instance for instance in instances_of(document.root) if instance.node not in excluded]
     for number, instance in enumerate(shown):
         if instance.skin is None and placer.of_node(instance) is None:
             skipped.append({"node": instance.node, "mesh": instance.mesh, "reason": _FLATTENED})

@@ -26,11 +26,13 @@ from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.morph import NewTargets, add_morph_targets
 from meshdeform.assets.moved_nodes import move_nodes, world_shifts
-from meshdeform.assets.placement import Floats, unit_rows
+from meshdeform.assets.placement import Floats, unit_rows, world_matrices
+from meshdeform.assets.references import follow_copies, share_positions
 from meshdeform.assets.surface import Block, LocalShape, Surface, handedness, transformed_normals
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 
 if TYPE_CHECKING:
+    from meshdeform.assets.companions import Companions
     from meshdeform.assets.rig import NodeMove
 
 
@@ -127,26 +129,87 @@ class Finish:
 
 
 def write_shape(
-    document: Document, blocks: list[Block], loose: list[Block], shape: Deformation, finish: Finish
+    document: Document,
+    blocks: list[Block],
+    loose: list[Block],
+    shape: Deformation,
+    finish: Finish,
+    companions: Companions | None = None,
 ) -> bytes:
     """Write a new shape into the document and return it as a GLB; `Asset.replace` documents the rest.
 
-    `loose` are the points and lines, which follow the surface.
+    `loose` are the points and lines, and `companions` what stands outside the scene, which follow the surface.
     """
     moves, scale = _node_moves(document, blocks, shape), _uniform_scale(shape)
     shifts = world_shifts(document.root["nodes"], moves)
-    locals_ = _local_shapes(blocks, loose, shape, shifts, scale)
-    owners = _own_meshes(document, [*blocks, *loose])
+    layers = [(blocks, loose, shape, shifts)]
+    if companions is not None:
+        of_companions = world_shifts(companions.nodes, moves)
+        layers.append((companions.blocks, companions.loose, _along(companions, shape), of_companions))
+    locals_ = [_local_shapes(*layer, scale) for layer in layers]
+    owners = _own_meshes(document, [block for layer in layers for block in (*layer[0], *layer[1])])
+    follow_copies(document.root, owners)
     replaced: list[tuple[int, int]] = []
+    for (own, points, new, _), own_locals in zip(layers, locals_, strict=True):
+        replaced += _write_layer(document, own, points, new, own_locals, owners)
+    for mesh in dict.fromkeys(owners.values()):
+        share_positions(document.root, document.root["meshes"][mesh])
+    if shape.jacobians is not None:
+        _follow_volumes(document, shape, shifts)
+    _write_bounds(document, shape)
+    skins = {document.root["nodes"][block.node].get("skin") for layer in layers for block in layer[0]} - {None}
+    return _finished(document, finish, replaced + move_nodes(document, moves, skins, scale))
+
+
+def _write_layer(
+    document: Document,
+    blocks: list[Block],
+    loose: list[Block],
+    shape: Deformation,
+    locals_: list[LocalShape],
+    owners: Mapping[tuple[int, int], int],
+) -> list[tuple[int, int]]:
+    """Give blocks their new vertices, and the targets of those with triangles; return replaced accessors."""
+    meshes, replaced = document.root["meshes"], list[tuple[int, int]]()
     for block, local in zip([*blocks, *loose], locals_, strict=True):
-        replaced += _replace(document, block, local, document.root["meshes"][owners[block.node]])
+        replaced += _replace(document, block, local, meshes[owners[block.node, block.mesh]])
     if shape.jacobians is not None:
         for block, local in zip(blocks, locals_, strict=False):  # those of points and lines come last
-            mesh = document.root["meshes"][owners[block.node]]
+            mesh = meshes[owners[block.node, block.mesh]]
             jacobians = shape.jacobians[block.rows]
             replaced += carry_targets(document, block, mesh, jacobians, local.normals, local.tangents)
-    skins = {document.root["nodes"][block.node].get("skin") for block in blocks} - {None}
-    return _finished(document, finish, replaced + move_nodes(document, moves, skins, scale))
+    return replaced
+
+
+def _along(companions: Companions, shape: Deformation) -> Deformation:
+    """Return how companions are deformed by the map of a surface."""
+    from meshdeform.assets.companions import rough_jacobians
+
+    maps = shape.jacobians
+    if maps is None:
+        maps = rough_jacobians(shape.surface, shape.positions)
+    positions, normals, tangents, own = companions.deformed(shape.surface, shape.positions, maps)
+    follows = None if shape.jacobians is None else own
+    return Deformation.checked(companions.surface, positions, normals, tangents, follows)
+
+
+def _follow_volumes(document: Document, shape: Deformation, shifts: Sequence[Floats]) -> None:
+    from meshdeform.assets.rig import RigMotion
+    from meshdeform.assets.volumes import Volumes
+
+    source, jacobians = shape.surface.positions, shape.jacobians
+    assert jacobians is not None
+    motion, worlds = RigMotion(source, shape.positions - source, jacobians), world_matrices(document.root["nodes"])
+    Volumes(document.root, worlds, shifts, motion, np.unique(shape.surface.triangles)).follow()
+
+
+def _write_bounds(document: Document, shape: Deformation) -> None:
+    """Write the box of the surface where the scenes state it (FB_geometry_metadata)."""
+    for scene in document.root.get("scenes", []):
+        stated = scene.get("extensions", {}).get("FB_geometry_metadata")
+        if isinstance(stated, dict) and "sceneBounds" in stated:
+            places = shape.positions[np.unique(shape.surface.triangles)]
+            stated["sceneBounds"] = {"min": places.min(0).tolist(), "max": places.max(0).tolist()}
 
 
 def _uniform_scale(shape: Deformation) -> float | None:
@@ -186,7 +249,9 @@ def write_targets(
     shifts = [np.zeros(3)] * len(document.root["nodes"])
     locals_ = [_local_shapes(blocks, loose, shape, shifts, None) for shape in shapes]
     blocks = [*blocks, *loose]
-    add_morph_targets(document, blocks, locals_, _own_meshes(document, blocks), new)
+    owners = _own_meshes(document, blocks)
+    follow_copies(document.root, owners)
+    add_morph_targets(document, blocks, locals_, {node: mesh for (node, _), mesh in owners.items()}, new)
     return _finished(document, finish, [])
 
 
@@ -228,26 +293,31 @@ def _record(document: Document, provenance: Mapping[str, Any]) -> None:
         extras["meshdeform"] = clone(dict(provenance))
 
 
-def _own_meshes(document: Document, blocks: list[Block]) -> dict[int, int]:
-    """Give every deformed node its own mesh and return the mesh of each node."""
+def _own_meshes(document: Document, blocks: list[Block]) -> dict[tuple[int, int], int]:
+    """Give every deformed node its own mesh, and return it by the node and its mesh before.
+
+    A block's node may collide with another mesh than it shows.
+    """
     # The first node of a mesh keeps the original, unless a node that is not deformed (in another scene, or drawn by GPU
     # instancing) also shows the mesh and needs the original.
     nodes, meshes = document.root["nodes"], document.items("meshes")
-    users: dict[int, dict[int, None]] = defaultdict(dict)
+    deformed: dict[int, dict[int, None]] = defaultdict(dict)
     for block in blocks:
-        users[block.mesh][block.node] = None
-    deformed = {mesh: list(shown_by) for mesh, shown_by in users.items()}
+        deformed[block.mesh][block.node] = None
     shown: dict[int, set[int]] = defaultdict(set)
     for i, node in enumerate(nodes):
         if "mesh" in node:
             shown[node["mesh"]].add(i)
-    owners: dict[int, int] = {}
-    for mesh, shown_by in deformed.items():
-        others = shown[mesh] - set(shown_by)
-        for node in shown_by if others else shown_by[1:]:
-            meshes.append(clone(meshes[mesh]))
-            nodes[node]["mesh"] = len(meshes) - 1
-        owners |= {node: nodes[node]["mesh"] for node in shown_by}
+    owners: dict[tuple[int, int], int] = {}
+    for mesh, users in deformed.items():
+        others = shown[mesh] - set(users)
+        for number, node in enumerate(users):
+            owners[node, mesh] = mesh
+            if number or others:
+                meshes.append(clone(meshes[mesh]))
+                owners[node, mesh] = len(meshes) - 1
+                if nodes[node].get("mesh") == mesh:
+                    nodes[node]["mesh"] = len(meshes) - 1
     return owners
 
 

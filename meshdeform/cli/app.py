@@ -7,6 +7,7 @@ its advice on standard error; the exit code gives its kind (`meshdeform.cli.exit
 from __future__ import annotations
 
 import platform
+import re
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -19,6 +20,7 @@ from meshdeform.cli.batch import batch
 from meshdeform.cli.doctor import doctor
 from meshdeform.cli.exits import ExitCode, OutcomeError, report
 from meshdeform.cli.form import form_command
+from meshdeform.cli.help import commands_by_panel
 from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import branch, cancel, delete, fetch, jobs, retry, wait, watch
 from meshdeform.cli.kinds import family_fit, family_synthesize, surface_fit, unfold
@@ -34,12 +36,23 @@ from meshdeform.support.threads import limit_waiting, quick_end
 
 # From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception
+_CHOICE = re.compile(r"'([^']*)' is not one of (.*)", re.DOTALL)
 _CLIENT, _SERVICE, _MACHINE = "A service's jobs", "Running a service", "This machine"
 
 
 def _message(error: Exception) -> str:
     formatted = getattr(error, "format_message", None)
     return str(formatted() if formatted else error)
+
+
+def _in_plain_words(message: str) -> str:
+    """Return a message about an option without the words of the libraries that read it."""
+    from meshdeform.requests.problems import meant, reason
+
+    plain = reason({"type": "value_error", "msg": message})
+    if found := _CHOICE.fullmatch(plain):
+        return plain.rstrip(".") + "." + meant(found[1], re.findall(r"[\w.-]+", found[2]))
+    return plain
 
 
 def _print_version(requested: bool) -> None:
@@ -59,6 +72,18 @@ def version(as_json: JsonOption = False) -> None:
 
 class _Commands(TyperGroup):
     """The commands. With --json, a usage error is a problem document on standard error like every other error."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands by their panels."""
+        commands_by_panel(self, ctx, formatter)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; a wrong choice is named in plain words, with the one that was probably meant."""
+        try:
+            return super().invoke(ctx)
+        except _UsageError as error:
+            error.message = _in_plain_words(error.message)  # type: ignore[attr-defined]
+            raise
 
     def main(
         self,
@@ -101,6 +126,7 @@ app = typer.Typer(
     "10 over a limit, 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -123,7 +149,8 @@ for _panel, _commands in {
     _SERVICE: (serve, api, worker),
 }.items():
     for _each in _commands:
-        app.command(cls=form_command(*getattr(_each, "forms", ())), rich_help_panel=_panel)(_each)
+        _class = form_command(*getattr(_each, "forms", ()), usual=getattr(_each, "usual", ()))
+        app.command(cls=_class, rich_help_panel=_panel)(_each)
 app.add_typer(words, name="words", rich_help_panel=_MACHINE)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 

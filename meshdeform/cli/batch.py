@@ -25,7 +25,11 @@ _ROWS_AT_SERVICE = 8
 
 
 @clean_errors
-@with_options(of_kind("text_deform"), of_request("output", _WHAT, only=("morph", "subdivide", "compact", "provenance")))
+@with_options(
+    of_kind("text_deform"),
+    of_request("output", _WHAT, only=("morph", "subdivide", "compact", "provenance")),
+    usual="--output --prompt --seeds --preset --guidance --strength --set --retry-failed --url",
+)
 def batch(
     ctx: typer.Context,
     source: Annotated[

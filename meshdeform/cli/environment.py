@@ -24,6 +24,7 @@ def load_settings(**flags: Any) -> Settings:
     """Return the settings from the environment, overridden by the flags that are not None."""
     from pydantic import ValidationError
 
+    from meshdeform.requests.problems import reason
     from meshdeform.settings import Settings
 
     try:
@@ -33,9 +34,10 @@ def load_settings(**flags: Any) -> Settings:
         name = str(first["loc"][0])
         variable = f"MESHDEFORM_{name.upper()}"
         source = variable if flags.get(name) is None else f"--{name.replace('_', '-')}"
-        reason = first["msg"].removeprefix("Value error, ").rstrip(".")
+        problem = reason(first).rstrip(".")
+        end = "" if problem.endswith("?") else "."
         raise ParameterError(
-            f"{source} is not valid: {reason[:1].lower()}{reason[1:]}.",
+            f"{source} is not valid: {problem[:1].lower()}{problem[1:]}{end}",
             advice=f"Correct {source}; docs/configuration.md describes {variable}.",
         ) from error
 

@@ -44,6 +44,7 @@ from meshdeform.errors import (
     ModelError,
     NotFoundError,
     RangeError,
+    RecordVersionError,
     RequestError,
     RequestTimeoutError,
     UnauthorizedError,
@@ -71,7 +72,10 @@ class ExitCode(IntEnum):
 
 
 _KINDS: tuple[tuple[tuple[type[MeshdeformError], ...], ExitCode], ...] = (
-    ((AssetError, RequestError, CheckpointError, NotFoundError, ConflictError, RangeError), ExitCode.BAD_INPUT),
+    (
+        (AssetError, RequestError, CheckpointError, NotFoundError, ConflictError, RangeError, RecordVersionError),
+        ExitCode.BAD_INPUT,
+    ),
     ((ModelError, DependencyError, UnavailableError, RequestTimeoutError), ExitCode.UNAVAILABLE),
     ((UnauthorizedError, ForbiddenError), ExitCode.UNAUTHORIZED),
     ((LimitError,), ExitCode.LIMITED),

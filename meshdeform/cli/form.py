@@ -19,17 +19,17 @@ from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
 import typer
-from typer.core import TyperCommand
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
     from pydantic.fields import FieldInfo
 
 from meshdeform.cli.environment import complete_models
+from meshdeform.cli.help import HelpfulCommand
 
 _F = TypeVar("_F", bound=Callable[..., None])
 _META = "meshdeform.forms"
-_SENTENCE = re.compile(r"(?<=[a-z0-9)])[.:] ")
+_SENTENCE = re.compile(r"(?<=[a-z0-9)])\. |(?<=[a-z0-9)]{6}): ")
 
 
 @dataclass(frozen=True)
@@ -92,20 +92,21 @@ def of_request(name: str, panel: str, **more: Any) -> Form:
     return Form(name, model, panel, **more)
 
 
-def form_command(*forms: Form) -> type[TyperCommand]:
-    """Return a class of commands that have the options of these forms beside their own."""
+def form_command(*forms: Form, usual: Sequence[str] = ()) -> type[HelpfulCommand]:
+    """Return a class of commands that have the options of these forms beside their own; `--help` shows the usual."""
 
     class Command(_FormCommand):
         FORMS = forms
+        USUAL = usual
 
     return Command
 
 
-def with_options(*forms: Form) -> Callable[[_F], _F]:
-    """Give a command the options of these forms beside its own; the app makes them of `forms`."""
+def with_options(*forms: Form, usual: str = "") -> Callable[[_F], _F]:
+    """Give a command the options of these forms beside its own; `usual` are those that `--help` shows."""
 
     def add(command: _F) -> _F:
-        command.forms = forms  # type: ignore[attr-defined]
+        command.forms, command.usual = forms, usual.split()  # type: ignore[attr-defined]
         return command
 
     return add
@@ -142,20 +143,16 @@ def parameter_choices() -> dict[str, list[str]]:
     }
 
 
-class _FormCommand(TyperCommand):
+class _FormCommand(HelpfulCommand):
     FORMS: ClassVar[Sequence[Form]] = ()
     _leaves: list[_Leaf] | None = None
 
-    def get_params(self, ctx: Any) -> list[Any]:
-        own: list[Any] = super().get_params(ctx)
+    def all_params(self, ctx: Any) -> list[Any]:
+        own = super().all_params(ctx)
         if self._leaves is None:
             used = {text for option in own for text in (*option.opts, *option.secondary_opts)}
             self._leaves = [leaf for form in self.FORMS for leaf in _leaves_of(form, used)]
-        params = [*own[:-1], *(leaf.option for leaf in self._leaves), *own[-1:]]
-        for param in params:
-            if getattr(param, "is_flag", False):
-                param.metavar = ""  # help would say "<bool>" of what takes no value
-        return params
+        return [*own[:-1], *(leaf.option for leaf in self._leaves), *own[-1:]]
 
     def invoke(self, ctx: Any) -> Any:
         forms: dict[str, dict[str, Any]] = {}

@@ -373,7 +373,7 @@ def fetch(
     name: Annotated[
         list[str] | None,
         option(
-            "Only this artifact; repeatable. Default: all. morph.glb and result.stl are made if needed.",
+            "Only this artifact; repeatable. Default: all. morph.glb and other formats are made if needed.",
             autocompletion=_complete_names,
         ),
     ] = None,
@@ -437,6 +437,8 @@ def save_artifacts(client: Client, job_id: str, folder: Path, names: list[str] |
     for name in [name for name in missing if known and name in AFTERWARDS]:
         known[name] = client.make(job_id, name)
         missing.remove(name)
+        for warning in known[name].warnings:
+            note(f"{name}: {warning}", quiet=False)
     if missing:
         has = f"It has {', '.join(known)}." if known else "It has none yet."
         raise NotFoundError(f"The job {job_id} has no {', '.join(missing)}.", advice=has)
@@ -517,7 +519,7 @@ def retry(job_id: JobIdArgument, *, place: Place, printed: Printed) -> None:
 
 
 @clean_errors
-@with_options(of_kind("text_deform"))
+@with_options(of_kind("text_deform"), usual="--step --seed --preset --guidance --set --url")
 def branch(
     ctx: typer.Context,
     job_id: JobIdArgument,

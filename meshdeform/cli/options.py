@@ -72,7 +72,7 @@ def flag(name: str, text: str, panel: str | None = None) -> Any:
 
 def file_option(text: str, panel: str | None = None) -> Any:
     """Return an option that is a file that exists."""
-    return option(text, panel, exists=True, dir_okay=False)
+    return option(text, panel, exists=True, dir_okay=False, metavar="FILE")
 
 
 def file_argument(text: str) -> Any:

@@ -124,8 +124,7 @@ def make_request(
     try:
         return JobRequest.model_validate(document)
     except ValidationError as error:
-        plain = in_plain_words(error.errors(), JobRequest)
-        problems = [{name: each[name] for name in ("loc", "msg", "type")} for each in plain]
+        problems = in_plain_words(error.errors(), JobRequest)
         sentences = [f"{'.'.join(map(str, e['loc']))}: {e['msg'].rstrip('.')}" for e in problems]
         message = "; ".join(sentences)
         raise ParameterError(

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from meshdeform.assets.export import WRITTEN, ending_of, export
+from meshdeform.assets.pose import Pose
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_request, with_options, written
@@ -34,12 +36,7 @@ if TYPE_CHECKING:
     from meshdeform.settings import Settings
 
 _ANIMATED = (".webp", ".gif")
-_CONVERTED = (".glb", ".stl")
 _MAP = ".safetensors"
-_OBJ = (
-    "OBJ is not written any more. Convert the GLB with Blender, which keeps its materials: "
-    "docs/recipes.md has the command for USDZ, and wm.obj_export writes OBJ."
-)
 
 
 @clean_errors
@@ -263,53 +260,61 @@ def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Se
 @clean_errors
 def convert(
     asset: Annotated[Path, file_argument("A GLB; or a glTF, OBJ, PLY, STL or ZIP.")],
-    output: Annotated[Path, output_option("The file to write; its ending says the format: .glb or .stl.")],
-    up: Annotated[Literal["y", "z"], option("Of an STL: the axis that points up. Slicers expect z.")] = "y",
-    unit: Annotated[Literal["m", "cm", "mm"], option("Of an STL: the unit of lengths. Slicers expect mm.")] = "m",
+    target: Annotated[
+        Path | None, typer.Argument(help=f"The file to write; its ending says the format: {', '.join(WRITTEN)}.")
+    ] = None,
+    output: Annotated[Path | None, output_option("The same. Default with --pose: FILE-posed.glb.")] = None,
+    pose: Annotated[
+        str | None,
+        option("CLIP@SECONDS: as the asset stands then, without its rig. A clip by name, or by number from 0."),
+    ] = None,
+    up: Annotated[
+        Literal["y", "z"] | None, option("Of STL and OBJ: the axis that points up. Slicers expect z. Default: y.")
+    ] = None,
+    unit: Annotated[
+        Literal["m", "cm", "mm"] | None,
+        option("Of STL, OBJ and 3MF: the unit of lengths. Slicers expect mm. Default: m; for 3MF mm."),
+    ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write ASSET as GLB or STL, and say of an STL whether its surface is closed.
+    """Write ASSET in another format, and say what the format cannot hold, and of an STL whether it is closed.
 
-    meshdeform convert scan.ply -o scan.glb
+    meshdeform convert scan.ply scan.glb
 
-    meshdeform convert mushroom.glb -o mushroom.stl --up z --unit mm
+    meshdeform convert fox.glb fox.usdz
+
+    meshdeform convert knight.glb knight.stl --pose "Idle@0.5" --up z --unit mm
     """
     require("numpy", "asset")
-    ending = output.suffix.lower()
-    if ending == ".obj" or output.name.lower().endswith(".obj.zip"):
-        raise ParameterError(_OBJ, advice="Choose .glb or .stl.")
-    if ending not in _CONVERTED:
-        raise typer.BadParameter(f"{output.name} ends in none of {', '.join(_CONVERTED)}", param_hint="--output")
+    if (target is None) == (output is None) and (target is not None or pose is None):
+        raise typer.BadParameter("name one file to write", param_hint="--output")
+    output = target or output or asset.with_name(f"{asset.stem}-posed.glb")
+    ending_of(output.name)
+    moment = None if pose is None else Pose.parse(pose)
     check_free([output], [asset], force=force)
-    data, facts, words = _converted(asset, ending, up, unit)
-    write_all({output: data}, what=output)
-    if as_json:
-        emit({"file": str(output), **facts})
-        return
-    typer.echo(plain(str(output)))
-    typer.echo(plain(words), err=True)
-
-
-def _converted(
-    source: Path, ending: str, up: Literal["y", "z"], unit: Literal["m", "cm", "mm"]
-) -> tuple[bytes, dict[str, Any], str]:
-    """Return the file, and what is known of it as JSON and in words."""
     from meshdeform.assets import Limits
 
-    asset = read_asset(source, Limits.from_settings(load_settings()))
-    if ending == ".glb":
-        warnings = list(asset.summary.warnings)
-        triangles = len(asset.surface.triangles)
-        words = "\n".join([f"{triangles:,} triangles.", *warnings])
-        return asset.to_bytes(), {"triangles": triangles, "warnings": warnings}, words
-    from meshdeform.assets.stl_file import write_stl
+    read = read_asset(asset, Limits.from_settings(load_settings()))
+    made = export(read, output.name, pose=moment, up=up, unit=unit)
+    files = {output.parent / name: data for name, data in made.files.items()}
+    check_free([path for path in files if path != output], [asset], force=force)
+    write_all(files, what=output)
+    if as_json:
+        emit(
+            {"file": str(output), "files": [str(path) for path in files], **made.facts, "warnings": list(made.warnings)}
+        )
+        return
+    typer.echo(plain(str(output)))
+    typer.echo(plain("\n".join([_described(made.facts), *made.warnings])), err=True)
 
-    stl = write_stl(asset, up, unit)
-    closed = "closed" if stl.closed else "not closed"
-    facts = {"triangles": stl.triangles, "closed": stl.closed, "origin": list(stl.origin)}
-    words = f"{stl.triangles:,} triangles in {unit}, +{up.upper()} up; the surface is {closed}."
-    if any(stl.origin):
-        moved = ", ".join(f"{value:g}" for value in stl.origin)
-        words += f"\nThe surface lies far from the origin: places are relative to ({moved}), as the file's header says."
-    return stl.data, facts, words
+
+def _described(facts: dict[str, Any]) -> str:
+    """Return what is known of a converted asset, in words."""
+    words = f"{facts['triangles']:,} triangles"
+    if "closed" in facts:
+        words += f"; the surface is {'closed' if facts['closed'] else 'not closed'}"
+    if any(facts.get("origin", ())):
+        moved = ", ".join(f"{value:g}" for value in facts["origin"])
+        words += f". It lies far from the origin: places are relative to ({moved}), as the file's header says"
+    return f"{words}."

@@ -40,15 +40,16 @@ def _file(text: str) -> Any:
     of_kind("text_deform", short=DEFORMATION),
     of_request("output", _OUTPUTS),
     of_request("job", "Service", only=("kind", "priority", "deadline_s", "max_run_s", "retention_s")),
+    usual="--output --also --seed --preset --guidance --target --strength --rig --keep --url",
 )
 def run(
     ctx: typer.Context,
-    asset: Annotated[Path, file_argument("The GLB, OBJ, PLY, STL or ZIP, or what else jobs of --kind read.")],
+    asset: Annotated[Path, file_argument("The GLB, OBJ, PLY, STL or ZIP; or what else jobs of --kind read.")],
     prompt: Annotated[
-        str, typer.Argument(help='New shape of the asset: "a mushroom". Or --also, --target or --silhouette.')
+        str, typer.Argument(help='Its new shape, such as "a mushroom"; or --also, --target or --silhouette.')
     ] = "",
     output: Annotated[
-        Path | None, output_option("The GLB to write, default: ASSET-deformed.glb in this folder; with --url a folder.")
+        Path | None, output_option("The GLB to write (default: ASSET-deformed.glb here); with --url a folder.")
     ] = None,
     report: Annotated[Path | None, _file("Where the report goes (default: beside the GLB).")] = None,
     preview: Annotated[Path | None, _file("Where the picture goes (default: beside the GLB).")] = None,
@@ -83,11 +84,7 @@ def run(
 
     meshdeform run examples/sphere.glb "a mushroom" -o mushroom.glb
 
-    meshdeform run examples/sphere.glb --target examples/vase.glb --set laplacian_weight=0.3
-
-    meshdeform run examples/sphere.glb "a mushroom" --guidance sds --preset preview
-
-    meshdeform run examples/sphere.glb "a mushroom" --url http://127.0.0.1:8765 -o mushroom
+    meshdeform run examples/sphere.glb --target examples/vase.glb --url http://127.0.0.1:8765
     """
     job = written(ctx, "job")
     kind = JobKind(job.pop("kind", JobKind.TEXT_DEFORM))

@@ -17,10 +17,11 @@ from meshdeform.cli.environment import load_settings, read_key, require, service
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.options import DataDirOption, JsonOption, Place, flag, option
 from meshdeform.cli.output import emit, plain
-from meshdeform.errors import ParameterError
+from meshdeform.errors import ParameterError, readable_size
 from meshdeform.serving import DEFAULT_HOST, DEFAULT_PORT
 
 if TYPE_CHECKING:
+    from meshdeform.record.database import Database
     from meshdeform.record.keys import ApiKey, KeyRing
     from meshdeform.settings import Settings
 
@@ -123,8 +124,9 @@ def worker(as_json: JsonOption = False) -> None:
 
 def _decided(settings: Settings, host: str) -> Settings:
     """Return the settings with `auth` decided by the address that the API listens on."""
-    from meshdeform.serving.access import needs_keys
+    from meshdeform.serving.access import check_origins, needs_keys
 
+    check_origins(settings)
     # Required on every connection, loopback included.
     return settings.model_copy(update={"auth": "on"}) if needs_keys(settings.auth, host) else settings
 
@@ -243,15 +245,42 @@ def revoke(
     typer.echo(f"{key.id} of {key.owner_id} is revoked.")
 
 
+@keys.command()
+@clean_errors
+def usage(
+    owner: Annotated[str | None, option("Only this owner; empty: jobs without a key.")] = None,
+    data_dir: DataDirOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print what owners have used, by month: jobs that ended, seconds of workers, bytes of results."""
+    from meshdeform.record.usage import UsageLedger
+
+    with _opened(load_settings(data_dir=data_dir)) as database:
+        months = UsageLedger(database).months(owner)
+    if as_json:
+        emit([asdict(month) for month in months])
+        return
+    for month in months:
+        amounts = f"{month.jobs:>8,} jobs  {month.seconds:>12,.1f} s  {readable_size(month.bytes):>10}"
+        typer.echo(plain(f"{month.month}  {month.owner_id or '-':<24}  {amounts}"))
+
+
 @contextmanager
 def _ring(settings: Settings) -> Iterator[KeyRing]:
+    with _opened(settings) as database:
+        from meshdeform.record.keys import KeyRing
+
+        yield KeyRing(database)
+
+
+@contextmanager
+def _opened(settings: Settings) -> Iterator[Database]:
     require("sqlalchemy", "service")
     from meshdeform.record.database import Database
-    from meshdeform.record.keys import KeyRing
 
     database = Database(settings.resolved_database_url)
     try:
-        yield KeyRing(database)
+        yield database
     finally:
         database.close()
 

@@ -22,6 +22,7 @@ from meshdeform.api.jobs import ArtifactView
 from meshdeform.api.states import JobError, Progress
 from meshdeform.errors import MeshdeformError, StoredFileError, UnavailableError
 from meshdeform.requests.document import DeformParams, OutputOptions, ResolvedParams
+from meshdeform.requests.problems import reason
 
 M = TypeVar("M", bound=BaseModel)
 _OPEN = ConfigDict(frozen=True, extra="allow", protected_namespaces=())
@@ -101,7 +102,7 @@ def read(model: type[M], document: Any, url: str) -> M:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
         raise UnavailableError(
-            f"{url} answered with a document that this client does not understand ({place}: {first['msg']}).",
+            f"{url} answered with a document that this client does not understand ({place}: {reason(first)}).",
             advice="Check the service's address, and that client and service have compatible versions.",
         ) from error
 
@@ -131,7 +132,7 @@ def html_of(job: JobView, png: bytes | None) -> str:
     return f'<figure><img alt="{words}" src="data:image/png;base64,{shown}"><figcaption>{words}</figcaption></figure>'
 
 
-AFTERWARDS = ("morph.glb", "map.safetensors", "result.stl")
+AFTERWARDS = ("morph.glb", "map.safetensors", "result.usdz", "result.obj.zip", "result.3mf", "result.stl")
 """The artifacts that the service can make of a job that has succeeded."""
 
 _BATCH = 2**20

@@ -7,7 +7,7 @@ import os
 from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import IO, Any
-from urllib.parse import quote
+from urllib.parse import quote, urlencode
 
 import anyio
 import httpx
@@ -50,10 +50,11 @@ def word_path(noun: str, *rest: str) -> str:
     return "/".join(["/v1/words", *(_segment(part) for part in (noun, *rest))])
 
 
-def artifact_path(job: JobLike, name: str, strength: float | None = None) -> str:
-    """Return the path of an artifact, with the query for another strength."""
-    query = "" if strength is None else f"?strength={strength:.10g}"
-    return job_path(job, "artifacts", name) + query
+def artifact_path(job: JobLike, name: str, strength: float | None = None, pose: str | None = None) -> str:
+    """Return the path of an artifact, with the query for another strength or a pose."""
+    asked = {"strength": None if strength is None else f"{strength:.10g}", "pose": pose}
+    query = urlencode({key: value for key, value in asked.items() if value is not None})
+    return job_path(job, "artifacts", name) + (f"?{query}" if query else "")
 
 
 @dataclass(frozen=True)

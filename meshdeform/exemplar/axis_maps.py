@@ -13,7 +13,6 @@ Source: Lawson and Hanson 1974, Solving least squares problems (bounds).
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from meshdeform.nouns.labels import Floats
 
@@ -57,6 +56,8 @@ def axis_maps(places: Floats, goals: Floats, weights: Floats, *, mirrored: bool)
 
 def _fitted(knots: Floats, x: Floats, y: Floats, weights: Floats) -> Floats:
     """Return the values (K,) at the knots of one rising function."""
+    from scipy.optimize import lsq_linear  # takes long to import, and few are fitted so
+
     steps = np.diff(knots)
     passed = np.clip(x[:, None] - knots[None, :-1], 0, steps)  # how much of each interval lies below
     root = np.sqrt(weights)[:, None]

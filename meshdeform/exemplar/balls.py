@@ -149,14 +149,13 @@ def _grow(
 ) -> None:
     """Let a ball grow from a node to all nodes of positive depth that can join it."""
     _, rows, columns = ball.shape
-    flat = depth.ravel()
-    queue = [(-flat[seed], seed)]
+    flat, joined = depth.ravel(), ball.ravel()
+    queue, waiting = [(-flat[seed], seed)], np.zeros(len(flat), np.bool_)
     started = False
     while len(queue) > 0:
         node = heapq.heappop(queue)[1]
+        waiting[node] = False
         i, j, k = node // (rows * columns), node // columns % rows, node % columns
-        if ball[i, j, k]:
-            continue
         nodes, links = around, touching
         if mirrored and i == 0:
             nodes, links = mirror_around, mirror_touching
@@ -170,5 +169,6 @@ def _grow(
         ball[i, j, k] = True
         for bit in range(14):
             at = (abs(i + nodes[bit, 0]) * rows + j + nodes[bit, 1]) * columns + k + nodes[bit, 2]
-            if flat[at] > 0 and not ball[at // (rows * columns), at // columns % rows, at % columns]:
+            if flat[at] > 0 and not waiting[at] and not joined[at]:
+                waiting[at] = True
                 heapq.heappush(queue, (-flat[at], at))

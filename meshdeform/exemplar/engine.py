@@ -29,7 +29,7 @@ from meshdeform.exemplar.choosing import Exemplar, exemplars
 from meshdeform.exemplar.clay import is_clay, moulded
 from meshdeform.exemplar.distances import between, stretch
 from meshdeform.exemplar.known import known_source
-from meshdeform.exemplar.mending import mended
+from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.exemplar.pieces import Matching, face_areas
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
 from meshdeform.exemplar.symmetry import is_even
@@ -89,6 +89,8 @@ class ExemplarFit:
         The part of each face, in place of the reading's.
     cache : Path, optional
         A folder in which tables of members are kept (`reading.banks`).
+    mends : bool
+        False: what the fit broke is left so, which takes half the time.
     """
 
     result: ExemplarResult
@@ -102,6 +104,7 @@ class ExemplarFit:
         *,
         labels: Index | None = None,
         cache: Path | None = None,
+        mends: bool = True,
     ) -> None:
         if labels is None:
             labels = np.full(len(faces), NO_PART, np.int64) if reading is None else reading.labels
@@ -109,7 +112,7 @@ class ExemplarFit:
         noun = "" if reading is None else reading.noun
         faces = np.asarray(faces, np.int64)
         self.source = Shape(noun, self.frame.enter(verts), faces, labels)
-        self._wish, self._cache = wish, cache
+        self._wish, self._cache, self._mends = wish, cache, mends
         standing = faces[labels != GROUND]
         self._standing = standing if len(standing) else faces
         self._known = known_source(self.source)
@@ -192,11 +195,10 @@ class ExemplarFit:
 
     def _mended(self, ways: Sequence[_Way]) -> ExemplarResult:
         """Return the facts of the best way, mended, or of the next if too little of it is left."""
-        rest, faces, strength = self.source.verts, self.source.faces, self._wish.strength
+        rest = self.source.verts
         best, done = ways[0], None
         for way in ways[:_MENDED]:
-            verts = way.verts if way.last is None else way.last(way.verts)
-            now = mended(rest, rest + strength * (verts - rest), faces)
+            now = self._gone(way)
             if done is None or now.kept > done.kept:
                 best, done = way, now
             if done.kept >= _ENOUGH:
@@ -216,6 +218,17 @@ class ExemplarFit:
             done.cut,
             stretch(rest, done.verts, self._standing),
         )
+
+    def _gone(self, way: _Way) -> Mended:
+        """Return where the asset has gone that way, as far as it is to go."""
+        rest = self.source.verts
+        if self._mends and way.last is not None:
+            way.verts, way.last = way.last(way.verts), None
+        goal = rest + self._wish.strength * (way.verts - rest)
+        if self._mends:
+            return mended(rest, goal, self.source.faces)
+        found = self._faults.find(goal)
+        return Mended(found.verts, 1.0, int(found.folded.sum()), int(found.cutting.sum()))
 
     def _distance(self, verts: Floats, goal: Shape) -> float:
         """Return the mean distance between the asset and what is seen of a goal."""

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
@@ -256,6 +255,8 @@ def _fewer(source: Shape, own: Pieces, other: Pieces) -> Pieces:
 
 
 def _partners(own_middles: Floats, other_middles: Floats, own: Pieces, other: Pieces) -> Index:
+    from scipy.optimize import linear_sum_assignment  # takes long to import, and what is moulded has no pieces
+
     partner = np.full(len(own), -1, np.int64)
     for name in sorted(set(own.names) & set(other.names)):
         mine, others = own.named(name), other.named(name)

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from meshdeform.exemplar.affine_maps import rotation_between
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
@@ -109,6 +108,8 @@ def unlikeness(asset: Posture, member: Posture) -> float:
 
 def _pairs(asset: Posture, member: Posture) -> list[tuple[int, int]]:
     """Return the limbs of both that are of one kind and lie alike."""
+    from scipy.optimize import linear_sum_assignment  # takes long to import, and most have no limbs
+
     pairs: list[tuple[int, int]] = []
     for kind in np.intersect1d(asset.kinds, member.kinds):
         mine, others = np.flatnonzero(asset.kinds == kind), np.flatnonzero(member.kinds == kind)

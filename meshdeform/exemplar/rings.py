@@ -14,8 +14,6 @@ Dey et al. 1999, Topology preserving edge contraction (when the topology stays).
 
 from __future__ import annotations
 
-import heapq
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -153,18 +151,47 @@ def _may_collapse(u: int, v: int, rings: Rings, degrees: Index, bound: Flags, ap
 
 @kernel
 def _cheapest(
-    u: int, places: Floats, quadrics: Floats, rings: Rings, degrees: Index, bound: Flags, apex: int
+    u: int, places: Floats, quadrics: Floats, rings: Rings, degrees: Index, bound: Flags, apex: int, room: Floats
 ) -> tuple[float, int]:
-    """Return the least cost of a collapse of u, and where to; -1 if there is none."""
-    least, goal = np.inf, -1
+    """Return the least cost of a collapse of u, and where to; -1 if there is none. `room` (MOST_NEIGHBOURS,)."""
     for i in range(degrees[u]):
         v = rings[u, i]
-        if v == apex or (bound[u] and not bound[v]):
-            continue
-        cost = _cost(quadrics, places, u, v, degrees[u] + degrees[v] - 4)
-        if cost < least and _may_collapse(u, v, rings, degrees, bound, apex):
-            least, goal = cost, v
-    return least, goal
+        away = v == apex or (bound[u] and not bound[v])
+        room[i] = np.inf if away else _cost(quadrics, places, u, v, degrees[u] + degrees[v] - 4)
+    while True:
+        least, at = np.inf, -1
+        for i in range(degrees[u]):
+            if room[i] < least:
+                least, at = room[i], i
+        if at < 0:
+            return np.inf, -1
+        if _may_collapse(u, rings[u, at], rings, degrees, bound, apex):
+            return least, rings[u, at]
+        room[at] = np.inf
+
+
+@kernel
+def _move(u: int, cost: float, heap: Index, place_of: Index, costs: Floats) -> None:
+    """Give a vertex of the heap (V,), which has the cheapest first, then the least, a cost; `place_of` (V,): in it."""
+    costs[u], at = cost, place_of[u]
+    while at > 0:
+        above = heap[(at - 1) // 2]
+        if costs[above] < cost or (costs[above] == cost and above < u):
+            break
+        heap[at], place_of[above] = above, at
+        at = (at - 1) // 2
+    while 2 * at + 1 < len(heap):
+        down = 2 * at + 1
+        below = heap[down]
+        if down + 1 < len(heap):
+            other = heap[down + 1]
+            if costs[other] < costs[below] or (costs[other] == costs[below] and other < below):
+                down, below = down + 1, other
+        if cost < costs[below] or (cost == costs[below] and u < below):
+            break
+        heap[at], place_of[below] = below, at
+        at = down
+    heap[at], place_of[u] = u, at
 
 
 @kernel
@@ -173,30 +200,28 @@ def collapse(
 ) -> int:
     """Collapse all that may be; set (vertex, where it went) in `order` (V, 2) and return their number."""
     count = len(degrees)
-    stamps, best, alive = np.zeros(count, np.int64), np.full(count, -1), degrees > 0
-    circle = bound.sum()
-    queue = [(0.0, 0, np.int64(0))]
-    heapq.heappop(queue)
+    best, alive, circle = np.full(count, -1), degrees > 0, bound.sum()
+    heap, place_of, costs = np.arange(count), np.arange(count), np.full(count, np.inf)
+    room = np.zeros(rings.shape[1])
     for u in range(count):
         if u != apex and alive[u]:
-            cost, best[u] = _cheapest(u, places, quadrics, rings, degrees, bound, apex)
-            if best[u] >= 0:
-                heapq.heappush(queue, (cost, u, stamps[u]))
+            cost, best[u] = _cheapest(u, places, quadrics, rings, degrees, bound, apex, room)
+            _move(u, cost, heap, place_of, costs)
     removed = 0
     path = np.zeros(2 * rings.shape[1], np.int32)
-    while len(queue) > 0:
-        _, u, stamp = heapq.heappop(queue)
-        if not alive[u] or stamp != stamps[u] or (bound[u] and circle <= 3):
-            continue
+    while costs[heap[0]] < np.inf:
+        u = heap[0]
         v = best[u]
+        if bound[u] and circle <= 3:
+            _move(u, np.inf, heap, place_of, costs)
+            continue
         if not _may_collapse(u, v, rings, degrees, bound, apex):
-            stamps[u] += 1
-            cost, best[u] = _cheapest(u, places, quadrics, rings, degrees, bound, apex)
-            if best[u] >= 0:
-                heapq.heappush(queue, (cost, u, stamps[u]))
+            cost, best[u] = _cheapest(u, places, quadrics, rings, degrees, bound, apex, room)
+            _move(u, cost, heap, place_of, costs)
             continue
         _remove(u, v, rings, degrees, apex, path)
         alive[u] = False
+        _move(u, np.inf, heap, place_of, costs)
         circle -= bound[u]
         order[removed, 0], order[removed, 1] = u, v
         removed += 1
@@ -204,10 +229,8 @@ def collapse(
         for at in range(-1, degrees[v]):
             w = v if at < 0 else rings[v, at]
             if w != apex:
-                stamps[w] += 1
-                cost, best[w] = _cheapest(w, places, quadrics, rings, degrees, bound, apex)
-                if best[w] >= 0:
-                    heapq.heappush(queue, (cost, w, stamps[w]))
+                cost, best[w] = _cheapest(w, places, quadrics, rings, degrees, bound, apex, room)
+                _move(w, cost, heap, place_of, costs)
     return removed
 
 

@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
-from scipy.interpolate import RBFInterpolator
 
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.geometry.kernels import kernel
@@ -239,6 +238,8 @@ def _with_wheels(
 
 def _flow(points: Floats, goals: Floats) -> Callable[[Floats], Floats]:
     """Return the way of places (N, 2) that go with points to their goals, step by step."""
+    from scipy.interpolate import RBFInterpolator  # takes long to import, and only what has wheels or a side needs it
+
     low, high = (np.minimum(points.min(0), goals.min(0)) - _BEYOND, np.maximum(points.max(0), goals.max(0)) + _BEYOND)
     cell = (high - low) / (np.array(_GRID) - 1)
     nodes = low + np.stack(np.meshgrid(*map(np.arange, _GRID), indexing="ij"), -1).reshape(-1, 2) * cell

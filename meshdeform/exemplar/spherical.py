@@ -180,12 +180,24 @@ def _area_around(u: int, places: Floats, rings: Rings, degrees: Index, apex: int
 
 
 @kernel
+def _measure(
+    u: int, places: Floats, masses: Floats, areas: Floats, rings: Rings, degrees: Index, apex: int, around: Floats
+) -> None:
+    """Set the measures of the triangles around u, grown to the masses."""
+    n = degrees[u]
+    for i in range(n):
+        v, w = rings[u, i], rings[u, i + 1 if i + 1 < n else 0]
+        if v != apex and w != apex:
+            area, p, q, r = _measures(places, u, v, w)
+            scale = (masses[u] + masses[v] + masses[w]) / (areas[u] + areas[v] + areas[w])
+            around[i, 0], around[i, 1], around[i, 2], around[i, 3] = area * scale, p * scale, q * scale, r * scale
+
+
+@kernel
 def _energy(
     u: int,
     s: Floats,
-    places: Floats,
-    masses: Floats,
-    areas: Floats,
+    around: Floats,
     directions: Floats,
     rings: Rings,
     degrees: Index,
@@ -194,7 +206,10 @@ def _energy(
     hessian: Floats,
     derived: bool,
 ) -> float:
-    """Return the energy of the triangles around u at s; set its derivatives there if they are asked for."""
+    """Return the energy of the triangles around u at s; set its derivatives there if they are asked for.
+
+    `around` (MOST_NEIGHBOURS, 4): of each triangle, its area and the squares of its edges, as `_measure` sets them.
+    """
     total, n, k = 0.0, degrees[u], _CONFORMAL
     if derived:
         gradient[:] = 0
@@ -209,9 +224,7 @@ def _energy(
             continue
         if det <= 1e-13:
             return np.inf
-        area, p, q, r = _measures(places, u, v, w)
-        scale = (masses[u] + masses[v] + masses[w]) / (areas[u] + areas[v] + areas[w])
-        area, p, q, r = area * scale, p * scale, q * scale, r * scale
+        area, p, q, r = around[i, 0], around[i, 1], around[i, 2], around[i, 3]
         value = 0.0
         for j in range(3):
             value += (b[j] - s[j]) * (c[j] - s[j]) * p
@@ -248,7 +261,8 @@ def _tangents(s: Floats, bound: bool, first: Floats, second: Floats) -> None:
         return
     first[0 if abs(s[0]) < 0.6 else 1] = 1
     along = first[0] * s[0] + first[1] * s[1] + first[2] * s[2]
-    first -= along * s
+    for i in range(3):
+        first[i] -= along * s[i]
     _normalise(first)
     second[0] = s[1] * first[2] - s[2] * first[1]
     second[1] = s[2] * first[0] - s[0] * first[2]
@@ -293,19 +307,21 @@ def _move(
     bound: Flags,
     apex: int,
     room: Floats,
+    around: Floats,
 ) -> None:
-    """Take Newton's step of a vertex, shortened until the energy falls; `room` (6, 3) is to work in."""
+    """Take Newton's step of a vertex, shortened until the energy falls; `room` (9, 3) and `around` are to work in."""
     gradient, hessian, trial = room[0], room[1:4], room[4]
-    first, second = np.empty(3), np.empty(3)
-    s = directions[u].copy()
-    before = _energy(u, s, places, masses, areas, directions, rings, degrees, apex, gradient, hessian, True)
+    first, second, s = room[6], room[7], room[8]
+    s[:] = directions[u]
+    _measure(u, places, masses, areas, rings, degrees, apex, around)
+    before = _energy(u, s, around, directions, rings, degrees, apex, gradient, hessian, True)
     _tangents(s, bound[u], first, second)
     x1, x2 = _newton(s, first, second, gradient, hessian, bound[u])
     for _ in range(7):
         for j in range(3):
             trial[j] = s[j] + x1 * first[j] + x2 * second[j]
         _normalise(trial)
-        energy = _energy(u, trial, places, masses, areas, directions, rings, degrees, apex, gradient, hessian, False)
+        energy = _energy(u, trial, around, directions, rings, degrees, apex, gradient, hessian, False)
         if energy < before:
             directions[u] = trial
             return
@@ -350,10 +366,12 @@ def _start(
     bound: Flags,
     apex: int,
     room: Floats,
+    around: Floats,
 ) -> bool:
     """Put u where its triangles are counter-clockwise, on the way from v; return whether there is such a place."""
     gradient, hessian, trial, goal = room[0], room[1:4], room[4], room[5]
     n, at, best = degrees[u], directions[v], np.inf
+    _measure(u, places, masses, areas, rings, degrees, apex, around)
     for way in range(2):
         goal[:] = 0
         if bound[u]:
@@ -371,7 +389,7 @@ def _start(
         for _ in range(40):
             trial[:] = at + share * (goal - at)
             _normalise(trial)
-            now = _energy(u, trial, places, masses, areas, directions, rings, degrees, apex, gradient, hessian, False)
+            now = _energy(u, trial, around, directions, rings, degrees, apex, gradient, hessian, False)
             if now < best:
                 best = now
                 directions[u] = trial
@@ -398,7 +416,7 @@ def _grow(
     kept: int,
 ) -> None:
     """Undo the collapses from the last to number `kept`; ends early where rounding leaves no place for a vertex."""
-    room, path = np.zeros((6, 3)), np.zeros(2 * MOST_NEIGHBOURS, np.int32)
+    room, around, path = np.zeros((9, 3)), np.zeros((MOST_NEIGHBOURS, 4)), np.zeros(2 * MOST_NEIGHBOURS, np.int32)
     for step in range(removed):
         masses[order[step, 1]] += masses[order[step, 0]]
     areas, present, number = np.zeros(len(masses)), np.zeros(len(masses), np.int64), 0
@@ -412,7 +430,7 @@ def _grow(
         u, v = order[step]
         masses[v] -= masses[u]
         areas[u] = _area_around(u, places, rings, degrees, apex)
-        if not _start(u, v, places, masses, areas, directions, rings, degrees, bound, apex, room):
+        if not _start(u, v, places, masses, areas, directions, rings, degrees, bound, apex, room, around):
             return
         insert(u, v, rings, degrees, apex, path)
         alive[u], present[number] = True, u
@@ -424,9 +442,9 @@ def _grow(
         for i in range(-2, degrees[u]):
             w = u if i < 0 else rings[u, i]
             if w != apex:
-                _move(w, places, masses, areas, directions, rings, degrees, bound, apex, room)
+                _move(w, places, masses, areas, directions, rings, degrees, bound, apex, room, around)
         if number >= _GROWTH * swept or step == kept:
             swept = number
             for _ in range(_LAST_SWEEPS if step == kept else _SWEEPS):
                 for w in present[:number]:
-                    _move(w, places, masses, areas, directions, rings, degrees, bound, apex, room)
+                    _move(w, places, masses, areas, directions, rings, degrees, bound, apex, room, around)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.copies import first_alike
 from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.kernels import Worth, kernel
 from meshdeform.geometry.mesh import RestMesh
@@ -41,6 +42,10 @@ _MOST_AROUND = 1_000
 
 _SAMPLES, _SAMPLES_OF_FACE = 2_000_000, 6
 """Samples that a tree may have, and more for each face."""
+
+_CELLS_OF_SPACING, _COPIES = 64, 32
+"""How small a cell is in which samples count as one, and how many must share one on average: no single surface has as
+many around a vertex."""
 
 
 def samples_of(verts: _Floats, faces: _Index, distance: float) -> tuple[_Floats, _Index]:
@@ -182,9 +187,13 @@ class SurfaceTree:
         self._verts, self._faces, self._turn, self._slack = verts, faces, opposite / 2, slack
         while count_samples(verts, faces, spacing) > _SAMPLES + _SAMPLES_OF_FACE * len(faces):
             spacing *= 1.5
-        samples, self._owner = samples_of(verts, faces, spacing)
-        self._tree = cKDTree(np.concatenate([samples, self._turn * normals[self._owner]], 1))
-        self._around, self._begin = _faces_around(faces, len(verts))
+        once = first_alike(faces)  # copies of a face are as near as the first
+        samples, owner = samples_of(verts, faces[once], spacing)
+        points = np.concatenate([samples, self._turn * normals[once[owner]]], 1)
+        apart = _apart(points, spacing / _CELLS_OF_SPACING)
+        self._owner, self._tree = once[owner[apart]], cKDTree(points[apart])
+        around, self._begin = _faces_around(faces[once], len(verts))
+        self._around = once[around]
 
     @classmethod
     def of(cls, verts: _Floats, faces: _Index, slack: float = 0.0) -> SurfaceTree:
@@ -262,6 +271,15 @@ class NearestPlaces:
         for k in range(3):
             out += self.weights[:, k, None] * values[self.corners[:, k]]
         return out
+
+
+def _apart(points: _Floats, distance: float) -> _Index | slice:
+    """Return the first of all points (P, 6) in each cell of a grid, if very many share one; else all.
+
+    A search looks at all that are equally near: of thousands of copies in one place, one shows the way.
+    """
+    first = first_alike(np.floor(points / distance).astype(np.int64))
+    return first if len(first) * _COPIES < len(points) else slice(None)
 
 
 def _tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:

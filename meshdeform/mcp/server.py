@@ -7,11 +7,13 @@ import time
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mcp.server.mcpserver import Context, MCPServer
+from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.transport_security import TransportSecuritySettings
 from mcp.types import ToolAnnotations
+from pydantic import ValidationError
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse
 
@@ -19,8 +21,11 @@ import meshdeform
 from meshdeform.client import AsyncClient
 from meshdeform.errors import ForbiddenError, MeshdeformError, UnauthorizedError
 from meshdeform.mcp.tools import Folders, Tools, explained
+from meshdeform.requests.groups import PLACES
+from meshdeform.requests.problems import did_you_mean, reason
 
 if TYPE_CHECKING:
+    from mcp.server.mcpserver.tools import Tool
     from starlette.types import ASGIApp, Receive, Scope, Send
 
 _INSTRUCTIONS = """\
@@ -38,8 +43,35 @@ _REMEMBERED_S = 30.0
 _MOST_REMEMBERED = 1000
 
 
+class _Server(MCPServer):
+    """Refuses arguments that a tool does not have, and says what is wrong with the others in plain words."""
+
+    async def call_tool(self, name: str, arguments: dict[str, Any], context: Context[Any, Any] | None = None) -> Any:
+        """Call a tool; `ToolError`: it cannot be called like that, or has failed."""
+        try:
+            return await super().call_tool(name, arguments, context)
+        except ToolError as error:
+            if isinstance(error.__cause__, ValidationError):
+                raise ToolError(f"{name}: {self._said(name, error.__cause__)}") from error
+            raise
+
+    def _said(self, name: str, refused: ValidationError) -> str:
+        tool = self._tool_manager.get_tool(name)
+        known = tool.fn_metadata.arg_model.model_fields if tool else {}
+        found = []
+        for finding in refused.errors(include_url=False):
+            place = ".".join(map(str, finding["loc"]))
+            text = reason(finding)
+            if finding["type"] == "extra_forbidden":
+                text = did_you_mean(place, known, "argument")
+                if place in PLACES and "params" in known:
+                    text = "there is no such argument. It is one of params."
+            found.append(f"{place}: {text}")
+        return "; ".join(found)
+
+
 def _server(tools: Tools, names: Sequence[str]) -> MCPServer:
-    server = MCPServer(
+    server = _Server(
         "meshdeform",
         title="Meshdeform",
         instructions=_INSTRUCTIONS,
@@ -54,7 +86,17 @@ def _server(tools: Tools, names: Sequence[str]) -> MCPServer:
                 read_only_hint=reads, destructive_hint=name == "cancel", idempotent_hint=reads, open_world_hint=False
             ),
         )
+        _close(server._tool_manager.get_tool(name))
     return server
+
+
+def _close(tool: Tool | None) -> None:
+    """Let a tool refuse arguments that it does not have, and say so in its schema: the library drops them silently."""
+    assert tool is not None
+    model = tool.fn_metadata.arg_model
+    model.model_config["extra"] = "forbid"
+    model.model_rebuild(force=True)
+    tool.parameters = model.model_json_schema(by_alias=True)
 
 
 def local_server(url: str, api_key: str | None, roots: Sequence[Path]) -> MCPServer:

@@ -18,11 +18,11 @@ from typing import Annotated, Any
 
 from mcp.server.mcpserver import Context, Image
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from meshdeform.client import AsyncClient, EventView, JobView, WaitTimeoutError
 from meshdeform.errors import ForbiddenError, MeshdeformError, NotFoundError, ParameterError, readable_size
-from meshdeform.requests.document import DeformParams
+from meshdeform.requests.document import DeformParams, first_problem
 from meshdeform.verdicts import read_verdict
 
 Asset = Annotated[
@@ -316,6 +316,8 @@ def explained(tool: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable[An
             return await tool(*args, **kwargs)
         except MeshdeformError as error:
             raise ToolError(f"{error.detail} {error.advice_text} ({error.code})".strip()) from error
+        except ValidationError as error:
+            raise ToolError(first_problem(error)) from error
         except ValueError as error:
             raise ToolError(str(error)) from error
 

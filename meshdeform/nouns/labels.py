@@ -57,7 +57,7 @@ class LabelledMember:
     @cached_property
     def parts(self) -> tuple[str, ...]:
         """The names of its parts, by the alphabet."""
-        return tuple(PART_NAMES[number] for number in np.unique(self.labels))
+        return tuple(PART_NAMES[number] for number in np.flatnonzero(np.bincount(self.labels)))
 
     @cached_property
     def solid_of_face(self) -> Index:
@@ -131,8 +131,9 @@ def _named(noun: str, shape: Part, labels: Index, solids: Index) -> LabelledMemb
     """Return a member whose family has named its faces: a solid of several parts counts as several."""
     own, of_face = solids.copy(), solids[shape.faces[:, 0]]
     firsts: dict[int, int] = {}
-    for number, label in np.unique(np.stack([of_face, labels], 1), axis=0):
-        if firsts.setdefault(int(number), int(label)) != label:
+    for pair in np.unique(of_face * len(PART_NAMES) + labels).tolist():
+        number, label = divmod(pair, len(PART_NAMES))
+        if firsts.setdefault(number, label) != label:
             own[np.unique(shape.faces[(of_face == number) & (labels == label)])] = own.max() + 1
     member = LabelledMember(noun, shape.verts, shape.faces, own, labels)
     return replace(member, labels=_head_over_neck(member))

@@ -38,11 +38,16 @@ _OF_FORMS: dict[str, str] = {
 }
 """The forms of `forms` that take each pose; the traits of a noun tell which it takes."""
 
+_UNFIT = {"round-penguin": "swimming"}
+"""A pose of its noun that a kind does not take: its head is half of its body."""
+
 _TOUCHING = 0.01
 _TOP = 0.1
 """Share of a limb's height or reach, from where it hangs, that tells where it hangs."""
 _ON_THE_FLANK = 1.5
 """Ratio of a wing's length along the body to its width across it from which it lies on the flank."""
+_OFF_THE_MIDDLE = 0.1
+"""Least distance of a wing on the flank from the middle, as a share of its greatest."""
 
 
 def limbs(member: LabelledMember, part: str) -> list[Index]:
@@ -55,7 +60,10 @@ def limbs(member: LabelledMember, part: str) -> list[Index]:
     side = np.sign((low + high)[:, 0].round(3))
     touch = (low[:, None] <= high[None] + _TOUCHING).all(2) & (low[None] <= high[:, None] + _TOUCHING).all(2)
     _, owner = csgraph.connected_components(sparse.csr_matrix(touch & (side[:, None] == side[None])), directed=False)
-    return [np.flatnonzero(np.isin(member.solids, numbers[owner == k])) for k in range(owner.max() + 1)]
+    owner_of_solid = np.full(int(member.solids.max()) + 1, -1)
+    owner_of_solid[numbers] = owner
+    owners = owner_of_solid[member.solids]
+    return [np.flatnonzero(owners == k) for k in range(owner.max() + 1)]
 
 
 def posed(member: LabelledMember, pose: str, rng: np.random.Generator) -> LabelledMember:
@@ -251,6 +259,12 @@ def _open_wing(verts: Floats, rows: Index, elevation_deg: float) -> None:
     turn(verts, rows, root, float(np.sign(root[0])) * (elevation_deg - 90.0), "z")
 
 
+def _is_on_the_flank(wing: Floats) -> bool:
+    """Return whether a wing (W, 3) lies along the body, and is not raised steeply from the middle of the back."""
+    reach = np.abs(wing[:, 0])
+    return bool(np.ptp(wing[:, 2]) > _ON_THE_FLANK * np.ptp(reach) and reach.min() > _OFF_THE_MIDDLE * reach.max())
+
+
 def _spread(member: LabelledMember, rng: np.random.Generator) -> Floats:
     """Hold the wings level; an upright animal's, out to its sides."""
     verts, elevation = member.verts.copy(), rng.uniform(-8, 12)
@@ -260,7 +274,7 @@ def _spread(member: LabelledMember, rng: np.random.Generator) -> Floats:
             root, tip = _inner_end(verts, rows), _outer_end(verts, rows)
             sweep = np.degrees(np.arctan2(tip[2] - root[2], side * (tip[0] - root[0])))
             turn(verts, rows, root, side * (sweep + elevation), "y")
-        elif np.ptp(verts[rows, 2]) > _ON_THE_FLANK * np.ptp(verts[rows, 0]):
+        elif _is_on_the_flank(verts[rows]):
             _open_wing(verts, rows, elevation)
         else:
             _raise_wing(verts, rows, elevation)
@@ -292,7 +306,7 @@ _MOVES: dict[str, Callable[[LabelledMember, np.random.Generator], Floats]] = {
 }
 
 POSES: dict[str, tuple[str, ...]] = {
-    form: tuple(pose for pose in _OF_FORMS if pose in row.traits)
+    form: tuple(pose for pose in _OF_FORMS if pose in row.traits and pose != _UNFIT.get(form))
     for noun, row in TABLE.items()
     for form in (noun, *KINDS.get(noun, ()))
 } | {

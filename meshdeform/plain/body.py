@@ -75,6 +75,7 @@ class Body:
     vertex_map: Index  # (N,) int64: the vertex of each row of the asset's surface, or -1
     rows: Index  # (V,) int64: a row of each vertex
     unit: float | None = None  # metres of its unit of length; None if its format has none
+    up: str | None = "y"  # the axis that points up, `y` or `z`; None if its format leaves that open
     reader: Reader = field(default_factory=Reader)  # finds its noun, its front and its parts
     painted: Mapping[str, Flags] = field(default_factory=dict)
     """Mapping of str to (F,) bool: the faces that somebody said belong to a part."""
@@ -87,12 +88,13 @@ class Body:
         return replace(self, points=points)
 
     def upright(self) -> Body:
-        """Return the body with +Y up, if its format leaves open what is up and it was read to have +Z up."""
-        if self.turn is not None or self.unit is not None or self.reader.reading is None:
+        """Return the body with +Y up, if it has +Z up, or was read to have it where its format leaves that open."""
+        up = self.up
+        if up is None and self.reader.reading is not None:
+            up = "z" if self.reader.reading.up == "+Z" else "y"
+        if self.turn is not None or up != "z":
             return self
-        turn = UP_TURNS[self.reader.reading.up]
-        if np.array_equal(turn, np.eye(3)):
-            return self
+        turn = UP_TURNS["+Z"]
         return replace(self, points=self.points @ turn.T, turn=turn)
 
     def without_joints(self) -> Body:
@@ -343,7 +345,8 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
         weights.tocsr(),
         vertex_map,
         rows,
-        1.0 if asset.in_metres else None,
+        asset.unit,
+        asset.up,
     )
 
 

@@ -62,7 +62,7 @@ def read_asset(
         What it may be, with probabilities, if +Z points up, for a format that leaves that open: which of +Y and +Z is
         up is then found, too. Of a noun that is known, give it here as well.
     z_share : float
-        Of how many files of this kind +Z points up, between 0 and 1; most of STL.
+        Of how many files of this kind +Z points up, between 0 and 1; most of STL. 1: it does.
     evidence : Evidence, optional
         Joints and names of its file.
     front_azimuth_deg : float, optional
@@ -92,8 +92,11 @@ def read_asset(
             fitted=fitted,
         )
         return replace(reading, labels=less.labels(reading.labels, body.faces))
-    stand = _Stand.decided(body, "+Y", nouns, evidence, front_azimuth_deg, cache)
-    if z_up is not None:
+    if z_up is not None and z_share == 1:
+        stand = _Stand.decided(body, "+Z", z_up, evidence, front_azimuth_deg, cache)
+    else:
+        stand = _Stand.decided(body, "+Y", nouns, evidence, front_azimuth_deg, cache)
+    if z_up is not None and z_share < 1:
         other = _Stand.decided(body, "+Z", z_up, evidence, front_azimuth_deg, cache)
         more = _TELLING * (other.decided_on.merit - stand.decided_on.merit)
         stand = other if more + np.log(z_share / (1 - z_share)) > 0 else stand

@@ -17,6 +17,7 @@ from meshdeform.record.database import Database, NewRow, insert
 from meshdeform.record.deliveries import write_deliveries
 from meshdeform.record.models import Event, EventType, Job, JobState, Progress
 from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
+from meshdeform.record.usage import UsageCounts
 from meshdeform.requests.choices import member_of
 
 Row = sa.Row[Any]
@@ -27,6 +28,7 @@ class Change:
 
     def __init__(self, database: Database, connection: sa.Connection) -> None:
         self.connection, self.counters = connection, Counters(database, connection)
+        self.usage = UsageCounts(database, connection)
         self._database = database
 
     def update(
@@ -38,17 +40,26 @@ class Change:
     ) -> list[Row]:
         """Change the jobs that satisfy a condition, write an event for each, and return the changed rows.
 
-        The event and its data may be functions of the changed row; without an event, none is written.
+        The event and its data may be functions of the changed row; without an event, none is written. A change of
+        `ran_s` ends an attempt, whose seconds are counted as its owner's.
         """
+        ran_s = self._ran_s(where) if "ran_s" in values else {}
         change = sa.update(jobs).where(where).values(version=jobs.c.version + 1, **values)
         if happened is not None:
             change = change.values(event_seq=jobs.c.event_seq + 1)
         changed = list(self.connection.execute(change.returning(jobs)).all())
+        for row in changed if ran_s else ():
+            self.usage.add(row.owner_id, seconds=row.ran_s - ran_s[row.id])
         if happened is not None:
             for place, row in enumerate(changed):
                 kind = happened if isinstance(happened, EventType) else happened(row)
                 changed[place] = self.write_event(row, kind, data(row) if callable(data) else data)
         return changed
+
+    def _ran_s(self, where: sa.ColumnElement[bool]) -> dict[str, float]:
+        """Return for how long jobs had run before; they are locked, so that none that is changed is missing here."""
+        before = sa.select(jobs.c.id, jobs.c.ran_s).where(where).with_for_update()
+        return {row.id: row.ran_s for row in self.connection.execute(before)}
 
     def write_event(self, row: Row, happened: EventType, data: dict[str, Any] | None = None) -> Row:
         """Write the event with the number in `row.event_seq` and its consequences; return the row afterwards."""
@@ -82,6 +93,7 @@ class Change:
         if row.attempt > 1:
             self._discard_lost_attempts(row)
         self.counters.add("jobs_ended", row.state)
+        self.usage.add(row.owner_id, jobs=1)
         if row.started_at is not None and row.finished_at is not None:
             self.counters.observe("job_seconds", (row.finished_at - row.started_at).total_seconds())
         return row
@@ -119,10 +131,11 @@ def with_progress_event(database: Database, change: sa.Update, progress: Progres
 
 @contextmanager
 def changing(database: Database) -> Iterator[Change]:
-    """Open a transaction that changes jobs, and write its counters at its end."""
+    """Open a transaction that changes jobs, and write its counters and what owners used at its end."""
     with database.write() as connection:
         change = Change(database, connection)
         yield change
+        change.usage.write()
         change.counters.write()
 
 

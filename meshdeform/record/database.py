@@ -16,8 +16,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -25,8 +26,8 @@ import sqlalchemy as sa
 import sqlalchemy.exc
 from sqlalchemy import event
 
-from meshdeform.errors import DependencyError, UnavailableError
-from meshdeform.record.schema import READ_ONLY_SERVER, UtcDateTime, compatible, sql_state
+from meshdeform.errors import DependencyError, RecordVersionError, UnavailableError
+from meshdeform.record.schema import HEAD, READ_ONLY_SERVER, UtcDateTime, compatible, sql_state
 
 _log = logging.getLogger(__name__)
 
@@ -35,9 +36,24 @@ RECORD_FILE = "meshdeform.sqlite"
 
 _MIGRATIONS = Path(__file__).parent / "migrations"
 
-_BUSY_TIMEOUT_S = 30.0
 
-_TIMEOUT_S = 30.0
+@dataclass(frozen=True)
+class Patience:
+    """Seconds to wait for a database that does not answer: to connect, for a statement, and for a connection.
+
+    A connection that has rested is asked for as long as one is waited for, and then replaced: that is the one retry.
+    """
+
+    connect_s: float
+    statement_s: float
+    pool_s: float
+
+
+PATIENT = Patience(30.0, 30.0, 30.0)
+"""Of workers and of tasks that nobody waits for."""
+
+HASTY = Patience(2.0, 4.5, 4.5)
+"""Of requests, which are answered within five seconds."""
 
 MAX_CONNECTIONS = 15
 """Connections of an API process to PostgreSQL at most; docs/scaling.md has the sum."""
@@ -69,12 +85,19 @@ class Database:
     `url`: an SQLAlchemy URL. `postgresql://` and `postgres://` use the driver pg8000; `?sslmode=` is supported.
     `connections`: maximum number of connections to PostgreSQL. Up to five stay open; with 0, none stays open after
     `let_go`. `upgrade_elsewhere`: upgrade an older schema in a process of its own, which costs half a second once and
-    saves 10 MB from then on. Raises UnavailableError: the database does not answer, or a newer Meshdeform has taken
-    away what this one needs.
+    saves 10 MB from then on. `patience`: how long to wait for it. Raises UnavailableError: the database does not
+    answer. Raises RecordVersionError: a newer Meshdeform has taken away what this one needs.
     """
 
-    def __init__(self, url: str, connections: int = MAX_CONNECTIONS, *, upgrade_elsewhere: bool = False) -> None:
-        self._engine = make_engine(url, connections)
+    def __init__(
+        self,
+        url: str,
+        connections: int = MAX_CONNECTIONS,
+        *,
+        upgrade_elsewhere: bool = False,
+        patience: Patience = PATIENT,
+    ) -> None:
+        self._engine = make_engine(url, connections, patience)
         self._lets_go = connections == 0
         self._statements: dict[Callable[[Database], Any], Any] = {}
         self.is_sqlite = self._engine.dialect.name == "sqlite"
@@ -170,7 +193,7 @@ class Database:
                 _upgrade(connection)
             return
         # An index of many rows takes as long as it takes.
-        patient = make_engine(url, connections=1, patient=True)
+        patient = make_engine(url, connections=1, patience=None)
         try:
             with _answers(), patient.begin() as connection:
                 # The lock ends with the transaction.
@@ -180,10 +203,10 @@ class Database:
             patient.dispose()
 
 
-def make_engine(url: str, connections: int = MAX_CONNECTIONS, *, patient: bool = False) -> sa.Engine:
+def make_engine(url: str, connections: int = MAX_CONNECTIONS, patience: Patience | None = PATIENT) -> sa.Engine:
     """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
 
-    If `patient`, there is no limit to how long a statement on PostgreSQL takes. Raises DependencyError: the URL is
+    Without patience, there is no limit to how long anything on PostgreSQL takes. Raises DependencyError: the URL is
     invalid, names a database in memory, or its driver is not installed.
     """
     try:
@@ -199,10 +222,10 @@ def make_engine(url: str, connections: int = MAX_CONNECTIONS, *, patient: bool =
 
         parsed = parsed.set(drivername=DRIVER)
     if parsed.get_backend_name() == "sqlite":
-        return _sqlite_engine(parsed)
+        return _sqlite_engine(parsed, patience or PATIENT)
     arguments: dict[str, Any] = {}
     if ours:
-        arguments["timeout"] = None if patient else _TIMEOUT_S
+        arguments["timeout"] = patience and patience.connect_s
         if mode := parsed.query.get("sslmode"):
             parsed = parsed.difference_update_query(["sslmode"])
             if context := _ssl_context(str(mode)):
@@ -213,12 +236,15 @@ def make_engine(url: str, connections: int = MAX_CONNECTIONS, *, patient: bool =
             connect_args=arguments,
             pool_pre_ping=True,
             **_pool(connections),
+            **({"pool_timeout": patience.pool_s} if patience else {}),
         )
     except (ModuleNotFoundError, sqlalchemy.exc.NoSuchModuleError) as error:
         raise DependencyError(
             f"The database driver {parsed.drivername} is not installed.",
             advice="Use postgresql:// (the driver pg8000 comes with Meshdeform) or sqlite://.",
         ) from error
+    if ours and patience is not None:
+        engine.dialect.patience = patience  # type: ignore[attr-defined]
     return engine
 
 
@@ -241,14 +267,15 @@ def _ssl_context(mode: str) -> ssl.SSLContext | None:
     return context
 
 
-def _sqlite_engine(url: sa.URL) -> sa.Engine:
+def _sqlite_engine(url: sa.URL, patience: Patience) -> sa.Engine:
     if not url.database or url.database == ":memory:":
         raise DependencyError(
             "A record in memory is lost with its process.", advice="Name a file: sqlite:////path/to/meshdeform.sqlite."
         )
     Path(url.database).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    engine = sa.create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S, "check_same_thread": False})
-    event.listen(engine, "connect", _prepare_sqlite)
+    arguments = {"timeout": patience.statement_s, "check_same_thread": False}
+    engine = sa.create_engine(url, connect_args=arguments, pool_timeout=patience.pool_s)
+    event.listen(engine, "connect", partial(_prepare_sqlite, patience))
     event.listen(engine, "begin", _begin_sqlite)
     return engine
 
@@ -272,10 +299,10 @@ def _make_private(path: Path) -> None:
         raise UnavailableError(f"The record cannot be opened: {error.strerror}.") from error
 
 
-def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
+def _prepare_sqlite(patience: Patience, connection: sqlite3.Connection, _record: Any) -> None:
     # sqlite3 begins transactions too late to take the write lock at once; `_begin_sqlite` begins them.
     connection.isolation_level = None
-    deadline = time.monotonic() + _BUSY_TIMEOUT_S
+    deadline = time.monotonic() + patience.statement_s
     while True:
         try:
             connection.execute("PRAGMA journal_mode=WAL")
@@ -340,10 +367,29 @@ def _upgrade(connection: sa.Connection) -> None:
     try:
         alembic.command.upgrade(config, "head")
     except alembic.util.CommandError as error:
-        raise UnavailableError(
-            "The record has the schema of a newer Meshdeform, or of one before the first release.",
-            advice="Install the version that wrote it.",
-        ) from error
+        raise _foreign() from error
+
+
+def _foreign() -> RecordVersionError:
+    return RecordVersionError("The record has the schema of a newer Meshdeform, or of one before the first release.")
+
+
+def check_version(url: str) -> None:
+    """Raise RecordVersionError for a record that this version can neither use nor upgrade; otherwise do nothing.
+
+    Whether it answers is for whoever opens it.
+    """
+    engine = make_engine(url, connections=1, patience=HASTY)
+    try:
+        if engine.dialect.name == "sqlite" and not Path(engine.url.database or "").exists():
+            return
+        with suppress(UnavailableError), _answers(), engine.connect() as connection:
+            version = _version(connection)
+            known = {path.name[: len(HEAD)] for path in (_MIGRATIONS / "versions").glob("[0-9]*.py")}
+            if version is not None and not compatible(version) and version not in known:
+                raise _foreign()
+    finally:
+        engine.dispose()
 
 
 def _upgrade_apart(url: str) -> None:

@@ -11,6 +11,7 @@ A job that has run for long while others wait is handed over: it stops as if its
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -35,6 +36,11 @@ _ALIVE_S = 30.0
 """Seconds without a renewal after which a worker counts as silent: three times the renewal interval."""
 _KEPT_S = 86_400.0
 _LONGEST_WAIT_S = 600.0
+HANDED_OVER, HANDED_BACK, OUTAGE = "handed_over", "handed_back", "outage"
+"""The reasons in the event of a job that its worker gives back: it makes room for another one, the worker stops, or the
+store or the record was away for too long."""
+_LEFT_S = 900.0
+"""Seconds for which a worker leaves a job to others that may have what it lacks."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +81,7 @@ class Leases:
         self._database = database
         self._served: str | None = None
         self._unreadable: set[str] = set()
+        self._left: dict[str, float] = {}
 
     def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
         """Claim a queued job as a new attempt. None: it is not queued, is over, was deleted, or cannot be read here."""
@@ -106,6 +113,17 @@ class Leases:
         with self._database.write() as connection:
             return connection.execute(mark.returning(jobs.c.id)).first() is not None
 
+    def fruitless(self, job: Job) -> int:
+        """Return how often a job was handed over since its last checkpoint: all that it did in these turns is lost."""
+        mine, after = events.c.job_id == job.id, events.alias("after")
+        saved = sa.select(sa.func.max(after.c.seq)).where(
+            after.c.job_id == job.id, after.c.type == EventType.CHECKPOINT
+        )
+        since = events.c.seq > sa.func.coalesce(saved.scalar_subquery(), 0)
+        queued = sa.and_(events.c.type == EventType.QUEUED, events.c.data["reason"].as_string() == HANDED_OVER)
+        with self._database.read() as connection:
+            return connection.execute(sa.select(sa.func.count()).where(mine, since, queued)).scalar_one()
+
     def _last_served(self) -> Any:
         """Return the owner whom this process served last, else the one whom any worker did."""
         if self._served is not None:
@@ -136,10 +154,13 @@ class Leases:
     def _readable(self) -> Ids:
         """Return the query for the queued jobs that this process can read, as far as it knows."""
         query = sa.select(jobs.c.id).where(_queued, jobs.c.kind.in_(sorted(PARAMS_OF_KIND)))
-        if not self._unreadable:
+        now = time.monotonic()
+        self._left = {job_id: until for job_id, until in self._left.items() if until > now}
+        left = sorted(self._unreadable.union(self._left))
+        if not left:
             return query
         # One parameter, however many they are.
-        ids = sa.literal(sorted(self._unreadable), sa.JSON)
+        ids = sa.literal(left, sa.JSON)
         members = sa.func.json_each(ids) if self._database.is_sqlite else sa.func.json_array_elements_text(ids)
         return query.where(jobs.c.id.not_in(sa.select(members.table_valued("value").c.value)))
 
@@ -249,6 +270,7 @@ class Leases:
         *,
         size: int = 0,
         mesh: Artifact | None = None,
+        made_by: str | None = None,
     ) -> None:
         """Record a stored checkpoint and the mesh of that step. New progress: forget lost and failed attempts."""
         values = {
@@ -262,6 +284,7 @@ class Leases:
             "mesh_sha256": mesh.sha256 if mesh else None,
             "mesh_size": mesh.size if mesh else None,
             "created_at": self._database.now(),
+            "made_by": made_by,
         }
         insert = self._database.upsert(checkpoints).values(values)
         insert = insert.on_conflict_do_update(index_elements=["job_id", "attempt", "step"], set_=values)
@@ -309,11 +332,13 @@ class Leases:
         *,
         results: Sequence[Artifact] = (),
         step_s: float | None = None,
+        made_by: str | None = None,
     ) -> JobState:
         """End the job permanently (`succeeded`, `failed`, `canceled` or `expired`), and return its final state.
 
         A cancellation recorded before wins over success, because it has already been confirmed to the user. The results
-        are published in the same transaction, and only if the job succeeds. `step_s` is the mean of seconds per step.
+        are published in the same transaction, and only if the job succeeds. `step_s` is the mean of seconds per step,
+        `made_by` the versions that computed the results.
         """
         if not state.terminal:
             raise ValueError(f"{state} is not terminal")
@@ -327,6 +352,7 @@ class Leases:
             "finished_at": self._database.now(),
             "phase": "done",
             "step_s": step_s,
+            "made_by": made_by,
         }
 
         def ended(row: Row) -> dict[str, Any]:
@@ -340,6 +366,7 @@ class Leases:
                 raise stale(change.connection, job_id, attempt)
             if changed[0].state == JobState.SUCCEEDED:
                 self._publish(change, job_id, attempt, results)
+                change.usage.add(changed[0].owner_id, size=sum(result.size for result in results))
             if step_s:
                 change.counters.observe("step_seconds", step_s)
         return JobState(changed[0].state)
@@ -353,15 +380,19 @@ class Leases:
             change.connection.execute(sa.insert(artifacts).values(values))
         measure(change.connection, job_id)
 
-    def release(self, job_id: str, attempt: int, *, handed_over: bool = False) -> None:
+    def release(self, job_id: str, attempt: int, reason: str = HANDED_BACK) -> None:
         """Hand a job back to the queue, with its checkpoints; cancel it if a cancellation was requested.
 
-        With `handed_over` it makes room for others (`hand_over`), and waits as if it had been queued now.
+        If it is handed over, it makes room for others (`hand_over`), and waits as if it had been queued now.
         """
-        values = {"yielded_at": self._database.now()} if handed_over else {}
-        why = _why("handed_over" if handed_over else "handed_back")
-        counter = "hand_overs" if handed_over else ""
-        self._write(job_id, attempt, self._back(values), _queued_or_canceled, why, counter=counter)
+        over = reason == HANDED_OVER
+        values = {"yielded_at": self._database.now()} if over else {}
+        counter = "hand_overs" if over else ""
+        self._write(job_id, attempt, self._back(values), _queued_or_canceled, _why(reason), counter=counter)
+
+    def leave_to_others(self, job_id: str) -> None:
+        """Let this process take a job no more for a while, longer than others wait before they try it again."""
+        self._left[job_id] = time.monotonic() + _LEFT_S
 
     def out_of_memory(self, job_id: str, attempt: int, max_attempts: int) -> JobState:
         """Hand back a job that ran out of device memory; after `max_attempts` such attempts it fails (`gpu_oom`)."""

@@ -64,6 +64,8 @@ class Artifact(_Frozen):
     sha256: str
     key: str
     created_at: datetime = Field(default_factory=lambda: datetime.now(UTC))
+    warnings: list[str] | None = None
+    """Sentences about what its format cannot hold; None if there are none."""
 
 
 class Origin(_Frozen):
@@ -78,6 +80,7 @@ class Origin(_Frozen):
     key: str = ""
     sha256: str = ""
     size: int = 0  # bytes of that object; 0 if unknown
+    made_by: str = ""  # the versions that computed it, in order; empty if unknown
 
 
 class Event(_Frozen):
@@ -104,6 +107,7 @@ class CheckpointRef:
     mesh_sha256: str | None = None
     mesh_size: int | None = None
     created_at: datetime | None = None
+    made_by: str | None = None  # the versions that computed it, in order; None if unknown
 
 
 class Job(_Frozen):
@@ -144,10 +148,16 @@ class Job(_Frozen):
     faces: int | None = None
     parts: int | None = None
     """The triangles and meshes of its asset; None if unknown."""
+    made_by: str | None = None
+    """The versions that computed its results, in order; None if unknown, or there are none."""
+    damaged: bool = False
+    """Whether its row has other content than any version writes, which is left out here."""
 
     @cached_property
     def request(self) -> JobRequest:
         """The request; `UnreadableJobError`: it cannot be read in this process, while the rest of the job can."""
+        if self.damaged:
+            raise UnreadableJobError("The stored request cannot be read here: no version writes such a row.")
         return read_stored(self.document)
 
     @property
@@ -185,6 +195,7 @@ class NewJob:
 
     request: JobRequest
     files: Mapping[str, StoredFile]  # its files by the names of the parts of its kind; already stored
+    fetching: bool = False  # whether its files are still to come (`record.fetching`)
     owner_id: str = ""  # empty if keys are off
     origin: Origin | None = None
     retention_s: float | None = None  # the retention if the request has none

@@ -8,14 +8,21 @@ set for the rest of a session.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sqlalchemy as sa
 from sqlalchemy.dialects.postgresql.pg8000 import PGDialect_pg8000
 
 from meshdeform.record.schema import READ_ONLY_SERVER, sql_state
+
+_PAUSE_S = 1.0
+"""Seconds for which nobody tries to connect to a server that did not answer."""
+
+if TYPE_CHECKING:
+    from meshdeform.record.database import Patience
 
 DRIVER = "postgresql+meshdeform"
 """The driver's name in SQLAlchemy's URLs."""
@@ -26,10 +33,14 @@ class Dialect(PGDialect_pg8000):
 
     `idle_s`: seconds after which the server ends a session that pauses within a transaction. A process that is stopped
     or cut off there holds locks needed for the recovery of its job; our transactions never pause by themselves.
+    `patience`: how long to wait for the server. After one that could not be connected to, nobody else tries for a
+    moment: all who wait for a connection would wait one after the other.
     """
 
     supports_statement_cache = True
     idle_s = 10.0
+    patience: Patience | None = None
+    _away_until = 0.0
 
     @contextmanager
     def network(self) -> Iterator[None]:
@@ -46,15 +57,31 @@ class Dialect(PGDialect_pg8000):
 
     def connect(self, *arguments: Any, **options: Any) -> Any:
         """Connect. pg8000 begins no transactions: `do_begin` does, in one message with their limit."""
-        with self.network():
-            connection = super().connect(*arguments, **options)
+        if time.monotonic() < self._away_until:
+            raise self.loaded_dbapi.InterfaceError("network error: the server did not answer a moment ago")
+        began = time.monotonic()
+        try:
+            with self.network():
+                connection = super().connect(*arguments, **options)
+        except self.loaded_dbapi.InterfaceError:
+            if self.patience is not None and time.monotonic() >= began + 0.9 * self.patience.connect_s:
+                self._away_until = time.monotonic() + _PAUSE_S
+            raise
+        if self.patience is not None:
+            connection._usock.settimeout(self.patience.statement_s)
         connection.autocommit = True
         return connection
 
     def do_ping(self, dbapi_connection: Any) -> bool:
         """Ask the server whether the connection is alive."""
+        if self.patience is None:
+            with self.network():
+                return bool(super().do_ping(dbapi_connection))
+        dbapi_connection._usock.settimeout(self.patience.connect_s)
         with self.network():
-            return bool(super().do_ping(dbapi_connection))
+            answers = bool(super().do_ping(dbapi_connection))
+        dbapi_connection._usock.settimeout(self.patience.statement_s)
+        return answers
 
     def do_begin(self, dbapi_connection: Any) -> None:
         """Begin a transaction, which the server ends if it pauses."""

@@ -237,7 +237,8 @@ class Reconciler:
 
     def _repair(self) -> None:
         self._announced = []
-        self._each(self._take_back, self._expire, self._record.upkeep.fail_retired, self._announce)
+        fail = self._record.upkeep.fail_retired, self._record.fetching.fail_abandoned
+        self._each(self._take_back, self._expire, *fail, self._announce)
 
     def _clean(self) -> None:
         self._each(self._delete, self._remove, self._forget_readings)

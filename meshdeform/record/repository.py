@@ -13,7 +13,6 @@ from __future__ import annotations
 import base64
 import math
 import secrets as random_bytes
-import unicodedata
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -26,6 +25,7 @@ from meshdeform.record.changes import EventLog, changing, find_job
 from meshdeform.record.counters import read_counters
 from meshdeform.record.database import MAX_CONNECTIONS, Database, NewRow, insert
 from meshdeform.record.deliveries import Deliveries
+from meshdeform.record.fetching import FETCHING_S, Fetching
 from meshdeform.record.files import FileLedger, Rooms, check_number, measure
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
 from meshdeform.record.keys import KeyRing
@@ -53,20 +53,20 @@ from meshdeform.record.schema import (
 )
 from meshdeform.record.upkeep import Upkeep
 from meshdeform.record.uploads import UploadLedger
+from meshdeform.record.usage import UsageLedger
 from meshdeform.record.webhooks import WebhookBook
 from meshdeform.record.words import WordLedger
-from meshdeform.requests.document import DeformParams, JobRequest
 
 
 class JobRecord:
-    """Every job, from 202 to its deletion. Safe to share between threads. The URL is as of `Database`.
+    """Every job, from 202 to its deletion. Safe to share between threads. The URL and options are as of `Database`.
 
     Every method raises `UnavailableError` if the database does not answer; every method about one job raises
     `NotFoundError` if there is no such job or another owner has it.
     """
 
-    def __init__(self, url: str, connections: int = MAX_CONNECTIONS, *, upgrade_elsewhere: bool = False) -> None:
-        self.database = self._database = Database(url, connections, upgrade_elsewhere=upgrade_elsewhere)
+    def __init__(self, url: str, connections: int = MAX_CONNECTIONS, **options: Any) -> None:
+        self.database = self._database = Database(url, connections, **options)
         self.leases = Leases(self._database)
         self.upkeep = Upkeep(self._database)
         self.files = FileLedger(self._database)
@@ -77,7 +77,9 @@ class JobRecord:
         self.webhooks = WebhookBook(self._database, self.deliveries, self.secret)
         self.keys = KeyRing(self._database)
         self.words = WordLedger(self._database, self.files)
+        self.usage = UsageLedger(self._database)
         self._rooms = Rooms()
+        self.fetching = Fetching(self._database, self.files, self._rooms)
 
     def close(self) -> None:
         """Close every connection."""
@@ -99,6 +101,8 @@ class JobRecord:
         check_priority(new.request.priority, new.max_priority)
         deadline = self._database.now(new.request.deadline_s) if new.request.deadline_s else None
         values = rows.new_job(new_job_id(), new, self._database.now(), deadline)
+        if new.fetching:
+            values["retry_at"] = self._database.now(2 * FETCHING_S)
         own = new.request.webhook
         webhook = None if own is None else self.webhooks.of_job(values["id"], new.owner_id, own.url, own.events)
         with changing(self._database) as change:
@@ -112,7 +116,7 @@ class JobRecord:
                 NewRow(jobs, values),
                 *(NewRow(job_files, file) for file in rows.job_files(job_id, new)),
                 *(NewRow(labels, {"job_id": job_id, "name": k, "value": v}) for k, v in new.request.metadata.items()),
-                NewRow(job_texts, {"job_id": job_id, "text": searched_text(new)}),
+                NewRow(job_texts, {"job_id": job_id, "text": rows.searched_text(new)}),
             )
             if webhook is not None:
                 connection.execute(sa.insert(webhooks).values(webhook))
@@ -240,7 +244,8 @@ class JobRecord:
             if row := connection.execute(known).one_or_none():
                 return rows.read(Artifact, row)
             connection.execute(sa.insert(artifacts).values(**values, attempt=attempt))
-            change.update(jobs.c.id == job_id, {})
+            [row] = change.update(jobs.c.id == job_id, {})
+            change.usage.add(row.owner_id, size=artifact.size)
             measure(connection, job_id)
             return artifact
 
@@ -319,29 +324,11 @@ def _beginning(new: NewJob) -> dict[str, object]:
     return {"reason": new.origin.mode.value, "origin": {"job_id": new.origin.job_id, "step": new.origin.step}}
 
 
-def _folded(text: str) -> str:
-    """Return a text in the form in which texts are compared: without differences of case and Unicode composition."""
-    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
-
-
-def searched_text(new: NewJob) -> str:
-    """Return the text in which a search looks for a new job: its prompts, file names and values of labels."""
-    names = [file.filename for file in new.files.values()]
-    return _folded(
-        "\n".join([new.request.prompt, *_further_prompts(new.request), *names, *new.request.metadata.values()])
-    )
-
-
-def _further_prompts(request: JobRequest) -> list[str]:
-    """Return the prompts beside that of the request; parameters of other kinds of job have none."""
-    return [each.prompt for each in request.params.prompts] if isinstance(request.params, DeformParams) else []
-
-
 def _has_words(query: str) -> sa.ColumnElement[bool]:
     """Return the condition that a job's text contains every word of a query, anywhere and in any case."""
     # Every character of a word stands for itself, `%` and `_` too.
     mine = sa.select(sa.true()).where(job_texts.c.job_id == jobs.c.id)
-    for word in _folded(query).split():
+    for word in rows.folded(query).split():
         mine = mine.where(job_texts.c.text.contains(word, autoescape=True))
     return mine.exists()
 

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import unicodedata
 from typing import Any, TypeVar
 
 import sqlalchemy as sa
+from pydantic import TypeAdapter, ValidationError
 
 from meshdeform.record.models import (
     Event,
     EventType,
     Job,
+    JobError,
     JobState,
     NewJob,
     Origin,
     OriginMode,
     Progress,
+    StoredFile,
 )
 from meshdeform.record.schema import ORIGIN, jobs
 from meshdeform.requests.choices import JobKind, member_of
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import DeformParams, JobRequest
 
 Row = sa.Row[Any]
 _Value = TypeVar("_Value")
@@ -34,6 +38,10 @@ def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
     return sa.and_(
         jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED), jobs.c.worker_id.is_not(None)
     )
+
+
+FETCHING = "fetching"
+"""The phase of a job that was accepted before its files were there."""
 
 
 def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]:
@@ -65,7 +73,7 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "step": 0,
         "total_steps": 0,
         "fraction": 0.0,
-        "phase": "queued",
+        "phase": FETCHING if new.fetching else "queued",
         "losses": {},
         "stored_bytes": 0,
     }
@@ -94,18 +102,51 @@ def read(model: type[_Value], row: Row, /, **others: Any) -> _Value:
     return model(**{name: columns[name] for name in model.__annotations__ if name not in others}, **others)
 
 
+_CONTENTS: dict[str, tuple[TypeAdapter[Any], Any]] = {
+    "request": (TypeAdapter(dict[str, Any]), {}),
+    "resolved": (TypeAdapter(dict[str, Any] | None), None),
+    "files": (TypeAdapter(dict[str, StoredFile]), {}),
+    "origin": (TypeAdapter(dict[str, Any] | None), None),
+    "error": (TypeAdapter(JobError | None), None),
+    "losses": (TypeAdapter(dict[str, float]), {}),
+}
+"""What the columns of JSON of a job hold, and what stands for anything else."""
+
+
 def job(row: Row) -> Job:
-    """Return the job of a row, whichever version wrote it: the request is read only when it is asked for."""
-    return read(
-        Job,
-        row,
-        kind=member_of(JobKind, row.kind),
-        state=member_of(JobState, row.state),
-        document=row.request,
-        origin=_origin(row.origin) if row.origin else None,
-        progress=Progress.model_construct(**{name: row._mapping[name] for name in Progress.model_fields}),
-        artifacts=(),
-    )
+    """Return the job of a row, whichever version wrote it: the request is read only when it is asked for.
+
+    Of a row with other content than any version writes, the rest is shown; its request is unreadable.
+    """
+    columns = dict(row._mapping)
+    try:
+        if isinstance(columns["losses"], dict):
+            return _job(columns)
+    except (ValidationError, TypeError, ValueError, KeyError, AttributeError):
+        pass
+    return _job(columns | {name: _sound(columns[name], *content) for name, content in _CONTENTS.items()}, damaged=True)
+
+
+def _sound(value: Any, model: TypeAdapter[Any], otherwise: Any) -> Any:
+    try:
+        model.validate_python(value)
+    except ValidationError:
+        return otherwise
+    return value
+
+
+def _job(columns: dict[str, Any], *, damaged: bool = False) -> Job:
+    own = {
+        "kind": member_of(JobKind, columns["kind"]),
+        "state": member_of(JobState, columns["state"]),
+        "document": columns["request"],
+        "origin": None if damaged or columns["origin"] is None else _origin(columns["origin"]),
+        "retry_at": None if columns["phase"] == FETCHING else columns["retry_at"],
+        "progress": Progress.model_construct(**{name: columns[name] for name in Progress.model_fields}),
+        "artifacts": (),
+        "damaged": damaged,
+    }
+    return Job(**{name: columns[name] for name in Job.__annotations__ if name not in own}, **own)
 
 
 def _origin(document: dict[str, Any]) -> Origin:
@@ -114,4 +155,22 @@ def _origin(document: dict[str, Any]) -> Origin:
 
 def event(row: Row) -> Event:
     """Return the event of a row."""
-    return read(Event, row, type=member_of(EventType, row.type))
+    return read(Event, row, type=member_of(EventType, row.type), data=row.data if isinstance(row.data, dict) else {})
+
+
+def folded(text: str) -> str:
+    """Return a text in the form in which texts are compared: without differences of case and Unicode composition."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
+
+
+def searched_text(new: NewJob) -> str:
+    """Return the text in which a search looks for a new job: its prompts, file names and values of labels."""
+    names = [file.filename for file in new.files.values()]
+    return folded(
+        "\n".join([new.request.prompt, *_further_prompts(new.request), *names, *new.request.metadata.values()])
+    )
+
+
+def _further_prompts(request: JobRequest) -> list[str]:
+    """Return the prompts beside that of the request; parameters of other kinds of job have none."""
+    return [each.prompt for each in request.params.prompts] if isinstance(request.params, DeformParams) else []

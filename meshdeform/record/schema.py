@@ -7,7 +7,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-HEAD = "0011"
+HEAD = "0013"
 """The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
@@ -116,6 +116,8 @@ jobs = sa.Table(
     sa.Column("step_s", sa.Double),
     # Bytes of its artifacts and checkpoints.
     sa.Column("stored_bytes", sa.BigInteger, nullable=False),
+    # The versions of Meshdeform that computed its results, in order; null if unknown.
+    sa.Column("made_by", sa.String(200)),
     sa.Index(None, "state", "id"),
     sa.Index(None, "owner_id", "id"),
     sa.Index(None, "owner_id", "state", "id"),
@@ -211,6 +213,8 @@ artifacts = sa.Table(
     sa.Column("sha256", sa.String(64), nullable=False),
     sa.Column("key", sa.String(255), nullable=False),
     sa.Column("created_at", UtcDateTime, nullable=False),
+    # What its format cannot hold, in sentences; null if there are none.
+    sa.Column("warnings", sa.JSON(none_as_null=True)),
 )
 
 checkpoints = sa.Table(
@@ -227,6 +231,8 @@ checkpoints = sa.Table(
     sa.Column("mesh_sha256", sa.String(64)),
     sa.Column("mesh_size", sa.BigInteger),
     sa.Column("created_at", UtcDateTime, nullable=False),
+    # The versions of Meshdeform that computed it, in order; null if unknown.
+    sa.Column("made_by", sa.String(200)),
 )
 
 files = sa.Table(
@@ -375,6 +381,20 @@ tallies = sa.Table(
     sa.Column("name", sa.String(64), primary_key=True),
     sa.Column("label", sa.String(64), primary_key=True),
     sa.Column("value", sa.Double, nullable=False),
+)
+
+# What owners have used, by the month in UTC: "2026-11". Jobs that are deleted stay counted.
+usage = sa.Table(
+    "usage",
+    metadata,
+    sa.Column("owner_id", sa.String(64), primary_key=True),
+    sa.Column("month", sa.String(7), primary_key=True),
+    # Jobs that ended, in whichever state.
+    sa.Column("jobs", sa.BigInteger, nullable=False),
+    # For which workers had their jobs, all attempts together.
+    sa.Column("seconds", sa.Double, nullable=False),
+    # Of their artifacts.
+    sa.Column("bytes", sa.BigInteger, nullable=False),
 )
 
 # Keys shared by all API processes, such as the one for signed URLs.

@@ -61,6 +61,19 @@ class Watch:
         return None if self.since is None else self.since + timedelta(seconds=self.lease_s)
 
 
+@dataclass(frozen=True)
+class HeldJob:
+    """What a supervisor asks about the job that its worker has."""
+
+    id: str
+    attempt: int
+    phase: str
+    ran_s: float  # seconds for which all its attempts ran until now
+    document: Any  # the request, as stored
+    canceled: bool
+    yields: bool  # whether it is to make room for another job
+
+
 class Upkeep:
     """Tasks that any number of reconcilers may run at once: each change ends the condition that leads to it."""
 
@@ -109,12 +122,17 @@ class Upkeep:
         change.counters.add("lease_expirations", value=len(ended) + len(queued))
         return [row.id for row in queued]
 
-    def canceling(self, worker_id: str) -> tuple[str, int] | None:
-        """Return the id and the attempt of the job that a worker has and is to cancel; None if there is none."""
-        cancel_requested = sa.and_(jobs.c.worker_id == worker_id, jobs.c.state == JobState.CANCELING)
+    def held(self, worker_id: str) -> HeldJob | None:
+        """Return what a worker has and whether it is to end; None if it has nothing."""
+        ran_s = jobs.c.ran_s + self._database.seconds(jobs.c.claimed_at, self._database.now())
+        about = (jobs.c.id, jobs.c.attempt, jobs.c.state, jobs.c.phase, jobs.c.yielded_at, jobs.c.request)
+        query = sa.select(*about, ran_s.label("ran_s"))
         with self._database.read() as connection:
-            held = connection.execute(sa.select(jobs.c.id, jobs.c.attempt).where(cancel_requested)).first()
-        return None if held is None else (held.id, held.attempt)
+            row = connection.execute(query.where(jobs.c.worker_id == worker_id, jobs.c.state.in_(rows.OWNED))).first()
+        if row is None:
+            return None
+        canceled, yields = row.state == JobState.CANCELING, row.yielded_at is not None
+        return HeldJob(row.id, row.attempt, row.phase, row.ran_s, row.request, canceled=canceled, yields=yields)
 
     def shorten_leases(self, lease_s: float) -> int:
         """Shorten leases that end too late because the clock was set back since; return their number."""
@@ -139,6 +157,8 @@ class Upkeep:
             "finished_at": self._database.now(),
             "phase": "done",
             "eta_s": None,
+            "ran_s": jobs.c.ran_s + self._database.seconds(jobs.c.claimed_at, self._database.now()),
+            "claimed_at": None,
             # Of a failure after which it was to be tried again.
             "error": None,
             "retry_at": None,

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.errors import ShapeError
+from meshdeform.geometry.copies import first_alike
 
 EMPTY_DEPTH = 3.0
 """Depth where there is no face: greater than that of any point in front of the cameras, even past the far plane."""
@@ -31,6 +32,8 @@ _FAR = 2.0**22
 _LARGEST_SIDE = 1 << 14
 _AT_ONCE = 1 << 16
 """Triangles, rows or pixels in memory at a time; does not affect the result."""
+_OVERDRAW = 64
+"""How many times the triangles may cover the picture before copies among them are looked for."""
 _BOTH = np.array([1, 1], np.uint8).view(np.uint16)[0]
 
 _Floats = NDArray[np.float64]
@@ -75,7 +78,9 @@ def nearest_faces(
         picture = _Picture(found[view], depth[view], None if behind is None else behind[view].ravel(), width)
         for start in range(0, len(faces), _AT_ONCE):
             some = corners_of_faces[:, start : start + _AT_ONCE]
-            picture.draw(_triangles(corners, some, start, None if seen.all() else seen))
+            picture.draw(
+                _triangles(corners, some, start, None if seen.all() else seen, most=_OVERDRAW * height * width)
+            )
     shape = (len(clip), height, width)
     return found.reshape(shape), depth.reshape(shape)
 
@@ -146,9 +151,17 @@ def _near_centres(corners: _Corners, faces: _Index, seen: NDArray[np.bool_] | No
     return kept, first, last
 
 
-def _triangles(corners: _Corners, faces: _Index, start: int, seen: NDArray[np.bool_] | None) -> _Triangles:
-    """Set up those of faces (3, F), the first of which is number `start`, that may cover a pixel's centre."""
+def _triangles(corners: _Corners, faces: _Index, start: int, seen: NDArray[np.bool_] | None, most: float) -> _Triangles:
+    """Set up those of faces (3, F), the first of which is number `start`, that may cover a pixel's centre.
+
+    If they may cover more than so many pixels, copies are left out: of several at the same depth the first remains.
+    """
     kept, (left, top), (right, bottom) = _near_centres(corners, faces, seen)
+    if float(((right - left + 1.0) * (bottom - top + 1.0)).sum()) > most:
+        some = faces.take(kept, 1)
+        places = [each.take(some).view(np.int64) for each in (corners.x, corners.y, corners.z)]
+        once = first_alike(np.concatenate(places).T)
+        kept, left, top, right, bottom = (each[once] for each in (kept, left, top, right, bottom))
     faces = faces.take(kept, 1)
     x, y, z = (each.take(faces) for each in (corners.x, corners.y, corners.z))
     # Edge q is opposite to corner q. Inside, a column + b row + c is positive, or zero if a tie is won.

@@ -12,6 +12,7 @@ from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMo
 
 __all__ = [
     "BUILTIN_MODEL",
+    "METRES",
     "RETIRED_KINDS",
     "RETIRED_PARTS",
     "AlignMode",
@@ -21,6 +22,7 @@ __all__ = [
     "Easing",
     "GuidanceKind",
     "JobKind",
+    "LengthUnit",
     "OrientationMode",
     "PartsAs",
     "Preset",
@@ -31,6 +33,7 @@ __all__ = [
     "StartMode",
     "Symmetry",
     "SynthesisMode",
+    "UpAxis",
     "is_builtin",
     "is_retired",
     "is_weights_file",
@@ -169,3 +172,32 @@ def is_retired(model: str) -> bool:
 def is_builtin(model: str) -> bool:
     """Return whether a model is the builtin prior, with the weights of the package or those of a file."""
     return model == BUILTIN_MODEL or is_weights_file(model)
+
+
+class UpAxis(StrEnum):
+    """The axis of a file that points up."""
+
+    AUTO = "auto"
+    Y = "y"
+    Z = "z"
+
+
+class LengthUnit(StrEnum):
+    """The unit of a file's numbers."""
+
+    AUTO = "auto"
+    METRE = "m"
+    CENTIMETRE = "cm"
+    MILLIMETRE = "mm"
+    INCH = "in"
+    FOOT = "ft"
+
+
+METRES = {
+    LengthUnit.METRE: 1.0,
+    LengthUnit.CENTIMETRE: 0.01,
+    LengthUnit.MILLIMETRE: 0.001,
+    LengthUnit.INCH: 0.0254,
+    LengthUnit.FOOT: 0.3048,
+}
+"""Metres of each unit."""

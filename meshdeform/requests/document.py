@@ -49,6 +49,7 @@ from meshdeform.requests.parameters import (
     StrictModel,
     active_prompts,
 )
+from meshdeform.requests.problems import reason
 from meshdeform.requests.surface_fit import SurfaceFitParams
 
 __all__ = [
@@ -116,9 +117,8 @@ def first_problem(error: ValidationError, *within: str) -> str:
     """Return the first problem of a document, which is itself `within` another one, after the place where it is."""
     problem = error.errors(include_url=False, include_context=False, include_input=False)[0]
     place = ".".join(map(str, (*within, *problem["loc"])))
-    unknown = problem["type"] == "extra_forbidden"
-    reason = "there is no such member" if unknown else problem["msg"].removeprefix("Value error, ")
-    return f"{place}: {reason}" if place else reason
+    said = reason(problem).rstrip(".")
+    return f"{place}: {said}" if place else said
 
 
 @cache
@@ -381,6 +381,8 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
 
     `document`: as stored in the record. Raises UnreadableJobError: another version's; or KindRetiredError.
     """
+    if not isinstance(document, Mapping):
+        raise UnreadableJobError("The stored request cannot be read here: it is no object.")
     kind, params = document.get("kind", JobKind.TEXT_DEFORM), document.get("params", {})
     _refuse_retired(kind)
     if kind == JobKind.TEXT_DEFORM:
@@ -422,7 +424,7 @@ def _with_rig_of_its_time(request: JobRequest, document: Mapping[str, Any]) -> J
     Requests name it when they are stored. Those without it are older: a prompt kept the rig then, and a change in plain
     words, for which the option was not set, moved it.
     """
-    if request.kind is not JobKind.TEXT_DEFORM or "rig" in document.get("output", {}):
+    if request.kind is not JobKind.TEXT_DEFORM or "rig" in (document.get("output") or {}):
         return request
     values = {**dict(request.output), "rig": RigMode.KEEP}
     output = OutputOptions.model_construct(request.output.model_fields_set, **values)

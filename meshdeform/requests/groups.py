@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel
 
 from meshdeform.requests.choices import GuidanceKind
-from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, Control, OpenGuidance
+from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, Control, InputFrame, OpenGuidance
+from meshdeform.requests.problems import did_you_mean, reason
 
 PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     **dict.fromkeys(CommonParams.model_fields, ("", ())),
     **dict.fromkeys(Control.model_fields, ("control", ())),
+    **dict.fromkeys(InputFrame.model_fields, ("input", ())),
     **{
         name: ("guidance", tuple(kind for kind, other in GUIDANCES.items() if name in other.model_fields))
         for group in GUIDANCES.values()
@@ -55,7 +56,10 @@ def grouped(params: Mapping[str, Any]) -> dict[str, Any]:
     stay where they are.
     """
     kind = params.get("guidance")
-    groups: dict[str, dict[str, Any]] = {"guidance": {}, "control": dict(params.get("control") or {})}
+    groups: dict[str, dict[str, Any]] = {
+        "guidance": {},
+        **{name: dict(params.get(name) or {}) for name in ("control", "input")},
+    }
     if kind is not None:
         groups["guidance"] = dict(kind) if isinstance(kind, Mapping) else {"kind": kind}
     rest: dict[str, Any] = {}
@@ -78,27 +82,16 @@ def without_unused(params: Mapping[str, Any]) -> dict[str, Any]:
     return {**params, "guidance": own}
 
 
-_CLOSE = 0.6
-
-
-def did_you_mean(name: str, known: Collection[str], what: str = "member") -> str:
-    """Return a sentence about an unknown name, with the known name that it resembles or else all of them.
-
-    `what` says what the name is of.
-    """
-    sentence = f"there is no such {what}."
-    if matches := get_close_matches(name.lower(), sorted(known), 1, _CLOSE):
-        return f"{sentence} Did you mean {matches[0]!r}?"
-    return f"{sentence} There are: {', '.join(sorted(known)) or 'none'}."
-
-
 def in_plain_words(findings: Sequence[Any], model: type[BaseModel]) -> list[dict[str, Any]]:
-    """Return pydantic's findings about a document, with what to use in place of each unknown member."""
+    """Return pydantic's findings about a document in plain words, with what to use in place of what is unknown.
+
+    What was written is not in them.
+    """
     return [
         {
-            **finding,
             "loc": plain_place(finding["loc"]),
-            **({"msg": _unknown(finding["loc"], model)} if finding["type"] == "extra_forbidden" else {}),
+            "msg": _unknown(finding["loc"], model) if finding["type"] == "extra_forbidden" else reason(finding),
+            "type": finding["type"],
         }
         for finding in findings
     ]

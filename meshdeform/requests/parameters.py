@@ -39,13 +39,16 @@ from meshdeform.requests.choices import (
     BackdropMode,
     Carrier,
     GuidanceKind,
+    LengthUnit,
     OrientationMode,
     Preset,
     Safeguard,
     StartMode,
     Symmetry,
+    UpAxis,
 )
 from meshdeform.requests.declaration import FORM, OF_PRESET, StrictModel, nullable, of_preset
+from meshdeform.requests.problems import did_you_mean
 from meshdeform.requests.selection import (
     MAX_HANDLES,
     MAX_LANDMARKS,
@@ -80,6 +83,7 @@ __all__ = [
     "DeformParams",
     "ExemplarGuidance",
     "Family",
+    "InputFrame",
     "OpenGuidance",
     "Prompt",
     "PromptGuidance",
@@ -587,6 +591,24 @@ class Control(Parameters):
         return parts
 
 
+class InputFrame(Parameters):
+    """How the asset's file is to be read."""
+
+    up: UpAxis = Field(
+        UpAxis.AUTO,
+        description="The axis of the file that points up: `y`, `z`, or `auto`, that of its format, or where the format "
+        "leaves it open (OBJ, PLY, STL) the one with which the asset reads better, which the report tells. Changes in "
+        "plain words and `exemplar` use it; the result keeps the file's axes.",
+        examples=["z"],
+    )
+    unit: LengthUnit = Field(
+        LengthUnit.AUTO,
+        description="The unit of the file's numbers, for lengths in plain words: `m`, `cm`, `mm`, `in`, `ft`, or "
+        "`auto`, that of its format. The result keeps the file's numbers.",
+        examples=["mm"],
+    )
+
+
 class PromptGuidance(PromptParams):
     """A diffusion model and the prompt."""
 
@@ -647,7 +669,7 @@ Guidance = Annotated[
     Discriminator(
         _kind_of_guidance,
         custom_error_type="guidance_kind",
-        custom_error_message="`kind` is `sds`, `target`, `silhouettes` or `exemplar`",
+        custom_error_message="kind is sds, target, silhouettes or exemplar",
     ),
 ]
 
@@ -669,11 +691,20 @@ class DeformParams(CommonParams):
         examples=[{"regions": [{"node": "Hinge"}]}],
     )
 
+    input: InputFrame = Field(
+        default_factory=InputFrame,
+        description="How the asset's file is to be read: its upward axis and its unit.",
+        examples=[{"up": "z"}],
+    )
+
     @field_validator("guidance", mode="before")
     @classmethod
     def _is_an_object(cls, value: Any) -> Any:
         if isinstance(value, str):
             raise ValueError(f'it is an object now: {{"kind": "{value}"}}')  # noqa: TRY004 - a finding, no crash
+        kind = value.get("kind") if isinstance(value, dict) else None
+        if isinstance(kind, str) and kind not in list(GuidanceKind):
+            raise ValueError(did_you_mean(kind, list(GuidanceKind), "kind of guidance"))
         return value
 
     @property
@@ -704,13 +735,13 @@ class DeformParams(CommonParams):
 
     def flat(self) -> dict[str, Any]:
         """Return the parameters that were written, by their names alone."""
-        own = {name: getattr(self, name) for name in self.model_fields_set - {"guidance", "control"}}
-        for group in (self.guidance, self.control):
+        own = {name: getattr(self, name) for name in self.model_fields_set - {"guidance", "control", "input"}}
+        for group in (self.guidance, self.control, self.input):
             own |= {name: getattr(group, name) for name in group.model_fields_set - {"kind"}}
         return own
 
 
-class ResolvedParams(Control, ExemplarParams, TargetParams, PromptParams, CommonParams):
+class ResolvedParams(Control, InputFrame, ExemplarParams, TargetParams, PromptParams, CommonParams):
     """Every parameter with its value, without groups: the basis of the run, the report and the parameter hash.
 
     The members that no group of `DeformParams` has are constants of the method, or of a preset for one kind of guidance
@@ -758,7 +789,7 @@ GUIDANCES: Mapping[GuidanceKind, type[Parameters]] = {
 }
 """The parameters of each kind of guidance."""
 
-_PARAMETERS = (CommonParams, PromptParams, TargetParams, ExemplarParams, Control)
+_PARAMETERS = (CommonParams, PromptParams, TargetParams, ExemplarParams, Control, InputFrame)
 
 CONSTANTS = ResolvedParams.model_fields.keys() - {"guidance"}.union(*(each.model_fields for each in _PARAMETERS))
 """The constants of the method and of presets, which no request has."""

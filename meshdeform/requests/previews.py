@@ -59,13 +59,15 @@ class PreviewShapes:
     """The shapes of a preview.
 
     `asset`: SHA-256 of the asset, by which the next preview may name it; `change`: whether the prompt is a change in
-    plain words, which is the same with all seeds; `reading`: what the asset was read as, as in a report, or None.
+    plain words, which is the same with all seeds; `reading`: what the asset was read as, as in a report, or None;
+    `draft`: whether a simplified surface was fitted in place of a large asset's, which followed it.
     """
 
     asset: str
     change: bool
     reading: dict[str, Any] | None
     shapes: list[PreviewShape]
+    draft: bool = False
 
     @classmethod
     def read(cls, data: bytes) -> PreviewShapes:
@@ -77,7 +79,7 @@ class PreviewShapes:
             start = _HEAD.size + length
             header = json.loads(data[_HEAD.size : start])
             shapes = [_shape(each, header["primitives"], data[start:]) for each in header["shapes"]]
-            return cls(header["asset"], header["change"], header["reading"], shapes)
+            return cls(header["asset"], header["change"], header["reading"], shapes, header["draft"])
         except (struct.error, ValueError, KeyError, TypeError, IndexError) as error:
             raise AssetError("The preview is cut off or damaged.", advice="Ask for it again.") from error
 
@@ -117,6 +119,7 @@ def pack(preview: PreviewShapes) -> bytes:
         "asset": preview.asset,
         "change": preview.change,
         "reading": preview.reading,
+        "draft": preview.draft,
         "primitives": [
             {"mesh": each.mesh, "primitive": each.primitive, "vertices": len(each.values) // 6} for each in first
         ],

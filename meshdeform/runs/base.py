@@ -137,14 +137,22 @@ class ArtifactKind:
     """Whether it is the first file with a new shape, so that it can be had at other strengths (`runs/strength.py`)."""
 
 
-FORMATS_OF_RESULT = (
+RESULT = "result.glb"
+
+FORMATS_OF_RESULT = tuple(
     ArtifactKind(
-        "result.stl",
-        "model/stl",
-        "The triangles of `result.glb` for printing, made [afterwards](http.md#post-v1jobsidartifactsname) only "
-        "([Assets: STL](assets.md#stl)).",
+        name,
+        media_type,
+        f"{what}, made of `result.glb` [afterwards](http.md#post-v1jobsidartifactsname) only "
+        "([Assets: other formats](assets.md#other-formats)).",
         afterwards=True,
-    ),
+    )
+    for name, media_type, what in (
+        ("result.usdz", "model/vnd.usdz+zip", "USDZ with materials, skins, morph targets and one animation"),
+        ("result.obj.zip", "application/zip", "An OBJ with its materials and textures, as a ZIP"),
+        ("result.3mf", "model/3mf", "The surface for printing, with colours"),
+        ("result.stl", "model/stl", "The triangles for printing"),
+    )
 )
 """Artifacts that any kind of job with `result.glb` can have made of it."""
 
@@ -193,6 +201,7 @@ class RunInput:
     limits: Limits | None = None  # limits on the files
     device: str = "cpu"  # as the setting names it: `auto`, `cpu`, `cuda` or `cuda:N`; what needs one resolves it
     readings: Readings = field(default_factory=Unkept)  # where readings of the asset are kept
+    draft: bool = False  # whether a simplified surface may be fitted in place of a large one (`runs/drafts.py`)
     on_wait: Callable[[], None] = lambda: None
     """Called now and then while the start takes long; raises if the run must stop."""
 

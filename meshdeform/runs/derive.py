@@ -1,4 +1,4 @@
-"""Make `morph.glb`, another format or strength, or a map for other files of a result, and use maps, in a child process.
+"""Make `morph.glb`, another format, pose or strength, or a map for other files of a result, in a child process.
 
 This module imports neither torch nor numpy, which only the child needs. The child has no secrets in its environment,
 and bounded memory and time.
@@ -24,13 +24,18 @@ from meshdeform.errors import (
     UnavailableError,
 )
 from meshdeform.requests.document import MorphPath, OutputOptions
+from meshdeform.runs.base import FORMATS_OF_RESULT, RESULT
 
 if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
+    from meshdeform.assets.export import Export
     from meshdeform.assets.surface import Surface
 
-STRENGTH = "result.glb"
+STRENGTH = RESULT
 """The name for `derive` of a result at another strength."""
+
+POSED = "posed.glb"
+"""The name for `derive` of a result in a pose."""
 
 ALIKE = "alike.glb"
 """The name for `derive` of another file that is deformed as an asset was: give it and the map."""
@@ -40,12 +45,19 @@ _WIDER = 16
 
 _BASE_BYTES = {
     "morph.glb": 16 * 2**30,
-    "result.stl": 2 * 2**30,
+    **dict.fromkeys(("result.obj.zip", "result.3mf", "result.stl", POSED), 2 * 2**30),
+    "result.usdz": 8 * 2**30,
     "map.safetensors": 16 * 2**30,
     STRENGTH: 16 * 2**30,
     ALIKE: 16 * 2**30,
 }
 """Address space beyond that of two checks: torch maps several gigabytes, whatever it does."""
+
+_APPLIED = {STRENGTH: "strength", ALIKE: "map", POSED: "pose"}
+"""What is applied to make those that are no artifacts."""
+
+_WITHOUT_UNIT = (".obj", ".ply", ".stl")
+"""Endings of assets whose unit nobody knows."""
 
 _SECONDS = 2.0
 """The time limit, relative to that of a check."""
@@ -57,7 +69,8 @@ class DerivedInput:
     `source` and `result`: the asset and the `result.glb` of the same job. A name in `OF_RESULT` needs no asset: name
     the result twice. `filename`: the name that the user gave the asset; `output`: those of the job's request;
     `exclude`: `params.control.exclude` of the run; `strength`: of `STRENGTH` only: 0 is the source, 1 the result;
-    `outside`: of `ALIKE` only: of pieces that reach out of what the map deforms.
+    `outside`: of `ALIKE` only: of pieces that reach out of what the map deforms. `pose`: of `POSED` and `OF_RESULT`
+    only: `CLIP@SECONDS`.
     """
 
     def __init__(
@@ -69,9 +82,11 @@ class DerivedInput:
         exclude: Sequence[str | int] = (),
         strength: float = 1.0,
         outside: str = "refuse",
+        pose: str | None = None,
     ) -> None:
         self.source, self.result, self.filename = source.absolute(), result.absolute(), filename
         self.output, self.exclude, self.strength, self.outside = output, list(exclude), strength, outside
+        self.pose = pose
 
     @property
     def size(self) -> int:
@@ -79,11 +94,11 @@ class DerivedInput:
         return self.source.stat().st_size + self.result.stat().st_size
 
 
-def derive(name: str, job_input: DerivedInput, target: Path, limits: Limits | None = None) -> None:
-    """Make an artifact in a child process.
+def derive(name: str, job_input: DerivedInput, target: Path, limits: Limits | None = None) -> list[str]:
+    """Make an artifact in a child process; return sentences about what its format cannot hold.
 
-    `name`: a key of `DERIVED`, `STRENGTH` or `ALIKE`. `target`: the file to write; its folder also takes the child's
-    temporary files.
+    `name`: one of `DERIVED`, `STRENGTH`, `POSED` or `ALIKE`. `target`: the file to write; its folder also takes the
+    child's temporary files.
     """
     limits = limits or Limits()
     seconds = _SECONDS * limits.max_check_s
@@ -95,6 +110,7 @@ def derive(name: str, job_input: DerivedInput, target: Path, limits: Limits | No
         "exclude": job_input.exclude,
         "strength": job_input.strength,
         "outside": job_input.outside,
+        "pose": job_input.pose,
         "memory": _BASE_BYTES[name] + 2 * limits.memory_bytes(job_input.size),
         "seconds": seconds,
         "limits": asdict(limits),
@@ -108,6 +124,7 @@ def derive(name: str, job_input: DerivedInput, target: Path, limits: Limits | No
         raise _too_much(name, "with the memory and time that it may use")
     if not outcome.verdict["ok"]:
         raise error_from(outcome.verdict["error"])
+    return list(outcome.verdict["warnings"])
 
 
 def _plain(filename: str) -> str:
@@ -117,11 +134,11 @@ def _plain(filename: str) -> str:
 
 
 def _too_much(name: str, how: str) -> AssetTooLargeError | UnavailableError:
-    if name in (STRENGTH, ALIKE):
-        what = "strength" if name == STRENGTH else "map"
+    if name in _APPLIED:
+        what = _APPLIED[name]
         return UnavailableError(
             f"The {what} could not be applied {how} on this server.",
-            advice="Download the result and its source, and run `meshdeform apply`.",
+            advice=f"Download the files, and run `meshdeform {'convert' if name == POSED else 'apply'}`.",
         )
     return AssetTooLargeError(
         f"{name} could not be made {how}.", advice="Request it with the job, or make it from the downloaded files."
@@ -129,26 +146,35 @@ def _too_much(name: str, how: str) -> AssetTooLargeError | UnavailableError:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Make one artifact and print a JSON verdict: `{"ok": true}` or `{"ok": false, "error": ...}`."""
+    """Make one artifact and print a JSON verdict: `{"ok": true, "warnings": []}` or `{"ok": false, "error": ...}`."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("name", choices=sorted(_MAKERS))
+    parser.add_argument("name", choices=sorted(_BASE_BYTES))
     for path in ("source", "result", "target"):
         parser.add_argument(path, type=Path)
     parser.add_argument("options", type=json.loads)
     options_given = parser.parse_args(arguments)
     limits = Limits(**options_given.options["limits"])
     bound_resources(options_given.options["memory"], options_given.options["seconds"], _WIDER * limits.max_bytes)
-    verdict: dict[str, Any] = {"ok": True}
+    verdict: dict[str, Any] = {"ok": True, "warnings": []}
+    name, source, result, options = (
+        options_given.name,
+        options_given.source,
+        options_given.result,
+        options_given.options,
+    )
     try:
-        options_given.target.write_bytes(
-            _MAKERS[options_given.name](options_given.source, options_given.result, options_given.options, limits)
-        )
+        if name in _MAKERS:
+            data = _MAKERS[name](source, result, options, limits)
+        else:
+            exported = _exported(name, result, options)
+            data, verdict["warnings"] = exported.data, list(exported.warnings)
+        options_given.target.write_bytes(data)
     except MeshdeformError as error:
         verdict = {"ok": False, "error": error_to_json(error)}
     except MemoryError:
         verdict = {
             "ok": False,
-            "error": error_to_json(_too_much(options_given.name, "with the memory that it may use")),
+            "error": error_to_json(_too_much(name, "with the memory that it may use")),
         }
     print(json.dumps(verdict))
     return 0 if verdict["ok"] else 1
@@ -187,11 +213,15 @@ def _other_triangles() -> AssetUnsupportedError:
     )
 
 
-def _stl(_source: Path, result: Path, _options: dict[str, Any], _limits: Limits) -> bytes:
+def _exported(name: str, result: Path, options: dict[str, Any]) -> Export:
+    """Write a result in the format that an artifact's name says."""
     from meshdeform.assets.asset import load_asset
-    from meshdeform.assets.stl_file import write_stl
+    from meshdeform.assets.export import export
+    from meshdeform.assets.pose import Pose
 
-    return write_stl(load_asset(result.read_bytes(), limits=Limits.unlimited())).data
+    asset = load_asset(result.read_bytes(), limits=Limits.unlimited())
+    asset.in_metres = not options["filename"].endswith(_WITHOUT_UNIT)
+    return export(asset, name, pose=Pose.parse(options["pose"]) if options["pose"] else None)
 
 
 def _to_change(file: Path, options: dict[str, Any], limits: Limits) -> Asset:
@@ -229,14 +259,15 @@ def _alike(file: Path, edit: Path, options: dict[str, Any], limits: Limits) -> b
     return with_edit(asset, EditMap.read(str(edit)), Outside(options["outside"]), compact=options["compact"])
 
 
-DERIVED: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
+OF_RESULT = frozenset(kind.name for kind in FORMATS_OF_RESULT)
+"""The artifacts that are made of `result.glb` alone."""
+
+DERIVED = frozenset({"morph.glb", "map.safetensors", *OF_RESULT})
+"""The artifacts that can be made afterwards."""
+
+_MAKERS: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "morph.glb": _morph,
-    "result.stl": _stl,
     "map.safetensors": _map,
+    STRENGTH: _strength,
+    ALIKE: _alike,
 }
-"""Artifacts that can be made afterwards, by name."""
-
-OF_RESULT = frozenset({"result.stl"})
-"""The names in `DERIVED` that are made of `result.glb` alone."""
-
-_MAKERS = {**DERIVED, STRENGTH: _strength, ALIKE: _alike}

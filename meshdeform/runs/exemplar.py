@@ -46,6 +46,7 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
 from meshdeform.runs.believed import believed_source
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
+from meshdeform.runs.drafts import Fitted, in_place_of
 from meshdeform.runs.exemplar_control import Controls
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import DIGITS, ExemplarFacts, Fit, exemplar_report
@@ -141,10 +142,12 @@ class ExemplarRun(JobRun):
     """Fits in progress, created by `start_exemplar`."""
 
     def __init__(self, facts: ExemplarFacts, body: Body, job_input: RunInput, log: RunLog) -> None:
-        self._wishes = _wishes(facts, body)
+        self._labels = ReadParts(body).labels
+        whole = Fitted(body.points, body.faces, self._labels)
+        self._fitted = in_place_of(whole) if job_input.draft else whole
+        self._wishes = _wishes(facts, self._fitted)
         super().__init__(STEPS * len(self._wishes), 0, log)
         self._facts, self._body, self._cache = facts, body, job_input.readings.samples
-        self._labels = ReadParts(body).labels
         self._controls = Controls(facts.control, facts.frame, facts.welded.mesh)
         self._shares = [None] if facts.prompts is None else facts.prompts.of_vertices(facts.welded.mesh)
         self._moves = [np.zeros_like(body.points) for _ in self._wishes]
@@ -154,14 +157,16 @@ class ExemplarRun(JobRun):
 
     def _steps(self) -> Iterator[dict[str, float]]:
         for number, (prompt, wish) in enumerate(self._wishes):
-            body, reading = self._body, self._facts.reading
-            fit = ExemplarFit(body.points, body.faces, reading, wish, labels=self._labels, cache=self._cache)
+            own, reading = self._fitted, self._facts.reading
+            fit = ExemplarFit(
+                own.points, own.faces, reading, wish, labels=own.labels, cache=self._cache, mends=not self.is_draft
+            )
             seconds: dict[str, float] = {}
             began = time.perf_counter()
             for stage in fit:
                 seconds[stage.name] = seconds.get(stage.name, 0.0) + time.perf_counter() - began
-                if stage.verts is not None:
-                    self._moves[number] = stage.verts - body.points
+                if stage.verts is not None and (own.binding is None or stage.share == 1):
+                    self._moves[number] = own.followed(stage.verts) - self._body.points
                 yield from self._until(int((number + stage.share) * STEPS))
                 began = time.perf_counter()
             self._fits.append(Fit(prompt, fit.result, seconds))
@@ -197,6 +202,11 @@ class ExemplarRun(JobRun):
     def reading(self) -> Reading | None:
         """What the asset was read as."""
         return self._facts.reading
+
+    @property
+    def is_draft(self) -> bool:
+        """Whether a simplified surface is fitted in place of the asset's."""
+        return self._fitted.binding is not None
 
     @property
     def members(self) -> list[dict[str, Any]]:
@@ -255,17 +265,19 @@ class ExemplarRun(JobRun):
         blended, pictures = self._blended(), self._facts.silhouettes
         if pictures is not None:
             blended = self._controls.laid_over(self._outlined(pictures.views, blended))
-        elif self._starts_at_rest and np.array_equal(blended, self._body.points + self._moves[0]):
+        if self.is_draft:
+            return blended
+        if pictures is None and self._starts_at_rest and np.array_equal(blended, self._body.points + self._moves[0]):
             return blended
         self._mended = self._controls.mended(blended)
         return self._mended.verts
 
 
-def _wishes(facts: ExemplarFacts, body: Body) -> list[tuple[str, Wish]]:
+def _wishes(facts: ExemplarFacts, own: Fitted) -> list[tuple[str, Wish]]:
     """Return what each prompt wishes, with its text, or what the targets are."""
     wish = Wish(strength=facts.params.strength, seed=facts.params.seed)
     if facts.targets:
-        return [("", _for_targets(wish, facts, frame_of(body.points, body.faces, facts.reading)))]
+        return [("", _for_targets(wish, facts, frame_of(own.points, own.faces, facts.reading)))]
     texts = [facts.request.prompt] if facts.prompts is None else [each.prompt for each in facts.prompts.given]
     asked = [parse(text) for text in texts]
     return [

@@ -16,6 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
+from meshdeform.requests.choices import UpAxis
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.vocabulary.grammar import noun_of
 
@@ -185,5 +186,6 @@ def key_of(digest: str, suffix: str, params: ResolvedParams, *, subdivided: bool
         None if front is None else front % 360.0,
         subdivided,
         *([sorted(params.words.items())] if params.words else []),
+        *([params.up] if params.up is not UpAxis.AUTO else []),
     ]
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()

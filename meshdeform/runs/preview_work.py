@@ -35,10 +35,11 @@ _MOST, _MOST_BYTES = 64, 128 * 2**20
 
 @dataclass(frozen=True)
 class _Made:
-    """A result: its GLB, whether it is a change in plain words, what it was fitted to, and how the asset was read."""
+    """A result: its GLB, whether it is a change in plain words or a draft, its exemplar, and the asset's reading."""
 
     glb: bytes
     change: bool
+    draft: bool
     member: dict[str, Any]
     reading: dict[str, Any] | None
 
@@ -46,8 +47,10 @@ class _Made:
 _recent: Recent[_Made] = Recent(_MOST, _MOST_BYTES)
 
 
-def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> None:
+def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]:
     """Carry out a task: write the GLB of its only seed, or the positions of all its seeds, where it says.
+
+    Returns `draft`: whether any of them is one.
 
     Raises what a job does, and StoppedError.
     """
@@ -64,11 +67,13 @@ def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> None:
     target = Path(task["result"])
     if task["as"] == "glb":
         target.write_bytes(made[0].glb)
-        return
+        return {"draft": made[0].draft}
     shapes = [
         PreviewShape(seed, positions_of(each.glb), each.member) for seed, each in zip(task["seeds"], made, strict=True)
     ]
-    target.write_bytes(pack(PreviewShapes(files["asset"].digest, made[0].change, made[0].reading, shapes)))
+    draft = any(each.draft for each in made)
+    target.write_bytes(pack(PreviewShapes(files["asset"].digest, made[0].change, made[0].reading, shapes, draft)))
+    return {"draft": draft}
 
 
 def _made(
@@ -79,7 +84,7 @@ def _made(
     digests = {name: [file.digest, file.filename] for name, file in files.items()}
     told = json.dumps([request, resolved, digests, task["limits"]], sort_keys=True)
     key = hashlib.sha256(told.encode()).digest()
-    known = _recent.get(key)
+    known = _recent.get((key, False)) or (_recent.get((key, True)) if task["draft"] else None)
     if known is not None:
         return known
     given = RunInput(
@@ -89,23 +94,24 @@ def _made(
         default_model=task["default_model"],
         limits=Limits(**task["limits"]),
         readings=readings,
+        draft=task["draft"],
     )
     run = text_deform.start(given)
     for _ in run:
         if stopped():
             raise StoppedError
-    made = _Made(run.snapshot().data, run.total_steps == 0, *_told(run, resolved))
-    _recent.put(key, made, len(made.glb))
+    made = _as_made(run, resolved)
+    _recent.put((key, made.draft), made, len(made.glb))
     return made
 
 
-def _told(run: JobRun, resolved: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """Return what a run fitted the asset to, and what it was read as."""
-    run = run.run if isinstance(run, KnowingRun) else run
-    assert isinstance(run, ExemplarRun | PlainChangeRun)
-    members = run.members if isinstance(run, ExemplarRun) else []
-    reading = reading_document(run.reading, ResolvedParams.model_validate(resolved))
-    return (members[0] if members else {}), reading
+def _as_made(run: JobRun, resolved: dict[str, Any]) -> _Made:
+    """Return the result of a run."""
+    own = run.run if isinstance(run, KnowingRun) else run
+    assert isinstance(own, ExemplarRun | PlainChangeRun)
+    members, draft = (own.members, own.is_draft) if isinstance(own, ExemplarRun) else ([], False)
+    reading = reading_document(own.reading, ResolvedParams.model_validate(resolved))
+    return _Made(run.snapshot().data, run.total_steps == 0, draft, members[0] if members else {}, reading)
 
 
 def positions_of(glb: bytes) -> list[PrimitivePositions]:

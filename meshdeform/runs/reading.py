@@ -26,6 +26,7 @@ from meshdeform.plain.reader import Reader
 from meshdeform.reading import FITTED, Reading
 from meshdeform.reading.likeness import nouns_alike
 from meshdeform.reading.result import UP_TURNS
+from meshdeform.requests.choices import METRES, LengthUnit, UpAxis
 from meshdeform.runs.kept_readings import Readings, Unkept, given_front, given_noun, key_of
 from meshdeform.runs.parted import given_parts
 from meshdeform.runs.selectable import SelectableSurface
@@ -104,10 +105,13 @@ def made(body: Body) -> Reading | None:
 
 
 def corrected(body: Body, asset: Asset, params: ResolvedParams, source: Source | None = None) -> Body:
-    """Return a body with a reader of it, and with the parts that its file names and the request corrects.
+    """Return a body with a reader of it, and with the axis, the unit and the parts that its file and the request say.
 
     Raises ParameterError: a correction selects nothing of the surface.
     """
+    up = body.up if params.up is UpAxis.AUTO else params.up.value
+    unit = body.unit if params.unit is LengthUnit.AUTO else METRES[params.unit]
+    body = replace(body, up=up, unit=unit)
     painted, renamed = _corrections(body, asset, params.parts)
     found = SourceReader(lambda: read_source(body, params, source))
     return replace(body, reader=found, painted=painted, renamed=renamed)
@@ -176,9 +180,8 @@ def _read(body: Body, params: ResolvedParams, source: Source | None, fitted: int
         nouns = _proposed(body.points, body, params)
         if not nouns:
             return None
-        # A format without a unit has no axis that is up, either.
-        z_up = None if body.unit is not None else _proposed(body.points @ UP_TURNS["+Z"].T, body, params)
-        share = _Z_UP.get(suffix, _Z_UP_ELSE)
+        z_up = None if body.up == "y" else _proposed(body.points @ UP_TURNS["+Z"].T, body, params)
+        share = 1.0 if body.up == "z" else _Z_UP.get(suffix, _Z_UP_ELSE)
         return read_body(body, nouns, given_front(params), samples, z_up=z_up, z_share=share, fitted=fitted)
     except (ShapeError, ValueError) as error:
         _log.info("the asset is not read: %s", error)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from meshdeform.assets import Asset, load_asset
-from meshdeform.assets.build import Primitive, build_glb
+from meshdeform.assets.build import Picture, Primitive, build_glb
 from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
 from meshdeform.assets.surface_files import (
     DistanceGrid,
@@ -359,6 +359,6 @@ def coloured_level(asset: Asset, field: NeuralField, level: int) -> bytes | None
         smooth_normals(verts, faces)[faces].reshape(-1, 3),
         np.einsum("pk,pkc->pc", weights, tiles),
         material="surface",
-        texture=out.getvalue(),
+        texture=Picture(out.getvalue()),
     )
     return build_glb([primitive])

@@ -124,6 +124,10 @@ class Child:
             self._process.kill()
 
 
+FOREIGN_RECORD = 3
+"""The exit code of a part that cannot use the record, whatever it waits for (`RecordVersionError`)."""
+
+
 class Backoff:
     """Delays before restarting a program: they double each time, and reset once it has run for `healthy_s` seconds."""
 

@@ -19,9 +19,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from meshdeform.errors import UnavailableError
+from meshdeform.errors import RecordVersionError, UnavailableError
 from meshdeform.serving import DEFAULT_HOST, DEFAULT_PORT
-from meshdeform.serving.processes import Child, SignalInbox, SupervisedChild, python_command
+from meshdeform.serving.processes import FOREIGN_RECORD, Child, SignalInbox, SupervisedChild, python_command
 from meshdeform.serving.redis_server import RedisServer
 from meshdeform.settings import Settings
 from meshdeform.support.telemetry import PART, json_line
@@ -91,6 +91,8 @@ def _alive(pid: int) -> bool:
 STOP_GRACE_S = 40.0
 """Seconds for the worker to write a checkpoint. Its supervisor allows less, so that this limit never cuts it short."""
 
+_TELLS = "worker"
+"""The part that has an exit code for a record that it cannot use; the API's server takes the same for any failure."""
 _SUPERVISE_EVERY_S = 0.25
 _BACKLOG = 2048
 
@@ -139,7 +141,8 @@ class Stack:
     def run(self) -> None:
         """Start all parts, and return after SIGINT or SIGTERM once all have stopped.
 
-        If a part cannot start (`UnavailableError`, `DependencyError`), the parts that did are stopped again.
+        If a part cannot start (`UnavailableError`, `DependencyError`, `RecordVersionError`), the parts that did are
+        stopped again.
         """
         with ExitStack() as cleanup:
             inbox = cleanup.enter_context(SignalInbox(signal.SIGINT, signal.SIGTERM, signal.SIGCHLD))
@@ -188,6 +191,8 @@ class Stack:
                 self._report("stopping")
                 return
             for part in self._parts:
+                if part.child.exit_code == FOREIGN_RECORD and part.child.name == _TELLS:
+                    raise RecordVersionError("The record has the schema of another version of Meshdeform.")
                 part.supervise()
             if not ready and _is_ready(url):
                 ready = True

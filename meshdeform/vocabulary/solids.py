@@ -81,7 +81,7 @@ LAYOUTS: dict[str, str] = {
     "deer": f"{_ON_LEGS} neck head ear*2 horn*6 tail",
     "dinosaur": "leg*4 tail/20/body/36/neck head",
     "dog": f"{_ON_LEGS} neck head nose ear*2 tail",
-    "dolphin": "body nose fin tail*2 fin*2",
+    "dolphin": "body nose*2 eye*2 fin tail*2 fin*2",
     "door": "body knob body*4 band*2 | body knob frame*3 panel*",
     "dragon": f"{_ON_LEGS} neck head horn*2 eye*2 tail*2 spike*4 wing*2",
     "dress": "skirt/12/body body sleeve*2 bow*2",

@@ -142,9 +142,7 @@ class Sender:
 class PinnedNetwork(httpcore.NetworkBackend):
     """A network in which every name resolves to one host's checked addresses, until a deadline."""
 
-    def __init__(
-        self, addresses: tuple[str, ...], connect_s: float, deadline: float, track: _Track = lambda _before, _now: None
-    ) -> None:
+    def __init__(self, addresses: tuple[str, ...], connect_s: float, deadline: float, track: _Track) -> None:
         self._addresses, self._connect_s, self._track = addresses, connect_s, track
         self.deadline = deadline
         self.stream: httpcore.NetworkStream | None = None
@@ -182,6 +180,31 @@ class PinnedNetwork(httpcore.NetworkBackend):
             raise
         self.stream = stream
         return _TimedStream(stream, self)
+
+
+class PinnedAsyncNetwork(httpcore.AsyncNetworkBackend):
+    """The same for asyncio; whoever uses it sets the deadline."""
+
+    def __init__(self, addresses: tuple[str, ...], connect_s: float = CONNECT_S) -> None:
+        self._addresses, self._connect_s = addresses, connect_s
+
+    async def connect_tcp(
+        self,
+        host: str,  # noqa: ARG002 - already resolved
+        port: int,
+        timeout: float | None = None,  # noqa: ARG002 - httpcore's signature
+        local_address: str | None = None,
+        socket_options: Any = None,
+    ) -> httpcore.AsyncNetworkStream:
+        """Connect to the first of the addresses that answers; they share the time."""
+        failed: Exception = httpcore.ConnectTimeout("No time was left to connect.")
+        share = self._connect_s / len(self._addresses)
+        for address in self._addresses:
+            try:
+                return await httpcore.AnyIOBackend().connect_tcp(address, port, share, local_address, socket_options)
+            except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
+                failed = error
+        raise failed
 
 
 class _TimedStream(httpcore.NetworkStream):

@@ -46,6 +46,7 @@ from service.jobs.documents import (
     BranchDocument,
     JobDocument,
     PreviewDocument,
+    RetryDocument,
     UploadCompletion,
     UploadDocument,
     WordDocument,
@@ -105,10 +106,10 @@ REPLAY = {REPLAYED: header("`true` if this repeats the response to the first req
 WAITED = {"Preference-Applied": header("The longest wait that `Prefer` requested and the server granted.", "wait=30")}
 
 
-def json_body(model: str, example: dict[str, Any]) -> dict[str, Any]:
+def json_body(model: str, example: dict[str, Any], *, required: bool = True) -> dict[str, Any]:
     """Return the OpenAPI description of a body that is a JSON document."""
     content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
-    return {"requestBody": {"required": True, "content": {"application/json": content}}}
+    return {"requestBody": {"required": required, "content": {"application/json": content}}}
 
 
 # Documents missing from the routes' signatures: bodies that are streamed, and problems.
@@ -116,6 +117,7 @@ _MODELS = (
     JobDocument,
     PreviewDocument,
     BranchDocument,
+    RetryDocument,
     UploadDocument,
     UploadCompletion,
     WordDocument,
@@ -142,6 +144,7 @@ _TAGS = [
     {"name": "webhooks", "description": "Receive events as signed messages: docs/webhooks.md."},
     {"name": "models", "description": "The models that jobs may use in `params.guidance.model`."},
     {"name": "limits", "description": "The limits of this server."},
+    {"name": "usage", "description": "What you have used."},
     {"name": "health", "description": "Liveness, readiness and metrics, for the operator."},
 ]
 

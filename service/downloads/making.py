@@ -10,16 +10,16 @@ from meshdeform.assets.limits import Limits
 from meshdeform.errors import MeshdeformError, NotFoundError
 from meshdeform.record.models import Artifact, Job
 from meshdeform.runs import kind_of
-from meshdeform.runs.base import ArtifactKind
+from meshdeform.runs.base import RESULT, ArtifactKind
 from meshdeform.runs.derive import ALIKE, DERIVED, OF_RESULT, DerivedInput, derive
 from service.state import AppState
 
-_RESULT, _MAP = "result.glb", "map.safetensors"
+_MAP = "map.safetensors"
 
 
 def makeable(job: Job) -> list[str]:
     """Return the names of the artifacts that can be made of a job that has succeeded."""
-    if job.unreadable or all(artifact.name != _RESULT for artifact in job.artifacts):
+    if job.unreadable or all(artifact.name != RESULT for artifact in job.artifacts):
         return []
     return [kind.name for kind in kind_of(job.kind).artifacts if kind.afterwards and kind.name in DERIVED]
 
@@ -30,20 +30,20 @@ def made(app: AppState, job: Job, name: str) -> Artifact:
     If another request has added it meanwhile, that one is returned.
     """
     kind = next(kind for kind in kind_of(job.kind).artifacts if kind.name == name)
-    result = next(artifact for artifact in job.artifacts if artifact.name == _RESULT)
+    result = next(artifact for artifact in job.artifacts if artifact.name == RESULT)
     with app.workspace.temporary_folder() as folder:
         source, shape, target = folder / "source", folder / "result", folder / "target"
         app.store.fetch(result.key, shape, sha256=result.sha256)
         output = job.request.output
         if name in OF_RESULT:
-            derived = DerivedInput(shape, shape, _RESULT, output)
+            derived = DerivedInput(shape, shape, job.source.filename, output)
         else:
             deformed = job.source
             app.store.fetch(deformed.key, source, sha256=deformed.sha256)
             derived = DerivedInput(source, shape, deformed.filename, output, job.request.params.control.exclude)
-        derive(name, derived, target, Limits.from_settings(app.settings))
+        told = derive(name, derived, target, Limits.from_settings(app.settings))
         app.record.check_room(job.owner_id, {name: target.stat().st_size}, app.settings.max_stored_bytes)
-        return _added(app, job, kind, target)
+        return _added(app, job, kind, target, told)
 
 
 def deformed_alike(app: AppState, job: Job, file: Path, filename: str, outside: str) -> Path:
@@ -60,11 +60,15 @@ def deformed_alike(app: AppState, job: Job, file: Path, filename: str, outside: 
     return target
 
 
-def _added(app: AppState, job: Job, kind: ArtifactKind, file: Path) -> Artifact:
-    """Store a file and record it as an artifact; remove it if the job has one of that name, or is gone."""
+def _added(app: AppState, job: Job, kind: ArtifactKind, file: Path, told: list[str]) -> Artifact:
+    """Store a file and record it as an artifact; remove it if the job has one of that name, or is gone.
+
+    `told`: what its format cannot hold.
+    """
     key = f"jobs/{job.id}/made/{secrets.token_hex(8)}-{kind.name}"  # removed with the job
     stored = app.store.put_verified(key, file, kind.media_type)
-    new = Artifact(name=kind.name, content_type=kind.media_type, size=stored.size, sha256=stored.sha256, key=key)
+    described = {"content_type": kind.media_type, "size": stored.size, "sha256": stored.sha256}
+    new = Artifact(name=kind.name, key=key, warnings=told or None, **described)
     recorded = None
     try:
         recorded = app.record.add_artifact(job.id, new, job.owner_id)

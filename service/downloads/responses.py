@@ -6,12 +6,9 @@ Entity tags and byte ranges: RFC 9110, sections 8.8.3, 13.1 and 14.
 from __future__ import annotations
 
 import base64
-import hashlib
-import itertools
 import re
 import string
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any
@@ -75,12 +72,16 @@ def requested_range(header: str | None, if_range: str | None, tag: str, size: in
 
 
 _CHUNK = 256 * 1024
+_AT_ONCE = 4 * _CHUNK
+"""Bytes of a file that is read as a whole and then sent."""
+_LONGEST = 2000
 _PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")
 _TAG = '"9f86d081884c7d65..."'
 _HEADERS = {
     "ETag": header("SHA-256 of the whole file.", _TAG),
     "Accept-Ranges": header("Byte ranges are supported.", "bytes"),
     "Content-Disposition": header("The name to save the file under.", 'attachment; filename="result.glb"'),
+    "Meshdeform-Warnings": header("What the file's format cannot hold, if anything.", "Without animations: 2."),
 }
 _CONTENT_RANGE = {
     "Content-Range": header("The range that is sent, and the size of the whole file.", "bytes 0-1023/30720")
@@ -152,6 +153,7 @@ class Download:
     content_type: str
     size: int
     sha256: str
+    warnings: tuple[str, ...] = ()  # what its format cannot hold
 
     @property
     def headers(self) -> dict[str, str]:
@@ -164,7 +166,13 @@ class Download:
             "Content-Disposition": _disposition(self.name),
             "Repr-Digest": f"sha-256=:{digest}:",
             "X-Content-Type-Options": "nosniff",
+            **({"Meshdeform-Warnings": _ascii(self.warnings)} if self.warnings else {}),
         }
+
+
+def _ascii(sentences: tuple[str, ...]) -> str:
+    """Return sentences as the value of a header, which is ASCII and short."""
+    return " ".join(sentences).encode("ascii", "replace").decode()[:_LONGEST]
 
 
 def _disposition(name: str) -> str:
@@ -175,14 +183,9 @@ def _disposition(name: str) -> str:
     return short if plain == name else f"{short}; filename*=UTF-8''{quote(name, safe='', errors='replace')}"
 
 
-def download(
-    request: Request, app: AppState, file: Download, conditions: Conditions, *, signed: bool = False
-) -> Response:
-    """Return the answer to a request, by a verified URL if `signed`, for stored bytes: all of them, a range, or 304."""
+def download(request: Request, app: AppState, file: Download, conditions: Conditions) -> Response:
+    """Return the answer to a request for stored bytes: all of them, a range, or 304."""
     headers = file.headers
-    if signed:
-        # Anyone who has the URL may read the file, so pages of other origins may too: web viewers fetch models.
-        headers["Access-Control-Allow-Origin"] = "*"
     if matches(conditions.if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     part = requested_range(conditions.range, conditions.if_range, headers["ETag"], file.size)
@@ -196,26 +199,13 @@ def download(
     # Checked and opened before the response starts, so that a missing or cut object still gives an error status.
     if app.store.size(file.key) != file.size:
         raise StoredFileError(f"The stored copy of {file.name!r} has another size than was recorded.")
-    content = app.store.stream(file.key, start, end, _CHUNK)
-    if part is None:
-        whole = _verified(content, file)
-        # A file of one chunk is verified here.
-        content = itertools.chain([next(whole)], whole)
-    return StreamingResponse(content, status, headers, file.content_type)
-
-
-def _verified(content: Iterator[bytes], file: Download) -> Iterator[bytes]:
-    """Yield the chunks of an object, but not the last one if the SHA-256 is wrong: the response breaks off."""
-    # Reading the object twice, to refuse it with a status, would double the load of every download.
-    digest, last = hashlib.sha256(), b""
-    for chunk in content:
-        if last:
-            yield last
-        digest.update(chunk)
-        last = chunk
-    if digest.hexdigest() != file.sha256:
+    if file.size <= _AT_ONCE:
+        data = app.store.get(file.key, sha256=file.sha256)
+        return Response(data[start:end], status, headers, file.content_type)
+    # Twice the reading, but nobody gets a byte of a damaged file, and whoever asks for it a status.
+    if app.store.sha256_of(file.key) != file.sha256:
         raise StoredFileError(f"The stored copy of {file.name!r} is damaged ({file.key}).")
-    yield last
+    return StreamingResponse(app.store.stream(file.key, start, end, _CHUNK), status, headers, file.content_type)
 
 
 def signed_url(app: AppState, path: str, artifact: Artifact) -> SignedUrl:

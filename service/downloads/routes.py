@@ -14,6 +14,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 from meshdeform.api.jobs import ArtifactList, ArtifactView, CheckpointList, CheckpointView, SignedUrl
 from meshdeform.api.states import MAX_FILENAME
 from meshdeform.assets.inspect import asset_format
+from meshdeform.assets.pose import Pose
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -34,6 +35,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.models import Artifact, CheckpointRef, Job, JobState, StoredFile
 from meshdeform.runs import kind_of
+from meshdeform.runs.base import RESULT
 from meshdeform.support.files import result_name
 from service.documentation.responses import CALLER_ERRORS, JobId, Step
 from service.downloads.making import deformed_alike, made, makeable
@@ -46,7 +48,7 @@ from service.downloads.responses import (
     download_responses,
     signed_url,
 )
-from service.downloads.strengths import MAX_STRENGTH, STRENGTH_STEP
+from service.downloads.variants import MAX_STRENGTH, STRENGTH_STEP, Variant
 from service.http.auth import PrincipalDep, ViewerDep
 from service.http.bodies import clean_filename, receive_file
 from service.http.errors import KNOWN_QUERY, problem_responses
@@ -110,7 +112,7 @@ def list_artifacts(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response: 
     return JSONResponse(ArtifactList(artifacts=views).model_dump(mode="json"))
 
 
-async def _at_strength(
+async def _variant(
     app: AppStateDep,
     reader: ReaderDep,
     id: JobId,  # noqa: A002
@@ -127,18 +129,37 @@ async def _at_strength(
             examples=[0.6],
         ),
     ] = None,
+    pose: Annotated[
+        str | None,
+        Query(
+            description="Of `result.glb` and its other formats: the asset as it stands at a moment of an animation, "
+            "`CLIP@SECONDS`, without skins, morph targets and animations. A clip is named by its name, or by its "
+            "number from 0. Made on the first request. Default: the artifact as it is stored.",
+            max_length=300,
+            pattern="@",
+            examples=["Run@0.5"],
+        ),
+    ] = None,
 ) -> Download | None:
-    """Return an artifact at another strength; None if the stored one is wanted."""
-    if strength is None or strength == 1:
+    """Return an artifact at another strength or in a pose; None if the stored one is wanted."""
+    if pose is not None and strength is not None:
+        raise ParameterError.at(["query", "pose"], "A strength has no poses.", "Give only one of strength and pose.")
+    if pose is None and (strength is None or strength == 1):
         return None
     if reader.owner_id is None:
-        raise ForbiddenError("The link shows what is stored.", advice="Other strengths need an API key.")
-    artifact = await to_thread.run_sync(_find, app, id, reader.owner_id, name)
+        raise ForbiddenError("The link shows what is stored.", advice="Other strengths and poses need an API key.")
+    if pose is not None:
+        pose = str(Pose.parse(pose))
+    # A pose is made of the result, also where its format is no artifact yet.
+    artifact = await to_thread.run_sync(_find, app, id, reader.owner_id, name if pose is None else RESULT)
     job = await to_thread.run_sync(app.record.get, id, reader.owner_id)
-    key, stored = await app.strengths.get(job, artifact, strength)
-    stem, dot, ending = _file_name(job, artifact).rpartition(".")
-    saved_as = f"{stem}-strength{round(100 * strength)}{dot}{ending}"
-    return Download(key, saved_as, artifact.content_type, stored.size, stored.sha256)
+    variant = Variant(name, strength, pose)
+    made = await app.variants.get(job, artifact, variant)
+    kind = next(kind for kind in kind_of(job.request.kind).artifacts if kind.name == name)
+    plain = _file_name(job, artifact.model_copy(update={"name": name}))
+    stem, ending = plain.removesuffix(name.removeprefix("result")), name.removeprefix("result")
+    saved_as = f"{stem}-{variant.tag}{ending}"
+    return Download(made.key, saved_as, kind.media_type, made.stored.size, made.stored.sha256, tuple(made.warnings))
 
 
 @artifacts.head("/{name}", include_in_schema=False, openapi_extra=OPEN_TO_SIGNED)
@@ -170,15 +191,16 @@ def get_artifact(
     id: JobId,  # noqa: A002
     name: _Name,
     conditions: ConditionsDep,
-    at_strength: Annotated[Download | None, Depends(_at_strength)],
+    variant: Annotated[Download | None, Depends(_variant)],
 ) -> Response:
     """Streamed, whole or as one range, so an interrupted download can resume. A signed URL needs no API key."""
-    if at_strength is not None:
-        return download(request, app, at_strength, conditions)
+    if variant is not None:
+        return download(request, app, variant, conditions)
     artifact = _find(app, id, reader.owner_id, name)
     saved_as = _file_name(app.record.get(id, reader.owner_id), artifact)
-    file = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256)
-    return download(request, app, file, conditions, signed=reader.owner_id is None and not reader.link)
+    told = tuple(artifact.warnings or ())
+    file = Download(artifact.key, saved_as, artifact.content_type, artifact.size, artifact.sha256, told)
+    return download(request, app, file, conditions)
 
 
 @artifacts.post(
@@ -200,7 +222,7 @@ def get_artifact(
     },
 )
 async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
-    """Makes `morph.glb` or `result.stl` of a job that has succeeded, once."""
+    """Makes `morph.glb`, `map.safetensors` or another format of `result.glb` for a job that has succeeded, once."""
     artifact = await app.take_in(principal.owner_id, _make, app, id, principal.owner_id, name)
     return JSONResponse(ArtifactView.of(artifact, id).model_dump(mode="json"))
 
@@ -433,7 +455,7 @@ async def apply_job(
         async with app.bodies.slot(principal.owner_id):
             most, file = app.settings.max_upload_bytes, folder / "asset"
             await receive_file(request, file, most, AssetTooLargeError.more_than(most))
-        async with app.strengths.slot(principal.owner_id):
+        async with app.variants.slot(principal.owner_id):
             made_file = await to_thread.run_sync(deformed_alike, app, job, file, clean_filename(filename), outside)
         return StreamingResponse(_streamed(made_file, stack.pop_all()), media_type="application/octet-stream")
 

@@ -119,12 +119,12 @@ class Gate:
                 "The request came through a proxy, so it requires an API key.",
                 advice="Send an API key. If the proxy decides who may use the service, the operator can set --no-auth.",
             )
-        headers = request.headers
-        if is_foreign(headers.get("host"), headers.get("origin"), self._settings.allowed_hosts):
+        headers, settings = request.headers, self._settings
+        if is_foreign(headers.get("host"), headers.get("origin"), settings.allowed_hosts, settings.cors_origins):
             raise UnauthorizedError(
                 "The request was sent by a web page from another host.",
                 advice="Open the service as localhost or by its IP address, or send an API key. The server's operator "
-                "can allow other names in MESHDEFORM_ALLOWED_HOSTS.",
+                "can allow other names in MESHDEFORM_ALLOWED_HOSTS, and pages in MESHDEFORM_CORS_ORIGINS.",
             )
 
     async def _verified(self, text: str, peer: str) -> ApiKey:

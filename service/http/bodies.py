@@ -110,7 +110,7 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
     try:
         return model.model_validate_json(document)
     except ValidationError as error:
-        findings = error.errors(include_url=False, include_input=False, include_context=False)
+        findings = error.errors(include_url=False)
         if findings[0]["type"] == "json_invalid":
             reason = findings[0]["msg"].removeprefix("Invalid JSON: ")
             raise RequestError(f"{name} is not valid JSON: {reason}.") from error

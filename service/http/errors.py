@@ -28,7 +28,7 @@ from meshdeform.errors import (
     UnauthorizedError,
     UnavailableError,
 )
-from meshdeform.requests.groups import did_you_mean
+from meshdeform.requests.problems import did_you_mean, reason
 from service.http.middleware import request_id
 
 PROBLEM_TYPE = "application/problem+json"
@@ -54,15 +54,11 @@ def add_error_handlers(app: FastAPI) -> None:
 
 def parameter_error(errors: Sequence[Any]) -> ParameterError:
     """Convert pydantic's errors to a ParameterError, without the input, which may be long or secret."""
-    problems = [{"loc": list(error["loc"]), "msg": _message(error), "type": error["type"]} for error in errors]
+    problems = [{"loc": list(error["loc"]), "msg": reason(error), "type": error["type"]} for error in errors]
     first = problems[0]
     place = ".".join(str(part) for part in first["loc"])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return ParameterError(f"{place}: {first['msg']}{more}" if place else f"{first['msg']}{more}", errors=problems)
-
-
-def _message(error: Any) -> str:
-    return "there is no such member." if error["msg"].startswith("Extra inputs") else str(error["msg"])
 
 
 def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[str, Any]]:

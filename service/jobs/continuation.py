@@ -18,7 +18,7 @@ from meshdeform.requests.parameters import WORDS_PART
 from meshdeform.runs import kind_of
 from meshdeform.words import in_use
 from service.http.idempotency import Answer, Caller, claimed, request_hash
-from service.jobs.documents import BranchDocument, FileReference, FileSource
+from service.jobs.documents import BranchDocument, FileReference, FileSource, RetryDocument
 from service.jobs.intake import (
     check_file,
     check_params,
@@ -35,9 +35,10 @@ from service.words.known import named_words, pin_words, words_of_job
 _RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
 
 
-def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
+def retry(app: AppState, caller: Caller, job_id: str, document: RetryDocument | None = None) -> Answer:
     """Create a new job from one that did not succeed; it continues from the last intact checkpoint."""
-    with claimed(app.record, caller, request_hash(caller.method, caller.path, None, {})) as claim:
+    changes = None if document is None else document.model_dump(mode="json", exclude_unset=True) or None
+    with claimed(app.record, caller, request_hash(caller.method, caller.path, changes, {})) as claim:
         if isinstance(claim, Answer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
@@ -46,8 +47,11 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
                 f"The job is {job.state}; only a failed, canceled or expired job can be retried.",
                 state=job.state.value,
             )
+        request = job.request if changes is None else job.request.model_copy(update=changes)
+        if not job.files:
+            raise ConflictError("The job has no files, because they were never fetched.", advice="Send the job again.")
         with in_use(words_of_job(app, job)):
-            params = check_params(job.request, app.settings, files=job.files)
+            params = check_params(request, app.settings, files=job.files)
         app.record.check_room(caller.owner_id, {}, app.settings.max_stored_bytes)
         with app.record.files.leases() as leases:
             _lease(app, leases, job.files.values())
@@ -55,7 +59,7 @@ def retry(app: AppState, caller: Caller, job_id: str) -> Answer:
             newest = sorted(checkpoints, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copy_checkpoint(app, leases, job, newest, OriginMode.RETRY) or _initial_origin(app, leases, job)
             size = {"faces": job.faces, "parts": job.parts}
-            new = new_job(app, caller, job.request, job.files, origin=origin, resolved=params, claim=claim, **size)
+            new = new_job(app, caller, request, job.files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
 
@@ -152,7 +156,13 @@ def _copy_checkpoint(
             # It was deleted meanwhile, when a newer one was stored.
             continue
         return Origin(
-            job_id=job.id, step=checkpoint.step, mode=mode, key=key, sha256=checkpoint.sha256, size=checkpoint.size
+            job_id=job.id,
+            step=checkpoint.step,
+            mode=mode,
+            key=key,
+            sha256=checkpoint.sha256,
+            size=checkpoint.size,
+            made_by=checkpoint.made_by or "",
         )
     return None
 

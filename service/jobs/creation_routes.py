@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 from anyio import to_thread
@@ -11,7 +12,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 
 from meshdeform.api.documents import FoundParts, Validation
 from meshdeform.api.jobs import JobView
-from meshdeform.api.states import MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
+from meshdeform.api.states import FETCH_SOON_S, MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
     ConflictError,
     DependencyError,
@@ -42,16 +43,17 @@ from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document, receive_form
 from service.http.errors import KNOWN_QUERY, problem_responses
-from service.http.idempotency import Caller, IdempotencyKey
+from service.http.idempotency import Answer, Caller, IdempotencyKey
+from service.jobs.arrivals import Arrivals, arriving, go_on, taken_along
 from service.jobs.continuation import branch, retry
-from service.jobs.documents import BranchDocument, JobDocument
+from service.jobs.documents import BranchDocument, JobDocument, RetryDocument
 from service.jobs.intake import (
     Submission,
+    accept_early,
     accept_job,
     file_advice,
     list_parts,
     missing_files,
-    take_along,
     validate,
 )
 from service.jobs.routes import shown
@@ -165,16 +167,35 @@ async def create_job(
     idempotency_key: IdempotencyKey = None,
     prefer: Prefer = None,  # noqa: ARG001 - declared for OpenAPI; read from the request, since the header may be repeated
 ) -> Response:
-    """The files and the request are checked completely first. An accepted job reaches exactly one terminal state."""
+    """What was sent is checked completely first. An accepted job reaches exactly one terminal state.
+
+    A file from a URL that is not there within 5 seconds is fetched and checked after the answer, while the job is
+    `queued` in the phase `fetching`.
+    """
     caller = Caller.of(request, principal, idempotency_key)
-    async with submitted(request, app, principal.owner_id) as submission:
-        answer = await app.take_in(principal.owner_id, accept_job, app, caller, submission)
+    answer = await _created(request, app, caller)
     wait_s = preferred_wait(request)
     if wait_s is None or answer.replayed:
         return answer.response()
     job = await settled(app.waiters, app.record, answer.body["id"], principal.owner_id, wait_s, request=request)
     headers = {"Location": answer.headers["Location"], **applied(wait_s)}
     return shown(job, status=200 if job.state.terminal else 202, headers=headers)
+
+
+async def _created(request: Request, app: AppState, caller: Caller) -> Answer:
+    """Accept a job once its files are there, or, if one comes from a slow host, before."""
+    owner_id = caller.owner_id
+    async with AsyncExitStack() as held:
+        arrivals = await held.enter_async_context(brought(request, app, owner_id))
+        if await arrivals.within(FETCH_SOON_S):
+            submission = await arrivals.all()
+            if submission.urls:
+                await held.enter_async_context(app.bodies.slot(owner_id))
+            return await app.take_in(owner_id, accept_job, app, caller, submission)
+        answer = await app.take_in(owner_id, accept_early, app, caller, arrivals.submission)
+        if not answer.replayed:
+            go_on(app, caller, answer.body["id"], arrivals, held.pop_all())
+        return answer
 
 
 @router.post(
@@ -253,16 +274,24 @@ async def list_job_parts(
             *CALLER_ERRORS,
         ),
     },
+    openapi_extra=json_body("RetryDocument", {"max_run_s": 7200}, required=False),
 )
-def retry_job(
+async def retry_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
     id: JobId,  # noqa: A002 - the name in the path
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
-    """Creates a new job that continues a failed, canceled or expired one from its last checkpoint."""
-    return retry(app, Caller.of(request, principal, idempotency_key), id).response()
+    """Creates a new job that continues a failed, canceled or expired one from its last checkpoint.
+
+    The body, if any, says how long the new job may run.
+    """
+    caller = Caller.of(request, principal, idempotency_key)
+    sent = request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
+    document = parse_document(RetryDocument, await receive_document(request)) if sent else None
+    answer = await to_thread.run_sync(retry, app, caller, id, document)
+    return answer.response()
 
 
 @router.post(
@@ -313,19 +342,30 @@ async def _check_webhook(app: AppState, owner_id: str, request: JobRequest) -> N
         raise WebhookAddressError(error.detail, advice=error.advice_text, errors=[place]) from error
 
 
-async def _received_document(
-    request: Request, app: AppState, owner_id: str, held: AsyncExitStack, model: type[JobDocument]
-) -> JobDocument:
-    """Receive a JSON document; a long one, or one with a file to fetch, holds a slot as a form does."""
-    length = request.headers.get("content-length", "")
-    if not length.isdigit() or int(length) > MAX_DOCUMENT_BYTES:
+async def _received(
+    request: Request, app: AppState, owner_id: str, held: AsyncExitStack, model: type[JobDocument], folder: Path
+) -> Submission:
+    """Receive a request; a form, and a long document, which may hold files, take a slot."""
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() == "application/json":
+        length = request.headers.get("content-length", "")
+        if length.isdigit() and int(length) <= MAX_DOCUMENT_BYTES:
+            return Submission(_parsed(await receive_document(request), model), {}, folder)
         await held.enter_async_context(app.bodies.slot(owner_id))
         text = await receive_document(request, min(MAX_INLINE_BYTES, app.settings.max_upload_bytes))
-        return await to_thread.run_sync(_parsed, text, model)
-    document = _parsed(await receive_document(request), model)
-    if document.sources:
-        await held.enter_async_context(app.bodies.slot(owner_id))
-    return document
+        return Submission(await to_thread.run_sync(_parsed, text, model), {}, folder)
+    # The slot is held until the files are checked and stored, which bounds the number of temporary files.
+    await held.enter_async_context(app.bodies.slot(owner_id))
+    text, files = await receive_form(
+        request.headers.get("content-type", ""),
+        request.headers.get("content-length", ""),
+        body_of(request),
+        folder,
+        app.settings.max_upload_bytes,
+    )
+    document = parse_document(model, text, "The part `request`")
+    for name in missing_files(document, files):
+        raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
+    return Submission(document, files, folder)
 
 
 def _parsed(text: bytes, model: type[JobDocument]) -> JobDocument:
@@ -338,30 +378,31 @@ def _parsed(text: bytes, model: type[JobDocument]) -> JobDocument:
 
 
 @asynccontextmanager
+async def brought(
+    request: Request, app: AppState, owner_id: str, model: type[JobDocument] = JobDocument
+) -> AsyncIterator[Arrivals]:
+    """Receive a request and start to fetch what it names by URLs; all files are deleted when the block ends.
+
+    No slot for bodies is held while the host of a URL is waited for.
+    """
+    async with AsyncExitStack() as kept:
+        folder = kept.enter_context(app.workspace.temporary_folder())
+        async with AsyncExitStack() as held:
+            submission = await _received(request, app, owner_id, held, model, folder)
+            await _check_webhook(app, owner_id, submission.document)
+            submission = await taken_along(app, owner_id, submission)
+            if not submission.document.sources:
+                kept.push_async_exit(held.pop_all())
+        yield await kept.enter_async_context(arriving(app, owner_id, submission))
+
+
+@asynccontextmanager
 async def submitted(
     request: Request, app: AppState, owner_id: str, model: type[JobDocument] = JobDocument
 ) -> AsyncIterator[Submission]:
-    """Receive a request's document and files; the files are deleted when the block ends."""
-    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if kind == "application/json":
-        async with AsyncExitStack() as held:
-            document = await _received_document(request, app, owner_id, held, model)
-            folder = held.enter_context(app.workspace.temporary_folder())
-            await _check_webhook(app, owner_id, document)
-            yield await take_along(app, owner_id, Submission(document, {}, folder))
-        return
-    # The slot is held until the files are checked and stored, which bounds the number of temporary files.
-    async with app.bodies.slot(owner_id):
-        with app.workspace.temporary_folder() as folder:
-            text, files = await receive_form(
-                request.headers.get("content-type", ""),
-                request.headers.get("content-length", ""),
-                body_of(request),
-                folder,
-                app.settings.max_upload_bytes,
-            )
-            document = parse_document(model, text, "The part `request`")
-            for name in missing_files(document, files):
-                raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
-            await _check_webhook(app, owner_id, document)
-            yield await take_along(app, owner_id, Submission(document, files, folder))
+    """Receive a request and all its files, which are deleted when the block ends."""
+    async with brought(request, app, owner_id, model) as arrivals, AsyncExitStack() as held:
+        submission = await arrivals.all()
+        if submission.urls:
+            await held.enter_async_context(app.bodies.slot(owner_id))
+        yield submission

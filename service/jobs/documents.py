@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_vali
 
 from meshdeform.api.states import MAX_FILENAME, MAX_INLINE_BYTES, MAX_PREVIEWED
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import MAX_DEADLINE_S, JobRequest
 from meshdeform.requests.parameters import MAX_SEED
 from meshdeform.webhooks.addresses import MAX_URL
 from meshdeform.words.limits import MAX_SHAPES, MAX_SYNONYMS, MAX_TEXT
@@ -202,6 +202,18 @@ class BranchDocument(_WithFiles):
     )
 
     _named = ("target",)
+
+
+class RetryDocument(_Strict):
+    """What a retry changes in the request of its job."""
+
+    max_run_s: float | None = Field(
+        None,
+        ge=1.0,
+        le=MAX_DEADLINE_S,
+        description="Seconds for which the new job may run. Default: as for the job that is retried.",
+        examples=[7200],
+    )
 
 
 _Front = Annotated[float, Field(ge=-360.0, le=360.0)]

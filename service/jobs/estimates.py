@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 import statistics
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
@@ -27,6 +28,7 @@ _SAMPLES = 50
 _COUNTED = 200
 """Maximum number of jobs ahead that are read one by one; for the rest, the mean of these is used."""
 
+_Work = tuple[str, float]
 _Row = sa.Row[*tuple[Any, ...]]
 _SAFEGUARD = jobs.c.resolved["safeguard"].as_string().label("safeguard")
 _COSTS = (jobs.c.workload, jobs.c.faces, jobs.c.parts, _SAFEGUARD)
@@ -44,11 +46,12 @@ def estimate(
     faces: int | None = None,
     parts: int | None = None,
     turn_s: float = math.inf,
+    max_running: int = 0,
 ) -> JobEstimate:
     """Estimate a job from its mesh, the newest successful jobs, the jobs ahead, and the number of live workers.
 
-    The job's owner takes turns with the others, whose jobs are handed over after `turn_s` seconds. A request that names
-    no model has the default one.
+    The job's owner takes turns with the others, whose jobs are handed over after `turn_s` seconds; of each, so many
+    jobs run at a time (0: any number). A request that names no model has the default one.
     """
     steps = kind_of(request.kind).steps(request, default_model, None)
     with database.read() as connection:
@@ -56,7 +59,8 @@ def estimate(
         pace, basis = history.pace(request.kind, request.workload)
         if pace is None:
             return JobEstimate(basis=basis, steps=steps)
-        run_s = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace).of(steps)
+        seconds = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace)
+        run_s = seconds.of(steps)
 
         def seconds_left(row: _Row) -> float:
             left_s: float = history.seconds_left(row, run_s)
@@ -64,10 +68,14 @@ def estimate(
 
         ahead = _Ahead.of(connection, request.priority, owner_id, seconds_left)
     workers = leases.alive(queue)
-    if workers == 0:
-        return JobEstimate(run_s=run_s, basis=f"{basis}; no worker is alive", steps=steps)
-    basis = f"{basis}; {workers} worker{'s' * (workers > 1)} alive"
-    return JobEstimate(queue_s=ahead.seconds_until_free(workers), run_s=run_s, basis=basis, steps=steps)
+    alive = f"{workers} worker{'s' * (workers > 1)}" if workers else "no worker is"
+    return JobEstimate(
+        queue_s=ahead.seconds_until_free(workers, owner_id, max_running) if workers else None,
+        run_s=run_s,
+        not_resumable_s=seconds.once,
+        basis=f"{basis}; {alive} alive",
+        steps=steps,
+    )
 
 
 class _History:
@@ -134,10 +142,10 @@ def _taken(row: _Row) -> Seconds:
 
 @dataclass(frozen=True)
 class _Ahead:
-    """The work before a new job: the seconds left of each running job and of each queued job ahead of it."""
+    """The work before a new job: the owner and the seconds left of each running job and each queued one ahead of it."""
 
-    running: list[float]
-    queued: list[float]
+    running: list[_Work]
+    queued: list[_Work]
     more: int
 
     @classmethod
@@ -152,24 +160,40 @@ class _Ahead:
         urgent, in_turn = sa.and_(queued, jobs.c.priority > priority), sa.and_(alike, jobs.c.id.in_(before))
         about = (jobs.c.kind, jobs.c.owner_id, jobs.c.request, jobs.c.resolved, jobs.c.total_steps, jobs.c.step)
 
-        def left(which: sa.ColumnElement[bool], limit: int = _COUNTED) -> list[float]:
+        def left(which: sa.ColumnElement[bool], limit: int = _COUNTED) -> list[_Work]:
             query = sa.select(*_COSTS, *about).where(which).order_by(jobs.c.priority.desc(), jobs.c.id).limit(limit)
-            return [seconds_left(row) for row in connection.execute(query).all()]
+            return [(row.owner_id, seconds_left(row)) for row in connection.execute(query).all()]
 
         seconds = left(urgent)
         seconds += left(in_turn, _COUNTED - len(seconds))
         total = _count(connection, urgent) + _count(connection, in_turn)
         return cls(left(jobs.c.state.in_(OWNED)), seconds, total - len(seconds))
 
-    def seconds_until_free(self, workers: int) -> float:
-        """Return the seconds until a worker is free for the new job, if each free worker takes the next job."""
+    def seconds_until_free(self, workers: int, owner_id: str = "", max_running: int = 0) -> float:
+        """Return the seconds until a worker takes the new job, if each free worker takes the next job that may start.
+
+        `max_running`: how many jobs of one owner run at the same time; 0: any number.
+        """
         # There are more running jobs than workers if a worker counts as silent; use the longest jobs.
-        free_at = sorted(self.running, reverse=True)[:workers]
-        free_at += [0.0] * (workers - len(free_at))
-        heapq.heapify(free_at)
-        for seconds in self.queued:
-            heapq.heapreplace(free_at, free_at[0] + seconds)
-        return free_at[0] + self.more * (statistics.fmean(self.queued) if self.queued else 0.0) / workers
+        longest = sorted(self.running, key=lambda work: work[1], reverse=True)[:workers]
+        ends = [(seconds, owner) for owner, seconds in longest]
+        heapq.heapify(ends)
+        busy = Counter(owner for owner, _ in longest)
+        waiting: list[tuple[str, float | None]] = [*self.queued, (owner_id, None)]
+        now = 0.0
+        while True:
+            may_start = (at for at, (owner, _) in enumerate(waiting) if not max_running or busy[owner] < max_running)
+            if len(ends) == workers or (at := next(may_start, None)) is None:
+                now, owner = heapq.heappop(ends)
+                busy[owner] -= 1
+                continue
+            owner, seconds = waiting.pop(at)
+            if seconds is None:
+                break
+            heapq.heappush(ends, (now + seconds, owner))
+            busy[owner] += 1
+        mean_s = statistics.fmean(seconds for _, seconds in self.queued) if self.queued else 0.0
+        return now + self.more * mean_s / workers
 
 
 def _count(connection: sa.Connection, which: sa.ColumnElement[bool]) -> int:

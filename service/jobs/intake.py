@@ -2,53 +2,39 @@
 
 `validate` and `list_parts` check a job in the same way, and create none.
 
-Fetch the files of a job to disk from wherever they are: the request, a URL, an upload, or another job.
-
-A URL is fetched from the checked addresses of its host alone, without redirects, within the upload limit and half a
-minute. Such a file, and one that the document holds as base64, is taken in before an idempotency key is claimed, so
-that the request's hash covers its bytes.
+Stored files come to disk from uploads and other jobs; what the request names itself, `arrivals.py` brings. A file that
+the document holds as base64 is there before an idempotency key is claimed, so that the request's hash covers its bytes.
+Of a URL it covers the text: the file may still be on its way when the request is answered.
 """
 
 from __future__ import annotations
 
-import asyncio
-import base64
-import binascii
-import hashlib
 import logging
-import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache, partial
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
-from urllib.parse import unquote
 
-import anyio
 from anyio import to_thread
 
-from meshdeform import __version__
 from meshdeform.api.documents import AssetFound, FoundParts, Outlook, PictureFound, Validation
 from meshdeform.api.jobs import accepted
-from meshdeform.api.states import MAX_FETCH_S
 from meshdeform.assets import AssetSummary
 from meshdeform.assets.inspect import PictureSummary
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
-    AssetNotFetchedError,
-    AssetTooLargeError,
     ConflictError,
     DrawingError,
     NotFoundError,
     ParameterError,
     SilhouetteError,
     UnavailableError,
-    WebhookAddressError,
 )
 from meshdeform.priors import public_names
 from meshdeform.record.files import FileLeases
-from meshdeform.record.models import NewJob, StoredFile
+from meshdeform.record.models import Claim, NewJob, StoredFile
 from meshdeform.record.repository import check_priority
 from meshdeform.requests.choices import GuidanceKind, PartsAs
 from meshdeform.requests.default_kind import with_kind
@@ -60,20 +46,16 @@ from meshdeform.runs.changes import parts_of
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
-from meshdeform.webhooks.addresses import LOOKUP_S, Destination, find_destination, parse_networks
 from meshdeform.words import Word, in_use, read_words
 from service.http.auth import Principal
-from service.http.bodies import ReceivedFile, clean_filename
+from service.http.bodies import ReceivedFile
 from service.http.idempotency import Answer, Caller, claimed, request_hash
-from service.jobs.documents import FileReference, FileSource, JobDocument, PreviewSource
+from service.jobs.documents import FileReference, FileSource, JobDocument
 from service.jobs.estimates import estimate
 from service.state import AppState
 from service.words.known import pin_words, with_others
 
 if TYPE_CHECKING:
-    import ssl
-
-    import httpcore
     from pydantic import BaseModel
 
 _log = logging.getLogger(__name__)
@@ -157,31 +139,69 @@ def ready(app: AppState, owner_id: str, submission: Submission) -> tuple[Submiss
         sent = read_words(file.path.read_bytes())
     document, pinned, words = pin_words(app, owner_id, submission.document, submission.folder, sent=sent)
     files = submission.files if pinned is None else {**submission.files, WORDS_PART: pinned}
-    return Submission(document, files, submission.folder), words
+    return replace(submission, document=document, files=files), words
 
 
 def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
     """Accept a job durably, or refuse it without leaving anything behind."""
-    document = submission.document.model_dump(mode="json", exclude_unset=True)
-    digests = {name: file.sha256 for name, file in submission.files.items()}
-    with claimed(app.record, caller, request_hash(caller.method, caller.path, document, digests)) as claim:
+    with claimed(app.record, caller, _hash_of(caller, submission)) as claim:
         if isinstance(claim, Answer):
             return claim
-        submission, words = ready(app, caller.owner_id, submission)
-        with in_use(words):
-            params, files, summaries = check_job(app, caller.owner_id, submission)
-        failpoint("api.received")
-        sizes = {key_of(file): file.size for file in files.values()}
-
-        def check_room() -> None:
-            app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
-
-        with app.record.files.leases() as leases:
-            stored = {part: store_file(app, leases, file, check_room) for part, file in files.items()}
-            failpoint("api.stored")
-            size = _size(summaries)
-            new = new_job(app, caller, submission.document, stored, resolved=params, claim=claim, **size)
+        with _stored(app, caller, submission, claim) as (new, leases):
             return record_job(app, new, leases)
+
+
+def accept_early(app: AppState, caller: Caller, submission: Submission) -> Answer:
+    """Accept a job some of whose files are still being fetched, once all else is checked. `complete_job` does the rest.
+
+    Nobody takes it before, and it fails by itself if that is not done in time.
+    """
+    with claimed(app.record, caller, _hash_of(caller, submission)) as claim:
+        if isinstance(claim, Answer):
+            return claim
+        asked = submission.with_kind(app.settings)
+        check_params(asked.document, app.settings, files=asked.names)
+        kind = kind_of(asked.document.kind)
+        for part, file in asked.files.items():
+            check_file(app, caller.owner_id, kind, part, file)
+        new = new_job(app, caller, asked.document.without(asked.document.references), {}, claim=claim, fetching=True)
+        return Answer(**accepted(app.record.create(new)))
+
+
+def complete_job(app: AppState, caller: Caller, submission: Submission, job_id: str) -> None:
+    """Check the files of a job that was accepted early, store them, and give it to the workers."""
+    with _stored(app, caller, submission, None) as (new, leases):
+        if app.record.fetching.complete(job_id, new):
+            leases.passed_on(new.sizes)
+            _announce(app, job_id)
+
+
+def _hash_of(caller: Caller, submission: Submission) -> str:
+    document = submission.document.without(submission.document.sources)
+    digests = {name: file.sha256 for name, file in submission.files.items()} | submission.urls
+    body = document.model_dump(mode="json", exclude_unset=True)
+    return request_hash(caller.method, caller.path, body, digests)
+
+
+@contextmanager
+def _stored(
+    app: AppState, caller: Caller, submission: Submission, claim: Claim | None
+) -> Iterator[tuple[NewJob, FileLeases]]:
+    """Check a job and store its files; the leases on these end with the block."""
+    submission, words = ready(app, caller.owner_id, submission)
+    with in_use(words):
+        params, files, summaries = check_job(app, caller.owner_id, submission)
+    failpoint("api.received")
+    sizes = {key_of(file): file.size for file in files.values()}
+
+    def check_room() -> None:
+        app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
+
+    with app.record.files.leases() as leases:
+        stored = {part: store_file(app, leases, file, check_room) for part, file in files.items()}
+        failpoint("api.stored")
+        size = _size(summaries)
+        yield new_job(app, caller, submission.document, stored, resolved=params, claim=claim, **size), leases
 
 
 def validate(app: AppState, principal: Principal, submission: Submission) -> Validation:
@@ -210,6 +230,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         owner_id=principal.owner_id,
         safeguard=getattr(params, "safeguard", None),
         turn_s=app.settings.turn_s,
+        max_running=app.settings.max_running_jobs,
         **_size(summaries),
     )
     model = getattr(params, "model", None)
@@ -323,13 +344,17 @@ def record_job(app: AppState, new: NewJob, leases: FileLeases) -> Answer:
     job = app.record.create(new)
     failpoint("api.recorded")
     leases.passed_on(new.sizes)
-    try:
-        app.queue.enqueue(job.id)
-    except UnavailableError as error:
-        # The job is recorded and therefore accepted: the reconciler enqueues it once Redis is back.
-        _log.warning("job %s: not enqueued yet: %s", job.id, error)
+    _announce(app, job.id)
     failpoint("api.enqueued")
     return Answer(**accepted(job))
+
+
+def _announce(app: AppState, job_id: str) -> None:
+    try:
+        app.queue.enqueue(job_id)
+    except UnavailableError as error:
+        # The job is recorded and therefore accepted: the reconciler enqueues it once Redis is back.
+        _log.warning("job %s: not enqueued yet: %s", job_id, error)
 
 
 _F = TypeVar("_F")
@@ -358,6 +383,8 @@ class Submission:
     document: JobDocument
     files: dict[str, ReceivedFile]
     folder: Path
+    urls: dict[str, str] = field(default_factory=dict)
+    """SHA-256 of the URLs, by part, that the document named."""
 
     def __post_init__(self) -> None:
         """Check that every file is given once, and every required one is given."""
@@ -384,7 +411,7 @@ class Submission:
         if name in self.files:
             return self
         file = fetch(app, owner_id, *self.document.references[name], self.folder)
-        return Submission(self.document.without([name]), {**self.files, name: file}, self.folder)
+        return replace(self, document=self.document.without([name]), files={**self.files, name: file})
 
     def fetch_all(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
         """Fetch the files that the document names, and return all files by name, in the order of the kind's parts."""
@@ -437,111 +464,3 @@ def _reported_at(place: list[str], detail: str) -> Iterator[None]:
         raise ParameterError.at(
             place, detail, "Check the id; the file may have been deleted or have expired."
         ) from error
-
-
-async def take_along(app: AppState, owner_id: str, submission: Submission) -> Submission:
-    """Return a submission whose files have come with it: those that its document held, or named by a URL, as well."""
-    files = dict(submission.files)
-    for name, (source, place) in submission.document.sources.items():
-        path = submission.folder / name
-        if isinstance(source, PreviewSource) and source.sha256 is not None:
-            files[name] = app.kept_assets.fetch(owner_id, source.sha256, path)
-            continue
-        if source.url is None:
-            files[name] = await to_thread.run_sync(_decode, source, place, path)
-            continue
-        if not app.settings.fetch_assets:
-            raise AssetNotFetchedError("This server does not fetch assets from URLs (MESHDEFORM_FETCH_ASSETS).")
-        destination = await _find(app, owner_id, source.url)
-        files[name] = await to_thread.run_sync(
-            _fetch, destination, source.filename, path, app.settings.max_upload_bytes
-        )
-    return Submission(submission.document.without(submission.document.sources), files, submission.folder)
-
-
-def _decode(source: FileSource, place: list[str], path: Path) -> ReceivedFile:
-    text = source.data or ""
-    if text.startswith("data:"):
-        text = text.partition(",")[2]
-    try:
-        data = base64.b64decode("".join(text.split()), validate=True)
-    except (binascii.Error, ValueError) as error:
-        raise ParameterError.at([*place, "data"], "The text is not base64.", "Encode the file's bytes.") from error
-    path.write_bytes(data)
-    return ReceivedFile(path, clean_filename(source.filename), len(data), hashlib.sha256(data).hexdigest())
-
-
-async def _find(app: AppState, owner_id: str, url: str) -> Destination:
-    networks = parse_networks(app.settings.fetch_networks)
-    future = app.lookups.submit(owner_id, lambda: find_destination(url, networks))
-    try:
-        with anyio.fail_after(LOOKUP_S):
-            return await asyncio.wrap_future(future)
-    except WebhookAddressError as error:
-        raise AssetNotFetchedError(error.detail) from error
-    except TimeoutError as error:
-        raise AssetNotFetchedError(f"The URL's host could not be resolved within {LOOKUP_S:g} s.") from error
-
-
-def _fetch(destination: Destination, filename: str, path: Path, max_bytes: int) -> ReceivedFile:
-    import httpcore
-
-    from meshdeform.webhooks.sender import CONNECT_S, PinnedNetwork, network_error
-
-    network = PinnedNetwork(destination.addresses, CONNECT_S, time.monotonic() + MAX_FETCH_S)
-    url = httpcore.URL(
-        scheme=destination.url.raw_scheme,
-        host=destination.host.encode("ascii"),
-        port=destination.url.port,
-        target=destination.url.raw_path,
-    )
-    headers = [
-        ("Host", destination.url.netloc.decode("ascii")),
-        ("User-Agent", f"Meshdeform/{__version__}"),
-        ("Accept-Encoding", "identity"),
-    ]
-    timeouts = {"timeout": dict.fromkeys(("connect", "read", "write", "pool"), MAX_FETCH_S)}
-    try:
-        with (
-            httpcore.ConnectionPool(ssl_context=_tls(), network_backend=network, http2=False) as pool,
-            pool.stream("GET", url, headers=headers, extensions=timeouts) as answer,
-        ):
-            _check_answer(answer)
-            size, sha256 = _write(answer, path, max_bytes)
-    except httpcore.TimeoutException as error:
-        raise AssetNotFetchedError(f"The file did not arrive within {MAX_FETCH_S:g} s.") from error
-    except httpcore.ProtocolError as error:
-        raise AssetNotFetchedError("The answer is not HTTP, or was cut off.") from error
-    except (httpcore.NetworkError, OSError) as error:
-        raise AssetNotFetchedError(network_error(error, "host")) from error
-    name = filename or unquote(destination.url.path)
-    return ReceivedFile(path, clean_filename(name), size, sha256)
-
-
-def _check_answer(answer: httpcore.Response) -> None:
-    if 300 <= answer.status < 400:
-        raise AssetNotFetchedError(f"The host answered {answer.status}; redirects are not followed.")
-    if answer.status != 200:
-        raise AssetNotFetchedError(f"The host answered {answer.status}.")
-    coding = next((value for name, value in answer.headers if name.lower() == b"content-encoding"), b"identity")
-    if coding.strip().lower() != b"identity":
-        raise AssetNotFetchedError("The host answered with a compressed body, which was not asked for.")
-
-
-def _write(answer: httpcore.Response, path: Path, max_bytes: int) -> tuple[int, str]:
-    size, digest = 0, hashlib.sha256()
-    with path.open("wb") as file:
-        for chunk in answer.iter_stream():
-            size += len(chunk)
-            if size > max_bytes:
-                raise AssetTooLargeError.more_than(max_bytes, "The file at the URL has")
-            digest.update(chunk)
-            file.write(chunk)
-    return size, digest.hexdigest()
-
-
-@lru_cache
-def _tls() -> ssl.SSLContext:
-    import httpx
-
-    return httpx.create_ssl_context()

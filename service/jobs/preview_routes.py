@@ -65,7 +65,8 @@ _BODY: dict[str, Any] = {
             "headers": {
                 "Meshdeform-Asset": header(
                     "SHA-256 of the asset, by which the next preview can name it: `asset.sha256`.", _SHA256
-                )
+                ),
+                "Meshdeform-Draft": header("`true`: a draft; ask again without `draft` for the shape itself.", "false"),
             },
             "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
         },
@@ -99,11 +100,20 @@ async def preview_job(
             examples=["positions"],
         ),
     ] = "positions",
+    draft: Annotated[
+        bool,
+        Query(
+            description="Whether of a large asset a draft will do: a simplified surface is fitted, which the asset "
+            "follows, with the same vertices in the same order. `Meshdeform-Draft` says whether it is one.",
+            examples=[True],
+        ),
+    ] = False,
     x_request_id: RequestId = None,  # noqa: ARG001 - read by the middleware
 ) -> Response:
     """Make a preview."""
     async with submitted(request, app, principal.owner_id, PreviewDocument) as submission:
-        made, digest = await preview(app, request, principal.owner_id, submission, form)
-        data = await to_thread.run_sync(made.read_bytes)
+        made = await preview(app, request, principal.owner_id, submission, form, draft=draft)
+        data = await to_thread.run_sync(made.path.read_bytes)
     # As described: code generators know no other media type for bytes.
-    return Response(data, media_type="application/octet-stream", headers={"Meshdeform-Asset": digest})
+    headers = {"Meshdeform-Asset": made.asset, "Meshdeform-Draft": str(made.draft).lower()}
+    return Response(data, media_type="application/octet-stream", headers=headers)

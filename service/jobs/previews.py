@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,25 +32,37 @@ _SOON_S, _MOST_WAITING = 10.0, 2
 """How long a preview waits for its turn, and how many of one owner do."""
 
 
-async def preview(app: AppState, request: Request, owner_id: str, submission: Submission, form: As) -> tuple[Path, str]:
-    """Return the file of a preview, in the folder of the submission, and the SHA-256 of its asset.
+@dataclass(frozen=True)
+class Preview:
+    """The file of a preview, the SHA-256 of its asset, and whether it is a draft."""
+
+    path: Path
+    asset: str
+    draft: bool
+
+
+async def preview(
+    app: AppState, request: Request, owner_id: str, submission: Submission, form: As, *, draft: bool
+) -> Preview:
+    """Make a preview in the folder of the submission; `draft`: of a large asset a draft will do.
 
     Raises what a job's check and its run do, `LimitError` where too many are asked for, and UnavailableError where it
     takes too long. It ends when the caller goes.
     """
     task, asset = await app.take_in(owner_id, _task, app, owner_id, submission, form)
+    task["draft"] = draft
     app.previews.prepare()
     asked = Asked()
     with CancelScope() as waiting:
         watching = asyncio.create_task(_stop_when_gone(request, asked, waiting))
         try:
             async with app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
-                await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
+                found = await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
         finally:
             watching.cancel()
     if asked.stopped:
         raise UnavailableError("The caller has gone.")
-    return Path(task["result"]), asset[0].sha256
+    return Preview(Path(task["result"]), asset[0].sha256, found["draft"])
 
 
 async def _stop_when_gone(request: Request, asked: Asked, waiting: CancelScope) -> None:
@@ -114,7 +126,7 @@ def _refuse_slow(request: JobRequest, params: ResolvedParams) -> None:
 
 def _answered(
     app: AppState, owner_id: str, task: dict[str, Any], asset: tuple[ReceivedFile, ResolvedParams], asked: Asked
-) -> None:
+) -> dict[str, Any]:
     """Let a process of the owner carry out the task, with the reading of the asset that is kept; keep a new one."""
     folder = app.workspace.folder / f"readings-{hashlib.sha256(owner_id.encode()).hexdigest()[:16]}"
     folder.mkdir(exist_ok=True)
@@ -129,7 +141,7 @@ def _answered(
     try:
         verdict = app.previews.ask(owner_id, task, PREVIEW_S, asked)
     except StoppedError:
-        return
+        return {}
     except TimeoutError as error:
         raise UnavailableError(f"A preview of this takes longer than {PREVIEW_S:g} s.", advice=_ADVICE) from error
     if (made := here.get(key)) is not None and made != known:
@@ -138,6 +150,8 @@ def _answered(
         raise UnavailableError("The process that made the preview has ended.", advice=_ADVICE)
     if not verdict["ok"]:
         raise _error(verdict["error"])
+    found: dict[str, Any] = verdict["found"]
+    return found
 
 
 def _error(told: Mapping[str, Any]) -> Exception:

@@ -21,6 +21,8 @@ from meshdeform.api.documents import (
     ModelView,
     RequestLimits,
     UploadLimits,
+    UsageList,
+    UsageMonth,
     VocabularyView,
     WordLimits,
 )
@@ -39,7 +41,7 @@ from service.words.known import as_word
 
 router = APIRouter(dependencies=KNOWN_QUERY)
 health = APIRouter(tags=["health"])
-_FORMATS = ["glb", "obj", "ply", "stl", "zip"]
+_FORMATS = ["glb", "obj", "ply", "stl", "3mf", "zip"]
 _STORE_S = 5.0  # short, because probes ask every few seconds
 _READY_S = 1.8  # less than probes usually wait
 _SILENT = PartHealth(status="unavailable", detail="It does not answer.")
@@ -116,6 +118,25 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
         kinds=[_described(kind) for kind in kinds()],
     )
     return JSONResponse(document.model_dump(mode="json"))
+
+
+@router.get(
+    "/v1/usage",
+    tags=["usage"],
+    operation_id="get_usage",
+    summary="Get what you have used, by month",
+    responses={
+        200: {"model": UsageList, "description": "Jobs, seconds and bytes of each month."},
+        **problem_responses(*CALLER_ERRORS),
+    },
+)
+def get_usage(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
+    """Of all keys of your owner together. Jobs that were deleted stay counted."""
+    months = [
+        UsageMonth(month=each.month, jobs=each.jobs, seconds=each.seconds, bytes=each.bytes)
+        for each in app.record.usage.months(principal.owner_id)
+    ]
+    return JSONResponse(UsageList(months=months).model_dump(mode="json"), headers={"Cache-Control": "no-store"})
 
 
 def _described(kind: Kind) -> KindView:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import signal
+import sqlite3
+from contextlib import closing
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -12,9 +14,11 @@ import httpx
 import psutil
 import pytest
 
+from meshdeform.record.repository import JobRecord
 from tests.acceptance.cli import call, run
 from tests.acceptance.meshes import write_ellipsoid
 from tests.acceptance.service import Gate, Service, serving, until
+from tests.cases import each_case
 
 pytestmark = pytest.mark.acceptance
 
@@ -119,6 +123,23 @@ def test_serve_refuses_an_open_address_without_a_key_and_says_how_to_make_one(se
     command = f"meshdeform keys create --owner me --data-dir '{data}'"
     assert command in refused.stderr
     assert not (data / "serve.lock").exists()  # nothing was started
+
+
+@each_case("command", ["serve", "api", "worker"])
+def test_a_record_of_another_version_ends_a_start_at_once(server_folder: Path, command: str) -> None:
+    data = server_folder / f"foreign to {command}"
+    data.mkdir(exist_ok=True)
+    url = f"sqlite:///{data / 'meshdeform.sqlite'}"
+    JobRecord(url).close()
+    with closing(sqlite3.connect(data / "meshdeform.sqlite")) as record, record:
+        record.execute("UPDATE alembic_version SET version_num = '0004'")
+    own = ["--port", "0"] if command != "worker" else []
+    place = ["--data-dir", data] if command == "serve" else []
+    elsewhere = {"MESHDEFORM_DATABASE_URL": url, "MESHDEFORM_REDIS_URL": "redis://127.0.0.1:1/0"}
+    refused = run(command, *own, *place, cwd=server_folder, **({} if command == "serve" else elsewhere))
+    assert refused.returncode == 3, refused.stderr
+    assert "Install the version that wrote it" in refused.stderr
+    assert "Traceback" not in refused.stderr
 
 
 def test_a_key_opens_a_job_is_its_owners_and_every_line_is_json(server_folder: Path, sphere: Path, egg: Path) -> None:

@@ -22,11 +22,11 @@ STEPS = 12
 
 @pytest.fixture(scope="module")
 def usual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    """One whose worker is out of memory once, and whose jobs have two attempts."""
+    """One whose worker is out of memory once, and whose jobs have two attempts and turns of a second."""
     folder = tmp_path_factory.mktemp("usual")
     trouble = {"FAKE_OOM_ONCE": str(folder / "once"), "FAKE_FROZEN": str(folder / "frozen")}
     with deployed(folder) as made:
-        made.start_worker(MESHDEFORM_MAX_ATTEMPTS="2", **trouble)
+        made.start_worker(MESHDEFORM_MAX_ATTEMPTS="2", MESHDEFORM_TURN_S="1", **trouble)
         yield made
 
 
@@ -68,6 +68,25 @@ def test_a_cancellation_does_not_wait_for_a_step_that_does_not_end(usual: Cluste
     until("the process is replaced", lambda: not process.is_running() and worker.child())
     usual.check(usual.submit(STEPS), steps=STEPS)
     assert usual.job(job_id) == job
+
+
+def test_the_time_of_a_job_is_over_also_while_it_writes(usual: Cluster) -> None:
+    job = usual.check(usual.submit(STEPS, prompt="never ends", max_run_s=1.0), state=JobState.FAILED)
+    assert job.error is not None
+    assert (job.error.code, job.attempt) == ("run_time_exceeded", 1)
+    assert job.error.detail == "The job has run for the 1 s that it may run, and was writing."
+    usual.check(usual.submit(STEPS), steps=STEPS)
+
+
+def test_a_job_that_writes_for_long_makes_room_for_one_that_has_waited(usual: Cluster) -> None:
+    long = usual.submit(STEPS, prompt="never ends")
+    until("it writes", lambda: usual.job(long).progress.phase == "writing")
+    urgent = usual.submit(STEPS, priority=1)
+    usual.check(urgent, steps=STEPS)
+    until("it is tried again", lambda: usual.job(long).attempt == 2)
+    assert [e.data["reason"] for e in usual.events(long) if e.type == "queued"][1:] == ["handed_over"]
+    usual.record.request_cancel(long)
+    usual.check(long, state=JobState.CANCELED)
 
 
 def test_a_worker_starts_works_and_stops_while_redis_is_away(cluster: Cluster) -> None:

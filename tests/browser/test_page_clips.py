@@ -59,7 +59,7 @@ def test_clips_are_chosen_scrubbed_and_played_in_step(page: Page, service: Servi
     # Where motion is reduced, nothing moves by itself.
     expect(player.get_by_role("button", name="Play")).to_be_visible()
     expect(time).to_have_attribute("aria-valuetext", "0.0 of 1.0 seconds")
-    time.fill("50")
+    time.fill("0.5")
     expect(time).to_have_attribute("aria-valuetext", "0.5 of 1.0 seconds")
     until("both wave", moves_in_step)
     waved = picture(after)
@@ -72,7 +72,7 @@ def test_clips_are_chosen_scrubbed_and_played_in_step(page: Page, service: Servi
     until("it plays", lambda: time.input_value() != seen)
     pause.press("Space")  # a click waits for pictures, which software draws slowly
     expect(player.get_by_role("button", name="Play")).to_be_visible()
-    time.fill("50")
+    time.fill("0.5")
     until("both step aside", lambda: moves_in_step() and difference(waved, picture(after)) > 0.05)
     clip.select_option("At rest")
     until("both are at rest", lambda: difference(rest, picture(after)) < 0.01)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from docs.generation.demo import build
+from docs.generation import demo
 from tests.acceptance.service import Service, until
 from tests.browser.conftest import watched
 from tests.browser.steps import badge, difference, expect, picture, until_drawn, until_judged
@@ -34,7 +34,11 @@ def host(service: Service, small_sphere: Path, tmp_path_factory: pytest.TempPath
     folder = tmp_path_factory.mktemp("site")
     job = service.submit(small_sphere, {"prompt": "a mushroom"})
     assert service.finished(job)["state"] == "succeeded"
-    build(folder / "demo", service.http, job)
+    with pytest.MonkeyPatch.context() as few:
+        few.setattr(demo, "_MEMBERS", 2)
+        few.setattr(demo, "_PARTS", 1)
+        shown = [example for example in demo._EXAMPLES if example["id"] in ("lamp", "walker")]
+        demo.build(folder / "demo", service.http, job, shown)
     for name, data in zip(("rigged.glb", "taller.glb"), rigged(), strict=True):
         (folder / "demo" / name).write_bytes(data)
     page = folder / "demo" / "index.html"
@@ -61,11 +65,11 @@ def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
     visitor.goto("./#/jobs")  # there are none here
     visitor.get_by_role("link", name="a chair").click()
     expect(visitor.get_by_role("heading", level=1, name="“a chair”")).to_be_visible()
-    expect(visitor.get_by_label("Morph", exact=True)).to_be_visible()
+    expect(visitor.get_by_label("Strength", exact=True)).to_be_visible()
     expect(visitor.get_by_role("button", name="Run it")).to_have_count(0)
 
     for _ in range(2):  # whoever comes back sees it again
-        visitor.get_by_role("link", name="A job", exact=True).click()
+        visitor.get_by_role("link", name="How it is made", exact=True).click()
         expect(badge(visitor)).to_have_text(re.compile("Queued|Running"))
         until_judged(visitor)
         expect(visitor.get_by_role("group", name="Shapes so far").get_by_role("button")).to_have_count(1)
@@ -74,10 +78,43 @@ def test_examples_and_a_job_are_seen_without_a_server(visitor: Page) -> None:
         expect(visitor.get_by_role("heading", level=1, name="Examples")).to_be_visible()
 
     # A field of one's own needs no server either.
-    visitor.get_by_role("link", name="A .ndf", exact=True).click()
+    visitor.get_by_role("link", name="A field", exact=True).click()
+    expect(visitor.get_by_role("heading", name="A sample: a bumpy torus")).to_be_visible()
     visitor.set_input_files("#field-file", {"name": "ball.ndf", "mimeType": "", "buffer": small_field()})
     expect(visitor.locator(".field-stage .viewer-tag")).to_have_text("Level 5 · 20,480 triangles")
     expect(visitor.get_by_role("button", name="Deform this mesh")).to_have_count(0)
+
+
+def test_designs_parts_and_clips_of_examples_need_no_server(visitor: Page) -> None:
+    visitor.goto("./#/examples/lamp")
+    designs = visitor.get_by_role("group", name="Designs").get_by_role("button")
+    expect(designs).to_have_count(2)
+    expect(designs.nth(1).locator("img[src^='blob:']")).to_be_visible()
+    after, strength = visitor.locator(".viewer").nth(1), visitor.get_by_label("Strength", exact=True)
+    first = until_drawn(after)
+    designs.nth(1).click()
+    until("another lamp is to be seen", lambda: difference(first, picture(after)) > 0.01)
+    expect(designs.nth(1)).to_have_attribute("aria-pressed", "true")
+    designs.nth(0).click()
+    until("the first one is back", lambda: difference(first, picture(after)) < 0.01)
+
+    visitor.goto("./#/examples/walker")
+    expect(visitor.get_by_role("heading", level=1, name="“longer legs”")).to_be_visible()
+    part = visitor.get_by_role("group", name="Parts").get_by_role("button").nth(1)
+    result = until_drawn(after)
+    part.click()
+    tag = after.locator(".viewer-tag")
+    expect(tag).to_have_text(re.compile(r"^After · \w+ .+ by 50%$"))
+    changed = picture(after)
+    assert difference(result, changed) > 0.01, "it is changed, and lit"
+    visitor.get_by_label("Clip", exact=True).select_option("Walk")
+    visitor.get_by_label("Time", exact=True).fill("0.3")
+    until("it has taken a step", lambda: difference(changed, picture(after)) > 0.01)
+    visitor.get_by_label("Clip", exact=True).select_option("At rest")
+    strength.fill("0")
+    expect(strength).to_have_attribute("aria-valuetext", "0 percent")
+    visitor.get_by_role("group", name="Parts").get_by_role("button", name="Result").click()
+    expect(tag).to_have_text("After")
 
 
 def again(visitor: Page, **attributes: str) -> None:
@@ -98,7 +135,24 @@ def test_a_result_stands_in_another_page(visitor: Page) -> None:
     again(visitor, source="rigged.glb", result="taller.glb")
     clip.select_option("Wave")
     box = until_drawn(view)
-    visitor.get_by_label("Time", exact=True).fill("50")
+    visitor.get_by_label("Time", exact=True).fill("0.5")
     until("the box waves", lambda: difference(box, picture(view)) > 0.02)
+    again(visitor, animation="Step aside", theme="dark")
+    expect(clip).to_have_value("Step aside")  # it stands still where motion is unwanted
+    expect(visitor.get_by_role("button", name="Play")).to_be_visible()
+    opened = visitor.locator("meshdeform-result")
+    dark = until_drawn(view)
+    opened.evaluate("(node) => node.setAttribute('theme', 'light')")
+    until("it is light", lambda: picture(view).mean() > dark.mean() + 60)
+    size = visitor.viewport_size
+    assert size is not None
+    for font, width in (("20px serif", "auto"), ("12px monospace", "300px")):
+        opened.evaluate("(node, [font, width]) => Object.assign(node.style, { font, width })", [font, width])
+        assert clip.evaluate("(node) => getComputedStyle(node).fontSize") == font.split()[0], "as the text around it"
+        box, bar = opened.bounding_box(), slider.first.bounding_box()
+        assert box is not None
+        assert bar is not None
+        assert bar["y"] + bar["height"] <= box["y"] + box["height"] + 1, "all of it is inside its box"
+        assert box["height"] <= size["height"]
     again(visitor, result="none.glb")
     expect(visitor.get_by_role("alert")).to_have_text("The result could not be loaded.")

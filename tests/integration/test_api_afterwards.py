@@ -18,12 +18,14 @@ from meshdeform.client import Client
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import MorphPath, OutputOptions
 from meshdeform.runs import derive
+from meshdeform.runs.base import FORMATS_OF_RESULT
 from meshdeform.runs.derive import DerivedInput
 from meshdeform.runs.strength import AssetPath, write_morph
-from service.downloads import strengths
+from service.downloads import variants
 from tests.cases import each_case
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import check_document, check_problem, finished_job, kept
+from tests.unit.assets.test_bake import two_joints
 
 ORIGIN = {"prompt": "a tall ball", "seed": 7}
 STRETCH = [1.0, 3.0, 1.0]
@@ -110,19 +112,64 @@ def _stored_bytes(api: Api, job_id: str) -> int:
     return sum(artifact.size for artifact in api.record.artifacts(job_id))
 
 
-def test_the_stl_of_a_result_is_made_of_it_alone(api: Api, stretched: bytes, tmp_path: Path) -> None:
+def test_other_formats_are_made_of_the_result_alone_and_say_what_they_lose(
+    api: Api, openapi: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import trimesh
 
-    job_id = finished(api, stretched)
+    glb = two_joints().glb()
+    files = {"asset": kept(api, glb, "ball.glb")}
+    job_id = finished_job(api, glb, files=files, prompt="x", output={})
     api.store.delete(api.record.get(job_id).source.key)
+    monkeypatch.setattr(derive, "run_child", run_child)  # real children, bounded as in operation
+    names = ["result.stl", "result.3mf", "result.obj.zip", "result.usdz"]
     with Client(api.url) as client:
-        (stl,) = client.fetch(job_id, tmp_path, ["result.stl"])
-    surface = load_asset(stretched).surface
-    wanted = surface.positions[surface.triangles].astype(np.float32)
-    np.testing.assert_array_equal(trimesh.load_mesh(stl, process=False).triangles, wanted)
-    answer = api.http.head(f"/v1/jobs/{job_id}/artifacts/result.stl")
-    assert answer.headers["content-type"] == "model/stl"
-    assert answer.headers["content-disposition"] == 'attachment; filename="ball-x-seed0.stl"'
+        stl, *others = client.fetch(job_id, tmp_path, names)
+        told = {each.name: each.warnings for each in client.artifacts(job_id)}
+    wanted = load_asset(glb).surface
+    found = trimesh.load_mesh(stl, process=False).triangles
+    np.testing.assert_array_equal(found, wanted.positions[wanted.triangles].astype(np.float32))
+    for path, name in zip((stl, *others), names, strict=True):
+        answer = api.http.head(f"/v1/jobs/{job_id}/artifacts/{name}")
+        kind = next(kind for kind in FORMATS_OF_RESULT if kind.name == name)
+        assert answer.headers["content-type"] == kind.media_type
+        named = f"ball-x-seed0{name.removeprefix('result')}"
+        assert answer.headers["content-disposition"] == f'attachment; filename="{named}"'
+        assert answer.headers.get("meshdeform-warnings", "") == " ".join(told[name])
+        part = api.http.get(f"/v1/jobs/{job_id}/artifacts/{name}", headers={"Range": "bytes=0-9"})
+        assert (part.status_code, part.content) == (206, path.read_bytes()[:10])
+        check_document(api.http.post(f"/v1/jobs/{job_id}/artifacts/{name}").json(), "ArtifactView", openapi)
+    assert told["result.stl"] == ["Without animations.", "Without skins."]
+    assert told["result.glb"] == told["result.usdz"] == []
+
+
+def test_a_result_in_a_pose_is_made_once_in_any_format(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    glb = two_joints().glb()
+    job_id = finished_job(api, glb, files={"asset": kept(api, glb, "ball.glb")}, prompt="x", output={})
+    url = f"/v1/jobs/{job_id}/artifacts"
+    posed = api.http.get(f"{url}/result.glb", params={"pose": "bend@2"})
+    np.testing.assert_allclose(positions(posed.content)[1], [1, 1, 0], atol=1e-6)
+    assert posed.headers["meshdeform-warnings"] == "Without animations. Without skins."
+    name = posed.headers["content-disposition"].partition("=")[2]
+    assert name.startswith('"ball-x-seed0-pose-')
+    assert name.endswith('.glb"')
+    stl = api.http.get(f"{url}/result.stl", params={"pose": "0@2.0"})
+    assert stl.headers["content-type"] == "model/stl"
+    np.testing.assert_allclose(load_asset(stl.content, "a.stl").surface.positions.max(0), [1, 1, 0], atol=1e-6)
+    assert {each["name"] for each in api.http.get(url).json()["artifacts"]} == {"result.glb"}
+    monkeypatch.setattr(variants, "derive", None)  # from here on nothing is made
+    with Client(api.url) as client:
+        assert client.read(job_id, "result.glb", pose="bend@2") == posed.content
+    again = {"If-None-Match": posed.headers["etag"]}
+    assert api.http.get(f"{url}/result.glb?pose=bend@2", headers=again).status_code == 304
+    signed = api.http.post(f"{url}/result.glb/url").json()["url"]
+    check_problem(api.http.get(f"{signed}&pose=bend@2"), 403, "forbidden")
+    for query in ("pose=bend", "pose=@1", "pose=bend@1&strength=0.5"):
+        check_problem(api.http.get(f"{url}/result.glb?{query}"), 422, "parameter_invalid")
+    check_problem(api.http.get(f"{url}/report.json?pose=bend@1"), 422, "parameter_invalid")
+    monkeypatch.undo()
+    problem = check_problem(api.http.get(f"{url}/result.glb?pose=bend@3"), 422, "parameter_invalid")
+    assert "from 0 to 2 s" in problem["advice"]
 
 
 def test_what_cannot_be_made_is_refused(api: Api, stretched: bytes) -> None:
@@ -175,7 +222,7 @@ def test_a_strength_is_made_once_and_can_be_resumed_like_any_artifact(
     np.testing.assert_allclose(positions(half.content), positions(sphere) * [1.0, 1.5, 1.0], atol=0.02)
     assert half.headers["content-disposition"] == 'attachment; filename="sphere-an-egg-seed0-strength50.glb"'
     assert half.headers["etag"] == f'"{hashlib.sha256(half.content).hexdigest()}"'
-    monkeypatch.setattr(strengths, "derive", None)  # from here on nothing is made
+    monkeypatch.setattr(variants, "derive", None)  # from here on nothing is made
     again = {"If-None-Match": half.headers["etag"]}
     assert api.http.get(url, params={"strength": 0.5}, headers=again).status_code == 304
     part = api.http.get(url, params={"strength": 0.5}, headers={"Range": "bytes=100-199"})
@@ -184,21 +231,22 @@ def test_a_strength_is_made_once_and_can_be_resumed_like_any_artifact(
     with Client(api.url) as client:
         assert client.read(job_id, "result.glb", strength=0.5) == half.content
     # Deleting the job removes them, too.
-    assert len(list(api.store.list(f"jobs/{job_id}/strengths/"))) == 1
+    assert len(list(api.store.list(f"jobs/{job_id}/variants/"))) == 1
     assert api.http.delete(f"/v1/jobs/{job_id}").status_code == 204
     assert not list(api.store.list(f"jobs/{job_id}/"))
 
 
 def test_only_a_few_strengths_of_a_job_are_kept(api: Api, job_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fake(_name: str, given: DerivedInput, output: Path, _limits: Limits) -> None:
+    def fake(_name: str, given: DerivedInput, output: Path, _limits: Limits) -> list[str]:
         output.write_bytes(f"{given.strength}".encode())
+        return []
 
-    monkeypatch.setattr(strengths, "derive", fake)
-    monkeypatch.setattr(strengths, "_KEPT_PER_JOB", 2)
+    monkeypatch.setattr(variants, "derive", fake)
+    monkeypatch.setattr(variants, "_KEPT_PER_JOB", 2)
     for strength in ("0.1", "0.2", "0.3", "0.1"):
         answer = api.http.get(f"/v1/jobs/{job_id}/artifacts/result.glb", params={"strength": strength})
         assert (answer.status_code, answer.text) == (200, strength)
-    assert len(list(api.store.list(f"jobs/{job_id}/strengths/"))) == 2
+    assert len(list(api.store.list(f"jobs/{job_id}/variants/"))) == 2
 
 
 def test_what_cannot_be_is_refused(api: Api, job_id: str) -> None:

@@ -83,6 +83,20 @@ def test_jobs_that_failed_for_one_reason_are_listed_and_each_is_retried_once(api
     assert second == first
 
 
+def test_a_retry_may_run_for_longer(api: Api) -> None:
+    source = interrupted_job(api, steps=(100,), max_run_s=60.0)
+    with Client(api.url) as client:
+        assert api.record.get(client.retry(source, max_run_s=7200.0).id).request.max_run_s == 7200.0
+        assert api.record.get(client.retry(source).id).request.max_run_s == 60.0
+    url = f"/v1/jobs/{source}/retry"
+    check_problem(api.http.post(url, json={"max_run_s": 0.1}), 422, "parameter_invalid")
+    check_problem(api.http.post(url, json={"prompt": "a vase"}), 422, "parameter_invalid")
+    key = {"Idempotency-Key": "longer"}
+    assert api.http.post(url, json={}, headers=key).status_code == 202
+    assert api.http.post(url, headers=key).headers["idempotency-replayed"] == "true"
+    check_problem(api.http.post(url, json={"max_run_s": 90.0}, headers=key), 422, "idempotency_mismatch")
+
+
 def test_a_retry_takes_the_last_checkpoint_that_is_whole(api: Api) -> None:
     source = interrupted_job(api, steps=(100, 200, 300))
     api.store.put(f"jobs/{source}/1/checkpoint-000300", b"torn")

@@ -13,10 +13,17 @@ from typing import Any, ClassVar
 
 import httpx
 import pytest
+import sqlalchemy as sa
 
-import service.jobs.intake
 from meshdeform.api.states import MAX_DOCUMENT_BYTES
+from meshdeform.errors import AssetNotFetchedError
+from meshdeform.record.models import JobError, JobState, NewJob
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import jobs
+from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
+from service.jobs import arrivals, creation_routes
+from tests.acceptance.service import until
 from tests.cases import each_case
 from tests.integration.conftest import DEADLINE_S, Api, serving, serving_api
 from tests.integration.http_calls import PROMPT, check_document, check_problem, post
@@ -27,6 +34,7 @@ class _Files(BaseHTTPRequestHandler):
 
     sphere = b""
     calls: ClassVar[list[str]] = []
+    late = threading.Event()
 
     def do_GET(self) -> None:
         self.calls.append(self.path)
@@ -41,11 +49,15 @@ class _Files(BaseHTTPRequestHandler):
             return self._answer(200, self.sphere[:100], **{"Content-Length": str(len(self.sphere))})
         if name == "/large":
             return self._answer(200, bytes(2**20 + 1))
-        if name == "/slow":
+        if name in ("/slow", "/drip"):
             self.send_response(200)
             self.end_headers()
+            self.wfile.write(b"g" if name == "/drip" else b"")
             self.server.stopped.wait(DEADLINE_S)  # type: ignore[attr-defined]
             return None
+        if name.startswith("/late"):
+            self.late.wait(DEADLINE_S)
+            return self._answer(404 if "missing" in name else 200, b"glTF" if "torn" in name else self.sphere)
         return self._answer(200, self.sphere)
 
     def _answer(self, status: int, body: bytes, **headers: str) -> None:
@@ -110,16 +122,17 @@ def test_an_asset_in_the_document_is_the_same_request_as_one_beside_it(fetching:
     check_problem(fetching.http.post("/v1/jobs", json=other, headers=key), 422, "idempotency_mismatch")
 
 
-def test_the_key_covers_the_bytes_behind_a_url(fetching: Api, files: str, sphere: bytes) -> None:
+def test_the_key_covers_a_url_and_not_what_is_behind_it(fetching: Api, files: str, sphere: bytes) -> None:
     key = {"Idempotency-Key": uuid.uuid4().hex}
     document = {**PROMPT, "asset": {"url": f"{files}/sphere.glb"}}
     first = fetching.http.post("/v1/jobs", json=document, headers=key)
-    assert fetching.http.post("/v1/jobs", json=document, headers=key).json() == first.json()
     try:
-        _Files.sphere = sphere + b"\0\0\0\0"
-        check_problem(fetching.http.post("/v1/jobs", json=document, headers=key), 422, "idempotency_mismatch")
+        _Files.sphere = b""
+        assert fetching.http.post("/v1/jobs", json=document, headers=key).json() == first.json()
     finally:
         _Files.sphere = sphere
+    other = {**PROMPT, "asset": {"url": f"{files}/sphere.glb?other"}}
+    check_problem(fetching.http.post("/v1/jobs", json=other, headers=key), 422, "idempotency_mismatch")
 
 
 def test_a_long_document_may_hold_a_file_and_nothing_else(fetching: Api, sphere: bytes) -> None:
@@ -141,13 +154,14 @@ def test_a_long_document_may_hold_a_file_and_nothing_else(fetching: Api, sphere:
         ("/packed", "compressed body"),
         ("/cut", "cut off"),
         ("/slow", "did not arrive within 0.3 s"),
+        ("/drip", "After 0.3 s the file came at less than 32768 bytes per second"),
     ],
 )
 def test_what_a_host_does_not_send_is_said(
     path: str, words: str, fetching: Api, files: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if path == "/slow":
-        monkeypatch.setattr(service.jobs.intake, "MAX_FETCH_S", 0.3)
+    monkeypatch.setattr(arrivals, "MAX_FETCH_S", 0.3 if path == "/slow" else 30.0)
+    monkeypatch.setattr(arrivals, "_SLOW_AFTER_S", 0.3 if path == "/drip" else 10.0)
     answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": {"url": files + path}})
     assert words in check_problem(answer, 422, "asset_not_fetched")["detail"]
 
@@ -203,3 +217,118 @@ def test_a_file_is_given_once(fetching: Api, sphere: bytes) -> None:
     with_target = {"params": {"guidance": {"kind": "target"}}, "target": {"data": base64.b64encode(sphere).decode()}}
     answer = post(fetching, sphere, with_target)
     assert set(fetching.record.get(answer.json()["id"]).files) == {"asset", "target"}
+
+
+# What is not there soon
+
+
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Jobs are accepted early after a moment; the host answers once `_Files.late` is set."""
+    monkeypatch.setattr(creation_routes, "FETCH_SOON_S", 0.1)
+    _Files.late.clear()
+    yield
+    _Files.late.set()
+
+
+def early(api: Api, url: str, **more: Any) -> str:
+    """Send a job whose asset is at a URL of a slow host, and return its id."""
+    answer = api.http.post("/v1/jobs", json={**PROMPT, "asset": {"url": url}, **more})
+    assert answer.status_code == 202, answer.text
+    job = answer.json()
+    assert (job["state"], job["progress"]["phase"], job["files"], job["retry_at"]) == ("queued", "fetching", {}, None)
+    return str(job["id"])
+
+
+def claim(api: Api, job_id: str) -> Any:
+    return api.record.leases.claim(job_id, "w", 60.0)
+
+
+@pytest.mark.usefixtures("soon")
+def test_a_job_is_accepted_before_a_slow_host_has_sent_its_file(
+    fetching: Api, files: str, sphere: bytes, openapi: dict[str, Any]
+) -> None:
+    key = {"Idempotency-Key": uuid.uuid4().hex}
+    document = {**PROMPT, "asset": {"url": f"{files}/late"}, "metadata": {"a": "b"}}
+    first = fetching.http.post("/v1/jobs", json=document, headers=key)
+    job_id = first.json()["id"]
+    check_document(first.json(), "JobView", openapi)
+    assert fetching.http.post("/v1/jobs", json=document, headers=key).json() == first.json()
+    claimed_early = fetching.record.leases.claim_next("w", 60.0)
+    assert claimed_early is None or claimed_early.id != job_id
+    _Files.late.set()
+    until("its file is there", lambda: fetching.record.get(job_id).progress.phase == "queued")
+    job = fetching.record.get(job_id)
+    assert (job.source.filename, job.source.size) == ("late", len(sphere))
+    assert fetching.store.get(job.source.key) == sphere
+    assert [event.data["reason"] for event in fetching.record.events.after(job_id)] == ["created", "fetched"]
+    assert [found.id for found in fetching.record.list_jobs(words="late mushroom").jobs] == [job_id]
+    assert claim(fetching, job_id).files == job.files
+
+
+@pytest.mark.usefixtures("soon")
+@each_case(("path", "code"), [("/late/missing", "asset_not_fetched"), ("/late/torn.glb", "asset_truncated")])
+def test_a_job_fails_by_what_comes_later(path: str, code: str, fetching: Api, files: str) -> None:
+    _Files.late.clear()
+    job_id = early(fetching, files + path)
+    _Files.late.set()
+    until("it is over", lambda: fetching.record.get(job_id).state.terminal)
+    job = fetching.record.get(job_id)
+    assert job.error is not None
+    assert (job.state, job.error.code, job.attempt) == (JobState.FAILED, code, 0)
+    check_problem(fetching.http.post(f"/v1/jobs/{job_id}/retry"), 409, "conflict")
+
+
+@pytest.mark.usefixtures("soon")
+def test_what_was_sent_is_checked_before_the_answer(fetching: Api, files: str, sphere: bytes) -> None:
+    late = {"url": f"{files}/late"}
+    answer = fetching.http.post("/v1/jobs", json={**PROMPT, "asset": late, "params": {"seed": -1}})
+    check_problem(answer, 422, "parameter_invalid")
+    target = base64.b64encode(b"no mesh").decode()
+    to_target = {"params": {"guidance": {"kind": "target"}}, "asset": late, "target": {"data": target}}
+    assert fetching.http.post("/v1/jobs", json=to_target).status_code in (415, 422)
+
+
+@pytest.mark.usefixtures("soon")
+def test_a_job_that_is_canceled_while_its_file_is_fetched_stays_so(fetching: Api, files: str) -> None:
+    job_id = early(fetching, f"{files}/late")
+    assert fetching.http.post(f"/v1/jobs/{job_id}/cancel").json()["state"] == "canceled"
+    assert fetching.record.fetching.complete(job_id, NewJob(JobRequest(prompt="a vase"), {})) is None
+    fetching.record.fetching.fail(job_id, JobError.of(AssetNotFetchedError("The host is gone.")))
+    assert [event.type for event in fetching.record.events.after(job_id)] == ["queued", "canceled"]
+
+
+@pytest.mark.usefixtures("soon")
+def test_who_sends_bytes_does_not_wait_for_slow_hosts(fetching: Api, files: str, sphere: bytes) -> None:
+    held = [early(fetching, f"{files}/late") for _ in range(12)]
+    assert post(fetching, sphere, PROMPT).status_code == 202
+    _Files.late.set()
+    for job_id in held:
+        until("it has its file", lambda job_id=job_id: fetching.record.get(job_id).files)
+
+
+@pytest.mark.usefixtures("soon")
+def test_a_server_that_stops_lets_jobs_fail_whose_files_it_fetches(
+    record: JobRecord, files: str, tmp_path: Path, redis_url: str, database_url: str
+) -> None:
+    settings = Settings(
+        data_dir=tmp_path, redis_url=redis_url, database_url=database_url, fetch_networks=["127.0.0.0/8"]
+    )
+    with serving_api(settings) as api:
+        job_id = early(api, f"{files}/late")
+    job = record.get(job_id)
+    assert job.error is not None
+    assert (job.state, job.error.code) == (JobState.FAILED, "asset_not_fetched")
+    assert "stopped" in job.error.detail
+
+
+def test_a_job_whose_server_has_died_fails(record: JobRecord) -> None:
+    left = record.create(NewJob(JobRequest(prompt="a mushroom"), {}, fetching=True))
+    record.fetching.fail_abandoned()
+    assert record.get(left.id).state is JobState.QUEUED
+    with record.database.write() as connection:
+        connection.execute(sa.update(jobs).values(created_at=record.database.now(-3600)))
+    record.fetching.fail_abandoned()
+    job = record.get(left.id)
+    assert job.error is not None
+    assert (job.state, job.error.code, job.retry_at) == (JobState.FAILED, "asset_not_fetched", None)

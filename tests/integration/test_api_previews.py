@@ -6,8 +6,11 @@ import asyncio
 import base64
 import hashlib
 import json
+import random
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +29,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.mcp.tools import Folders, Tools
 from meshdeform.requests.document import read_stored
 from meshdeform.requests.previews import MOST_LEVELS, PreviewShapes
-from meshdeform.runs import preview_work, start_run
+from meshdeform.runs import drafts, preview_work, start_run
 from meshdeform.runs import reading as runs_reading
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.runs.warm_processes import Asked, StoppedError, WarmProcesses
@@ -83,12 +86,15 @@ def _fitted_at_once(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     fake_exemplars.FakeFit.made.clear()
 
 
-def preview(api: Api, file: bytes | None = ASSET, form: str = "positions", **document: Any) -> httpx.Response:
+def preview(
+    api: Api, file: bytes | None = ASSET, form: str = "positions", *, draft: bool = False, **document: Any
+) -> httpx.Response:
     body = {"prompt": "a giraffe", "params": GIVEN, **document}
+    query = {"as": form, **({"draft": True} if draft else {})}
     if file is None:
-        return api.http.post("/v1/jobs:preview", params={"as": form}, json=body)
+        return api.http.post("/v1/jobs:preview", params=query, json=body)
     files = {"asset": ("a.glb", file), "request": (None, json.dumps(body))}
-    return api.http.post("/v1/jobs:preview", params={"as": form}, files=files)
+    return api.http.post("/v1/jobs:preview", params=query, files=files)
 
 
 def shapes(answer: httpx.Response) -> PreviewShapes:
@@ -203,6 +209,35 @@ def test_only_what_takes_seconds_has_a_preview_and_a_file_has_one_shape(two: tup
     assert problem["errors"][0]["loc"] == ["seeds"]
 
 
+def test_of_a_large_asset_a_draft_has_the_same_vertices_near_where_they_will_be(
+    two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ann, _ = two
+    asset = two_nodes("Plinth", "Head")
+    assert preview(ann, asset, draft=True).headers["meshdeform-draft"] == "false"  # it is not large
+    monkeypatch.setattr(drafts, "_LARGE", 100)
+    monkeypatch.setattr(drafts, "_FACES", 100)
+    monkeypatch.setattr(preview_work, "_recent", Recent(8, 2**20))
+    fake_exemplars.FakeFit.made.clear()
+    answer = preview(ann, asset, draft=True)
+    first, glb = shapes(answer), places(preview(ann, asset, form="glb", draft=True).content)
+    assert (answer.headers["meshdeform-draft"], first.draft) == ("true", True)
+    (fit,) = fake_exemplars.FakeFit.made
+    assert (len(fit.faces) < 200, 0 if fit.labels is None else len(fit.labels), fit.mends) == (
+        True,
+        len(fit.faces),
+        False,
+    )
+    exact = preview(ann, asset)
+    assert (exact.headers["meshdeform-draft"], shapes(exact).draft) == ("false", False)
+    for one, other, file in zip(first.shapes[0].primitives, shapes(exact).shapes[0].primitives, glb, strict=True):
+        assert np.ptp(np.array(one.points), axis=0) == pytest.approx(np.ptp(file, axis=0), rel=1e-3)
+        size = np.linalg.norm(np.ptp(np.array(other.points), axis=0))
+        apart = np.linalg.norm(np.array(one.points) - np.array(other.points), axis=1)
+        assert 0 < apart.max() < 0.1 * size
+    assert preview(ann, asset, draft=True).content == exact.content  # which is remembered
+
+
 class Holding:
     """Processes that answer when they are let."""
 
@@ -217,7 +252,7 @@ class Holding:
         if asked.stopped:
             raise StoppedError
         Path(task["result"]).write_bytes(b"made")
-        return {"ok": True, "found": None}
+        return {"ok": True, "found": {"draft": False}}
 
 
 def test_more_previews_than_there_may_be_are_refused_until_there_is_room(
@@ -257,6 +292,56 @@ def test_the_work_ends_when_the_caller_goes(two: tuple[Api, Api], monkeypatch: p
     until(lambda: holding.asked[0].stopped)
     holding.let.set()
     assert preview(ann).content == b"made"  # its slot is free
+
+
+def test_a_flood_of_many_owners_leaves_each_its_own_and_nothing_behind(
+    two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some close early, some send what is no mesh, some name the assets of others."""
+    ann, _ = two
+    app: AppState = _servers[0].state.app_state
+    monkeypatch.setattr(app.kept_assets, "_most_bytes", 10 * len(ASSET))
+    running, most = [0], [0]
+
+    def told(_: WarmProcesses, owner: str, task: dict[str, Any], __: float, asked: Asked) -> dict[str, Any]:
+        running[0] += 1
+        most[0] = max(most[0], running[0])
+        data = Path(task["files"]["asset"]["path"]).read_bytes()
+        Path(task["result"]).write_text(f"{owner} {hashlib.sha256(data).hexdigest()}")
+        until(lambda: asked.stopped or chance.random() < 0.3)
+        running[0] -= 1
+        if asked.stopped:
+            raise StoppedError
+        return {"ok": True, "found": None}
+
+    chance = random.Random(1)
+    monkeypatch.setattr(WarmProcesses, "ask", told)
+    assets = {f"owner{k}": build_glb(BALL.verts * (1 + k / 50), BALL.faces) for k in range(20)}
+    hashes = {owner: hashlib.sha256(asset).hexdigest() for owner, asset in assets.items()}
+
+    def attack(job: tuple[int, str]) -> None:
+        turn, owner = job
+        with httpx.Client(base_url=ann.url, timeout=30, headers={"x-owner": owner}) as http:
+            me, other = replace(ann, http=http), hashes[f"owner{(int(owner[5:]) + 1) % 20}"]
+            if turn == 0:  # closes early
+                http.timeout = 0.05
+                with suppress(httpx.TimeoutException):
+                    preview(me, assets[owner])
+            elif turn == 1:
+                assert 400 <= preview(me, assets[owner][: 100 + int(owner[5:])]).status_code < 500
+            elif turn == 2:
+                assert preview(me, None, asset={"sha256": other}).status_code in (404, 429)
+            elif (answer := preview(me, assets[owner])).status_code != 429:
+                assert answer.text == f"{owner} {hashes[owner]}"
+
+    with ThreadPoolExecutor(16) as threads:
+        list(threads.map(attack, [(turn, owner) for turn in range(5) for owner in assets]))
+    assert most[0] <= 2
+    kept = list((app.workspace.folder / "kept").iterdir())
+    assert sum(file.stat().st_size for file in kept) <= 10 * len(ASSET)
+    left = {path.name for path in app.workspace.folder.iterdir() if path.name.startswith("tmp")}
+    assert until(lambda: not left or not any((app.workspace.folder / name).exists() for name in left))
+    assert preview(replace(ann, http=ann.http), assets["owner1"]).text.startswith("ann ")
 
 
 def test_a_process_that_dies_or_takes_too_long_is_said_to(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
 import socket
+import sqlite3
 import struct
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import httpx
@@ -15,13 +19,14 @@ import sqlalchemy as sa
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record import database as module
+from meshdeform.record.database import Patience
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs
 from meshdeform.settings import Settings
 from tests.fault_proxy import FaultProxy
-from tests.integration.conftest import DEADLINE_S, new_job, serving
-from tests.integration.http_calls import check_problem
+from tests.integration.conftest import DEADLINE_S, new_job, serving, serving_api
+from tests.integration.http_calls import check_problem, post
 from tests.shut_database import WAYS, database_to_shut
 from tests.waiting import until
 
@@ -167,3 +172,46 @@ def test_a_connection_that_is_reset_in_the_middle_is_replaced(postgres_port: int
             assert record.get(job.id).id == job.id
         finally:
             record.close()
+
+
+def test_requests_are_answered_soon_while_postgresql_is_frozen(
+    postgres_port: int, postgres_url: str, redis_server_url: str, tmp_path: Path, sphere: bytes
+) -> None:
+    with FaultProxy(postgres_port) as proxy:
+        url = postgres_url.replace(f":{postgres_port}/", f":{proxy.port}/")
+        settings = Settings(data_dir=tmp_path, database_url=url, redis_url=redis_server_url, queue="frozen")
+        with serving_api(settings) as api, ThreadPoolExecutor(24) as threads:
+            job_id = post(api, sphere).json()["id"]
+            proxy.hang()
+
+            def ask(number: int) -> tuple[httpx.Response, float]:
+                began = time.monotonic()
+                http = httpx.Client(base_url=api.url, timeout=DEADLINE_S)
+                with http:
+                    answer = (
+                        http.get(f"/v1/jobs/{job_id}")
+                        if number % 4
+                        else post(dataclasses.replace(api, http=http), sphere)
+                    )
+                return answer, time.monotonic() - began
+
+            # More than there are connections: those who wait for one do not begin to wait anew.
+            for answer, taken_s in threads.map(ask, range(24)):
+                check_problem(answer, 503, "unavailable")
+                assert taken_s < 15.0, "it waits for as long as workers do"
+            proxy.pass_through()
+            until(lambda: api.http.get(f"/v1/jobs/{job_id}").status_code == 200)
+            assert post(api, sphere).status_code == 202
+
+
+def test_a_record_that_another_process_holds_is_not_waited_for(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'record.sqlite'}"
+    JobRecord(url).close()
+    hasty = JobRecord(url, patience=Patience(0.1, 0.1, 0.1))
+    with closing(sqlite3.connect(tmp_path / "record.sqlite", isolation_level=None)) as holder:
+        holder.execute("BEGIN IMMEDIATE")
+        with pytest.raises(UnavailableError):
+            new_job(hasty)
+        holder.execute("ROLLBACK")
+    assert new_job(hasty).id
+    hasty.close()

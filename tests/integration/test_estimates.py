@@ -67,6 +67,7 @@ def test_a_job_runs_its_steps_and_the_rest_at_the_median_of_those_before_it(reco
     measured(record, 0.1, 0.2, 30.0, once_s=3.0)
     found = estimated(record)
     assert (found.run_s, found.queue_s) == (pytest.approx(2.0 + 3.0), None)
+    assert found.not_resumable_s == pytest.approx(3.0)
     assert found.basis == "3 jobs of this kind and model; no worker is alive"
     assert estimated(record, params={"preset": "preview"}).run_s == pytest.approx(60 * 0.2 + 3.0)
 

@@ -20,6 +20,13 @@ from tests.acceptance.service import until
 from tests.integration.conftest import new_job, serving_api
 from tests.integration.http_calls import finished_job
 
+WRONG_CALLS: list[tuple[dict[str, Any], str]] = [
+    ({"asset": "a", "prompt": "a vase", "preset": "paper"}, "preset: there is no such argument. It is one of params."),
+    ({"asset": "a", "prompt": "a vase", "parms": {}}, "parms: there is no such argument. Did you mean 'params'?"),
+    ({"asset": "a"}, "prompt: Field required"),
+    ({"asset": "a", "prompt": 3}, "prompt: Input should be a valid string"),
+]
+
 
 @contextlib.contextmanager
 def mcp_server(service: str) -> Iterator[str]:
@@ -71,6 +78,13 @@ def test_agents_act_with_their_own_key_and_see_no_file_of_the_server(
             async with agent(url, key) as client:
                 names = {tool.name for tool in (await client.list_tools()).tools}
                 assert not {"download", "apply_strength"} & names
+                listed = (await client.list_tools()).tools
+                assert all(tool.input_schema["additionalProperties"] is False for tool in listed)
+                for arguments, said in WRONG_CALLS:
+                    wrong = await client.call_tool("deform", arguments)
+                    assert wrong.is_error
+                    assert said in wrong.content[0].text
+                    assert "pydantic" not in wrong.content[0].text
                 sent = {"filename": "sphere.glb", "data": base64.b64encode(sphere).decode()}
                 asset = (await client.call_tool("upload_asset", sent)).structured_content["asset"]
                 for path in ("/etc/hostname", "examples/sphere.glb"):

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.record.leases import Leases, Turns
+from meshdeform.record.leases import HANDED_OVER, Leases, Turns
 from meshdeform.record.models import EventType, Job, JobState
 from meshdeform.record.repository import JobRecord
 from tests.cases import each_case
@@ -81,7 +81,7 @@ class Simulation:
             worker.leases.finish(job.id, job.attempt, JobState.SUCCEEDED)
             worker.job = None
         elif worker.yields:
-            worker.leases.release(job.id, job.attempt, handed_over=True)
+            worker.leases.release(job.id, job.attempt, HANDED_OVER)
             worker.job = None
             self.hand_overs += 1
         elif beats and worker.age >= self.turns.turn_s:
@@ -206,7 +206,7 @@ def test_a_job_is_handed_over_once_to_one_that_has_waited(record: JobRecord) -> 
     assert record.leases.hand_over(running, TURNS)
     assert not record.leases.hand_over(running, TURNS)
     assert not record.leases.hand_over(second, TURNS)  # there is room for it already
-    record.leases.release(running.id, 1, handed_over=True)
+    record.leases.release(running.id, 1, HANDED_OVER)
     set_to(record, running, created_at=record.database.now(-9 * TURN_S))
     taken = [record.leases.claim_next("worker", LEASE_S, TURNS) for _ in range(2)]
     assert [job.id for job in taken if job] == [waiting.id, running.id]

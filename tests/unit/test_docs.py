@@ -147,7 +147,7 @@ def test_every_shell_line_that_is_shown_can_be_run(repository: Path) -> None:
             path = re.sub(r"\$\{?\w+\}?", "X", url)
             assert any(pattern.fullmatch(path) for pattern in patterns), (page, line)
         for word in words:
-            if word.startswith(("scripts/", "examples/", "docker/")) and not word.endswith("*"):
+            if word.startswith(("scripts/", "examples/", "docker/", "service/")) and not word.endswith("*"):
                 assert (repository / word).exists(), (page, line)
         if "meshdeform" in words:
             first = words.index("meshdeform")
@@ -160,6 +160,13 @@ def test_every_shell_line_that_is_shown_can_be_run(repository: Path) -> None:
                 for option in [*parameter.opts, *parameter.secondary_opts]
             }
             assert set(flags) <= known | {"--help"}, (page, line)
+
+
+def test_commands_in_the_text_of_the_readme_name_files_of_a_clone(repository: Path) -> None:
+    runs = re.findall(r"`meshdeform run (\S+) [^`]*`", (repository / "README.md").read_text())
+    assert runs
+    for asset in runs:
+        assert (repository / asset).is_file(), asset
 
 
 @each_case("page", ["README.md", "CHANGELOG.md", "docs"])

@@ -3,7 +3,7 @@ import { events, type WatchOptions } from "./events.js";
 import { type Call, newKey, type Options, Transport } from "./transport.js";
 import {
   type Artifact, type Asset, type BranchRequest, type Checkpoint, type FileReference, isTerminal, type Job, type JobEvent, type JobPage, type JobRequest,
-  type JobState, type Limits, type Models, type Parts, type PreviewRequest, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type Validation, type Word,
+  type JobState, type Limits, type Models, type Parts, type PreviewRequest, type SignedUrl, type Sketch, type SketchGuesses, type Upload, type UsageMonth, type Validation, type Word,
   type WordDetail, type WordRequest,
 } from "./types.js";
 import { canUpload, upload, type UploadOptions } from "./uploads.js";
@@ -25,10 +25,14 @@ export interface SubmitOptions {
 export interface PreviewOptions extends Omit<SubmitOptions, "idempotencyKey"> {
   /** `positions` (the default) of all seeds, for `readPreview`; or `glb`: the `result.glb` of one seed. */
   as?: "positions" | "glb";
+  /** Whether of a large asset a draft will do; `draft` of the answer says whether it is one. */
+  draft?: boolean;
 }
 
 export interface Preview {
   data: ArrayBuffer;
+  /** Whether a simplified surface was fitted in place of a large asset's. */
+  draft: boolean;
   /** SHA-256 of the asset, by which the next preview can name it: `{ sha256 }`. */
   asset: string;
 }
@@ -122,11 +126,12 @@ export class Client {
    * refused with `asset_not_kept`. The request is not repeated by itself: whoever looks on may want something else by then.
    */
   async preview(asset: Asset | { sha256: string; filename?: string }, request: PreviewRequest, options: PreviewOptions = {}): Promise<Preview> {
-    const { as = "positions", ...more } = options;
+    const { as = "positions", draft = false, ...more } = options;
     const kept = "sha256" in asset && !("id" in asset);
     const body = kept && !more.files ? { json: { ...request, asset } } : await this.#body(kept ? null : asset, kept ? ({ ...request, asset } as PreviewRequest) : request, more);
-    const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal, once: true });
-    return { data: await response.arrayBuffer(), asset: response.headers.get("Meshdeform-Asset") ?? "" };
+    const response = await this.#transport.request(`v1/jobs:preview?as=${as}&draft=${draft}`, { method: "POST", ...body, signal: options.signal, once: true });
+    const { headers } = response;
+    return { data: await response.arrayBuffer(), draft: headers.get("Meshdeform-Draft") === "true", asset: headers.get("Meshdeform-Asset") ?? "" };
   }
 
   /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
@@ -236,7 +241,7 @@ export class Client {
     return (await this.#transport.json<{ artifacts: Artifact[] }>(path(job, "artifacts"), { signal })).artifacts;
   }
 
-  /** Make `morph.glb`, `map.safetensors` or `result.stl` of a job that was not asked for it. */
+  /** Make `morph.glb`, `map.safetensors` or another format of the result; `warnings` says what that cannot hold. */
   async make(job: JobLike, name: string, signal?: AbortSignal): Promise<Artifact> {
     return this.#transport.json<Artifact>(path(job, `artifacts/${encodeURIComponent(name)}`), { method: "POST", signal });
   }
@@ -249,9 +254,11 @@ export class Client {
     return this.bytes(path(job, `apply?${query}`), { method: "POST", body: blob, headers, signal: options.signal });
   }
 
-  /** Download an artifact; `result.glb` at any strength from 0 to 1.5. */
-  async download(job: JobLike, name = "result.glb", options: { strength?: number; signal?: AbortSignal } = {}): Promise<Blob> {
-    const query = options.strength === undefined ? "" : `?strength=${options.strength}`;
+  /** Download an artifact; `result.glb` at any strength from 0 to 1.5, and it and its other formats in a pose, `CLIP@SECONDS`. */
+  async download(job: JobLike, name = "result.glb", options: { strength?: number; pose?: string; signal?: AbortSignal } = {}): Promise<Blob> {
+    const { strength, pose } = options;
+    const asked = Object.entries({ strength, pose }).filter(([, value]) => value !== undefined);
+    const query = asked.length ? `?${new URLSearchParams(asked.map(([key, value]) => [key, String(value)]))}` : "";
     return this.#blob(path(job, `artifacts/${encodeURIComponent(name)}${query}`), options.signal);
   }
 
@@ -322,6 +329,11 @@ export class Client {
   /** Delete a word. Jobs that have it keep it. */
   async deleteWord(noun: string, signal?: AbortSignal): Promise<void> {
     await this.#transport.request(wordPath(noun), { method: "DELETE", signal });
+  }
+
+  /** Return what your jobs have used in each month, newest first. */
+  async usage(signal?: AbortSignal): Promise<UsageMonth[]> {
+    return (await this.#transport.json<{ months: UsageMonth[] }>("v1/usage", { signal })).months;
   }
 
   async models(signal?: AbortSignal): Promise<Models> {

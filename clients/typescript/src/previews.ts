@@ -25,6 +25,8 @@ export interface PreviewShapes {
   change: boolean;
   /** What the asset was read as, as in a report. */
   reading: Record<string, unknown> | null;
+  /** Whether a simplified surface was fitted in place of a large asset's, which followed it. */
+  draft: boolean;
   shapes: PreviewShape[];
 }
 

@@ -21,6 +21,8 @@ export type Validation = Schemas["Validation"];
 export type SignedUrl = Schemas["SignedUrl"];
 export type Models = Schemas["ModelList"];
 export type Limits = Schemas["LimitList"];
+/** What was used in a month. */
+export type UsageMonth = Schemas["UsageMonth"];
 export type Parts = Schemas["FoundParts"];
 export type SketchGuesses = Schemas["SketchGuesses"];
 export type SketchGuess = Schemas["SketchGuess"];

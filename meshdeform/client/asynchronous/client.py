@@ -23,6 +23,8 @@ from meshdeform.api.documents import (
     ModelList,
     SketchGuesses,
     UploadView,
+    UsageList,
+    UsageMonth,
     WordDetail,
     WordList,
     WordView,
@@ -380,6 +382,7 @@ class AsyncClient:
         target: AssetLike | None = None,
         files: Mapping[str, AssetLike] | None = None,
         filename: str | None = None,
+        draft: bool = False,
     ) -> PreviewShapes:
         """Return the shapes that a job would give the asset, within seconds and without one.
 
@@ -390,6 +393,8 @@ class AsyncClient:
         ----------
         seeds : sequence of int, optional
             Up to 6 seeds, one for each shape. Default: that of the parameters.
+        draft : bool
+            Whether of a large asset a draft will do, which takes seconds where the shape itself may take minutes.
 
         Raises
         ------
@@ -399,7 +404,8 @@ class AsyncClient:
             The service cannot make previews, or it takes too long.
         """
         order = Order(prompt, params, output, seeds=seeds or None)
-        made = await self._previewed("positions", order, Files.of(asset, target, files, filename, False, None))
+        sent = Files.of(asset, target, files, filename, False, None)
+        made = await self._previewed({"as": "positions", "draft": str(draft).lower()}, order, sent)
         return PreviewShapes.read(made)
 
     async def preview_glb(
@@ -415,12 +421,12 @@ class AsyncClient:
     ) -> bytes:
         """Return the bytes of `result.glb` that a job would make. Parameters and errors are those of `preview`."""
         order = Order(prompt, params, output)
-        return await self._previewed("glb", order, Files.of(asset, target, files, filename, False, None))
+        return await self._previewed({"as": "glb"}, order, Files.of(asset, target, files, filename, False, None))
 
-    async def _previewed(self, form: str, order: Order, files: Files) -> bytes:
+    async def _previewed(self, query: Mapping[str, str], order: Order, files: Files) -> bytes:
         with contextlib.ExitStack() as opened:
             call, sent = await prepared(self._connection, "/v1/jobs:preview", order, files, opened)
-            call = replace(call, query={"as": form}, read_timeout_s=_MAKE_S)
+            call = replace(call, query=query, read_timeout_s=_MAKE_S)
             asset = sent.get("asset")
             if asset is not None and asset.sha256 in self._kept:
                 others = tuple(part for part in call.parts if part.name != "asset")
@@ -448,9 +454,16 @@ class AsyncClient:
                 raise ValueError("The service already has this file: use the reference.")  # noqa: TRY004
             return await uploaded(self._connection, source, checked_key(idempotency_key))
 
-    async def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
-        """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
-        call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
+    async def retry(
+        self, job: JobLike, *, max_run_s: float | None = None, idempotency_key: str | None = None
+    ) -> JobView:
+        """Retry a job that did not succeed, as a new job that continues from its last checkpoint.
+
+        `max_run_s`: seconds for which the new job may run. Default: as for the old one.
+        """
+        headers = {"Idempotency-Key": checked_key(idempotency_key)}
+        document = None if max_run_s is None else {"max_run_s": max_run_s}
+        call = Call("POST", job_path(job, "retry"), headers=headers, document=document)
         return await self._connection.document(JobView, call)
 
     async def branch(
@@ -631,7 +644,7 @@ class AsyncClient:
         return page.artifacts
 
     async def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb`, `map.safetensors` or `result.stl` to a job that has succeeded without it.
+        """Add an artifact of `AFTERWARDS` to a job that has succeeded without it; its `warnings` say what is lost.
 
         Raises
         ------
@@ -692,6 +705,10 @@ class AsyncClient:
     async def limits(self) -> LimitList:
         """Return the service's limits on requests."""
         return await self._connection.document(LimitList, Call("GET", "/v1/limits"))
+
+    async def usage(self) -> list[UsageMonth]:
+        """Return what your jobs have used in each month, newest first."""
+        return (await self._connection.document(UsageList, Call("GET", "/v1/usage"))).months
 
     async def models(self) -> ModelList:
         """Return the models that jobs may use."""
@@ -776,7 +793,7 @@ class AsyncClient:
         """Delete a word. Jobs that have it keep it."""
         await self._connection.answered(Call("DELETE", word_path(noun)))
 
-    async def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
+    async def read(self, job: JobLike, name: str, *, strength: float | None = None, pose: str | None = None) -> bytes:
         """Return an artifact's bytes after verifying their SHA-256.
 
         Parameters
@@ -785,17 +802,26 @@ class AsyncClient:
         name : str
         strength : float, optional
             Of `result.glb`: from 0, the source, over 1, the result, to 1.5, in steps of 0.01.
+        pose : str, optional
+            Of `result.glb` and its other formats: `CLIP@SECONDS`, a moment of an animation, without the rig.
         """
-        return await loaded(self._connection, artifact_path(job, name, strength))
+        return await loaded(self._connection, artifact_path(job, name, strength, pose))
 
     async def download(
-        self, job: JobLike, name: str, path: str | os.PathLike[str], *, strength: float | None = None
+        self,
+        job: JobLike,
+        name: str,
+        path: str | os.PathLike[str],
+        *,
+        strength: float | None = None,
+        pose: str | None = None,
     ) -> Path:
         """Save an artifact. The file appears complete, with its SHA-256 verified, or not at all.
 
-        An interrupted download resumes where it stopped. An existing file is replaced. `strength` as for `read`.
+        An interrupted download resumes where it stopped. An existing file is replaced. `strength`, `pose`: as for
+        `read`.
         """
-        return await saved(self._connection, artifact_path(job, name, strength), Path(path))
+        return await saved(self._connection, artifact_path(job, name, strength, pose), Path(path))
 
     async def fetch(
         self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None

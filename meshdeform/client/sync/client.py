@@ -24,6 +24,8 @@ from meshdeform.api.documents import (
     ModelList,
     SketchGuesses,
     UploadView,
+    UsageList,
+    UsageMonth,
     WordDetail,
     WordList,
     WordView,
@@ -380,6 +382,7 @@ class Client:
         target: AssetLike | None = None,
         files: Mapping[str, AssetLike] | None = None,
         filename: str | None = None,
+        draft: bool = False,
     ) -> PreviewShapes:
         """Return the shapes that a job would give the asset, within seconds and without one.
 
@@ -390,6 +393,8 @@ class Client:
         ----------
         seeds : sequence of int, optional
             Up to 6 seeds, one for each shape. Default: that of the parameters.
+        draft : bool
+            Whether of a large asset a draft will do, which takes seconds where the shape itself may take minutes.
 
         Raises
         ------
@@ -399,7 +404,8 @@ class Client:
             The service cannot make previews, or it takes too long.
         """
         order = Order(prompt, params, output, seeds=seeds or None)
-        made = self._previewed("positions", order, Files.of(asset, target, files, filename, False, None))
+        sent = Files.of(asset, target, files, filename, False, None)
+        made = self._previewed({"as": "positions", "draft": str(draft).lower()}, order, sent)
         return PreviewShapes.read(made)
 
     def preview_glb(
@@ -415,12 +421,12 @@ class Client:
     ) -> bytes:
         """Return the bytes of `result.glb` that a job would make. Parameters and errors are those of `preview`."""
         order = Order(prompt, params, output)
-        return self._previewed("glb", order, Files.of(asset, target, files, filename, False, None))
+        return self._previewed({"as": "glb"}, order, Files.of(asset, target, files, filename, False, None))
 
-    def _previewed(self, form: str, order: Order, files: Files) -> bytes:
+    def _previewed(self, query: Mapping[str, str], order: Order, files: Files) -> bytes:
         with contextlib.ExitStack() as opened:
             call, sent = prepared(self._connection, "/v1/jobs:preview", order, files, opened)
-            call = replace(call, query={"as": form}, read_timeout_s=_MAKE_S)
+            call = replace(call, query=query, read_timeout_s=_MAKE_S)
             asset = sent.get("asset")
             if asset is not None and asset.sha256 in self._kept:
                 others = tuple(part for part in call.parts if part.name != "asset")
@@ -448,9 +454,14 @@ class Client:
                 raise ValueError("The service already has this file: use the reference.")  # noqa: TRY004
             return uploaded(self._connection, source, checked_key(idempotency_key))
 
-    def retry(self, job: JobLike, *, idempotency_key: str | None = None) -> JobView:
-        """Retry a job that did not succeed, as a new job that continues from its last checkpoint."""
-        call = Call("POST", job_path(job, "retry"), headers={"Idempotency-Key": checked_key(idempotency_key)})
+    def retry(self, job: JobLike, *, max_run_s: float | None = None, idempotency_key: str | None = None) -> JobView:
+        """Retry a job that did not succeed, as a new job that continues from its last checkpoint.
+
+        `max_run_s`: seconds for which the new job may run. Default: as for the old one.
+        """
+        headers = {"Idempotency-Key": checked_key(idempotency_key)}
+        document = None if max_run_s is None else {"max_run_s": max_run_s}
+        call = Call("POST", job_path(job, "retry"), headers=headers, document=document)
         return self._connection.document(JobView, call)
 
     def branch(
@@ -631,7 +642,7 @@ class Client:
         return page.artifacts
 
     def make(self, job: JobLike, name: str) -> ArtifactView:
-        """Add `morph.glb`, `map.safetensors` or `result.stl` to a job that has succeeded without it.
+        """Add an artifact of `AFTERWARDS` to a job that has succeeded without it; its `warnings` say what is lost.
 
         Raises
         ------
@@ -692,6 +703,10 @@ class Client:
     def limits(self) -> LimitList:
         """Return the service's limits on requests."""
         return self._connection.document(LimitList, Call("GET", "/v1/limits"))
+
+    def usage(self) -> list[UsageMonth]:
+        """Return what your jobs have used in each month, newest first."""
+        return (self._connection.document(UsageList, Call("GET", "/v1/usage"))).months
 
     def models(self) -> ModelList:
         """Return the models that jobs may use."""
@@ -776,7 +791,7 @@ class Client:
         """Delete a word. Jobs that have it keep it."""
         self._connection.answered(Call("DELETE", word_path(noun)))
 
-    def read(self, job: JobLike, name: str, *, strength: float | None = None) -> bytes:
+    def read(self, job: JobLike, name: str, *, strength: float | None = None, pose: str | None = None) -> bytes:
         """Return an artifact's bytes after verifying their SHA-256.
 
         Parameters
@@ -785,15 +800,26 @@ class Client:
         name : str
         strength : float, optional
             Of `result.glb`: from 0, the source, over 1, the result, to 1.5, in steps of 0.01.
+        pose : str, optional
+            Of `result.glb` and its other formats: `CLIP@SECONDS`, a moment of an animation, without the rig.
         """
-        return loaded(self._connection, artifact_path(job, name, strength))
+        return loaded(self._connection, artifact_path(job, name, strength, pose))
 
-    def download(self, job: JobLike, name: str, path: str | os.PathLike[str], *, strength: float | None = None) -> Path:
+    def download(
+        self,
+        job: JobLike,
+        name: str,
+        path: str | os.PathLike[str],
+        *,
+        strength: float | None = None,
+        pose: str | None = None,
+    ) -> Path:
         """Save an artifact. The file appears complete, with its SHA-256 verified, or not at all.
 
-        An interrupted download resumes where it stopped. An existing file is replaced. `strength` as for `read`.
+        An interrupted download resumes where it stopped. An existing file is replaced. `strength`, `pose`: as for
+        `read`.
         """
-        return saved(self._connection, artifact_path(job, name, strength), Path(path))
+        return saved(self._connection, artifact_path(job, name, strength, pose), Path(path))
 
     def fetch(self, job: JobLike, folder: str | os.PathLike[str], names: Sequence[str] | None = None) -> list[Path]:
         """Save a job's artifacts to a folder, created if missing. Identical existing files are not downloaded again.

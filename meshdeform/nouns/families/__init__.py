@@ -54,11 +54,11 @@ _DRAWN: dict[str, Family] = {
 """All families by `noun` or `noun/kind`."""
 FAMILIES: dict[str, Family] = {noun: _DRAWN[noun] for noun in sorted(_DRAWN) if "/" not in noun}
 """The family of each noun that has one, by the alphabet."""
-KINDS: dict[str, dict[str, Family]] = {
-    noun: {title.split("/")[1]: draw for title, draw in _DRAWN.items() if title.startswith(f"{noun}/")}
-    for noun in FAMILIES
-}
+KINDS: dict[str, dict[str, Family]] = {noun: {} for noun in FAMILIES}
 """Other kinds of a noun, by name: a `steam-train` is a kind of train. A module lists its kinds in its own `KINDS`."""
+for _noun, _, _kind in (title.partition("/") for title in _DRAWN):
+    if _kind and _noun in KINDS:
+        KINDS[_noun][_kind] = _DRAWN[f"{_noun}/{_kind}"]
 
 
 def member(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> Part:

@@ -184,9 +184,6 @@ def peacock(rng: Rng, traits: Traits) -> Part:
     return varied(rng, **bird.solids, crest=plumes(bird.skull + [0, 0.7 * bird.head, 0], 0.22, (70, 95, 120), 0.022))
 
 
-"""A toucan: a beak nearly as long and as thick as its upright body."""
-
-
 def turkey(rng: Rng, traits: Traits) -> Part:
     """Draw a turkey: a plump body before an upright fan, a thin neck, a small head with a wattle."""
     build = Build(girth=0.41, length=0.46, lean_deg=20, neck=0.29, neck_deg=68, bow=0.12, head=0.13, beak=0.115,
@@ -201,8 +198,8 @@ goose = bird_kind("goose", Build(girth=0.34, length=0.6, lean_deg=11, legs=0.21,
     bow=0.07, head=0.15, beak=0.19, bill=(0.35, 0.5), tail=0.23, tail_deg=30, wings=0.66))  # fmt: skip
 """A goose on its feet: a heavy level body, a long upright neck, a flat bill."""
 
-seagull = bird_kind("seagull", Build(girth=0.22, length=0.5, lean_deg=4, neck=0.1, neck_deg=25, head=0.162, beak=0.18,
-    hook=0.25, bill=(0.36, 0.3), tail=0.29, fan_deg=22, wings=1.3, chord=0.27), flying=True)  # fmt: skip
+seagull = bird_kind("seagull", Build(girth=0.24, length=0.56, lean_deg=4, neck=0.16, neck_deg=22, head=0.162, beak=0.2,
+    hook=0.12, bill=(0.36, 0.3), tail=0.3, fan_deg=24, wings=1.15, chord=0.25), flying=True)  # fmt: skip
 """A gull that glides: long narrow pointed wings, a plump body, a short tail."""
 
 
@@ -210,12 +207,9 @@ crow = bird_kind("crow", Build(girth=0.26, lean_deg=26, beak=0.29, bill=(0.5, 0.
     wings=0.71))  # fmt: skip
 """A crow: a strong straight beak, a sleek body, a long tail."""
 
-pigeon = bird_kind("pigeon", Build(girth=0.33, lean_deg=31, legs=0.14, neck=0.19, neck_deg=78, head=0.155, beak=0.07,
-    bill=(0.3, 0.3), tail=0.44, fan_deg=13, wings=0.64))  # fmt: skip
+pigeon = bird_kind("pigeon", Build(girth=0.3, length=0.68, lean_deg=20, legs=0.13, neck=0.24, neck_deg=74, head=0.135,
+    beak=0.1, bill=(0.34, 0.34), tail=0.5, fan_deg=15, tail_deg=-6, wings=0.78))  # fmt: skip
 """A pigeon: a full breast, a small round head, a tiny beak."""
-
-
-"""A stork: long straight legs, a long neck, a long pointed beak."""
 
 
 def pterodactyl(rng: Rng, traits: Traits) -> Part:
@@ -233,6 +227,7 @@ def pterodactyl(rng: Rng, traits: Traits) -> Part:
         crest=crest)  # fmt: skip
 
 
-_GULL = Build(lean_deg=13, head=0.18, beak=0.2, hook=0.25, bill=(0.36, 0.3), tail=0.33, wings=0.72, legs=0.27)
+_GULL = Build(girth=0.27, length=0.62, lean_deg=14, neck=0.26, neck_deg=76, head=0.17, beak=0.22, hook=0.15,
+    bill=(0.36, 0.3), tail=0.2, fan_deg=8, wings=0.85, legs=0.34, shank=0.035)  # fmt: skip
 KINDS = {"eagle": (bird_kind("perched_eagle", _PERCHED),), "parrot": (cockatoo,),
     "seagull": (bird_kind("standing_gull", _GULL),)}  # fmt: skip

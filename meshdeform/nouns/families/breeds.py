@@ -6,7 +6,7 @@ import numpy as np
 
 from meshdeform.nouns.families.bodies import Animal, FourLegged, Upright, breed, of, strand
 from meshdeform.nouns.families.parts import disc, ellipsoid, limb, moved, turned
-from meshdeform.nouns.families.wildlife import CATTLE, DEER, HORSE, SMALL
+from meshdeform.nouns.families.wildlife import CATTLE, DEER, HORSE, SMALL, patched
 
 _DOG = FourLegged(
     length=0.75, girth=0.21, waist=0.85, leg=0.42, thick=0.065, neck=0.26, tilt=52, head=0.19, muzzle=1.1, tails="up",
@@ -158,8 +158,8 @@ KINDS = {
               snout=(0.5, 0.22), ear=0.42, tails="over", tail=0.8, brush=(0.035, 0.03, 0.03, 0.02))),
     ),
     "panda": (
-        breed("walking_panda", _BEAR, girth=0.38, hips=1.05, head=0.29, broad=1.12, muzzle=0.6, neck=0.1, tilt=22,
-              ear=0.2, eyes=(0.42, 0.15, 0.86, 0.16)),
+        breed("walking_panda", _BEAR, patched, girth=0.4, hips=1.05, head=0.31, broad=1.18, muzzle=0.35, neck=0.06,
+              tilt=26, ear=0.17, eyes=(0.48, 0.13, 1.0, 0.11)),
     ),
     "pig": (
         breed("hog", _PIG, _disc, length=0.9, girth=0.3, leg=0.26, ears="hanging", ear=0.24, muzzle=0.7),

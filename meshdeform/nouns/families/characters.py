@@ -313,16 +313,16 @@ def gnome(rng: Rng, traits: Traits) -> Part:
 
 def orc(rng: Rng, traits: Traits) -> Part:
     """Draw an orc: a hulk with a low head between its shoulders, tusks, pointed ears, long thick arms, a club."""
-    build = Build(head=0.31, wide=0.48, waist=0.72, hips=0.6, deep=0.62, trunk=0.72, arms=0.88, thick=0.17, legs=0.48,
-        stoop_deg=14, neck=-0.04, arm_deg=34)  # fmt: skip
+    build = Build(head=0.27, wide=0.45, waist=0.74, hips=0.66, deep=0.62, trunk=0.68, arms=0.74, thick=0.16, legs=0.62,
+        stoop_deg=5, neck=0.0, arm_deg=26)  # fmt: skip
     figure = figure_of(rng, traits, build)
     skull, head, hand = figure.skull, figure.head, figure.hand
-    jaw = on(skull, head, 0, -0.6, 0.5)
-    tusk, ear = on(jaw, head, 0.4, 0.15, 0.55), skull + [0.8 * head, 0.1 * head, 0]
+    jaw = on(skull, head, 0, -0.62, 0.55)
+    tusk, ear = on(jaw, head, 0.5, 0.15, 0.5), skull + [0.8 * head, 0.1 * head, 0]
     club = bent_limb([hand - [0, 0.1, 0.1], hand + [0, 0.15, 0.25], hand + [0, 0.4, 0.6]], [0.05, 0.07, 0.15])
-    return varied(rng, **figure.solids, jaw=bead(jaw, head * np.array([0.8, 0.5, 0.7]), segments=14),
-        tusk=pair(limb([tusk, tusk + [0.02, 0.5 * head, 0.03]], [0.045, 0.012], segments=7, samples=2)), weapon=club,
-        ear=pair(limb([ear, ear + [0.85 * head, 0.3 * head, -0.2 * head]], [[0.08, 0.05], [0.015, 0.015]],
+    return varied(rng, **figure.solids, jaw=bead(jaw, head * np.array([0.98, 0.5, 0.75]), segments=14),
+        tusk=pair(limb([tusk, tusk + [0.03, 0.62 * head, 0.06]], [0.06, 0.012], segments=7, samples=2)), weapon=club,
+        ear=pair(limb([ear, ear + [0.95 * head, 0.35 * head, -0.3 * head]], [[0.11, 0.05], [0.015, 0.015]],
         segments=8)))  # fmt: skip
 
 
@@ -349,14 +349,15 @@ def mummy(rng: Rng, traits: Traits) -> Part:
     """Draw a mummy: a figure wound in bands from head to foot, arms ahead, loose ends that hang from them."""
     figure = figure_of(rng, traits, replace(_REACHING, stoop_deg=4))
     solids, skull, head, hand = figure.solids, figure.skull, figure.head, figure.hand
-    bands = [moved(_band(0.97 * head, 1.02 * head, rng), skull + [0, share * head, 0]) for share in (0.38, -0.32, -0.6)]
-    for share in (0.15, 0.4, 0.65, 0.88):
+    wide = [(share, np.sqrt(1.02 - share**2)) for share in (0.62, 0.36, 0.1, -0.42, -0.66)]
+    bands = [moved(_band(0.93 * r * head, 1.06 * r * head, rng), skull + [0, y * head, 0]) for y, r in wide]
+    for share in (0.06, 0.2, 0.34, 0.48, 0.62, 0.76, 0.9):
         place = (1 - share) * np.array([0, figure.hips, 0]) + share * figure.top
         girth = figure.wide * (0.8 + 0.2 * share)
         bands.append(moved(_band(girth, 0.66 * girth, rng), place))
     leg = np.abs(solids["leg"][0].verts)
-    for share in (0.25, 0.5, 0.75):
-        bands += pair(moved(_band(0.145, 0.145, rng), [leg[:, 0].mean(), share * figure.hips, 0]))
+    for share in (0.2, 0.36, 0.52, 0.68, 0.84):
+        bands += pair(moved(_band(0.135, 0.135, rng), [leg[:, 0].mean(), share * figure.hips, 0]))
     ends = [bent_limb([hand, hand - [0, 0.2, 0.02], hand - [0, rng.uniform(0.35, 0.5), 0.08]], [[0.02, 0.06]] * 3,
         segments=6, samples=2)]  # fmt: skip
     return varied(rng, **{**solids, "nose": []}, band=bands, strap=[*ends, *pair(moved(ends[0], [0, 0, -0.22]))])
@@ -364,7 +365,7 @@ def mummy(rng: Rng, traits: Traits) -> Part:
 
 def _band(wide: float, deep: float, rng: Rng) -> Part:
     """Return a tilted level band about the origin, a little wider than what it is wound about."""
-    ring = lathe([(0.5, -0.035), (1.06, -0.045), (1.06, 0.045), (0.5, 0.035)], segments=11)
+    ring = lathe([(0.5, -0.04), (1.02, -0.045), (1.02, 0.045), (0.5, 0.04)], segments=16)
     return turned(ring._replace(verts=ring.verts * [wide, 1, deep]), rng.uniform(-10, 10), "z")
 
 

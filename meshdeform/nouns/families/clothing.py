@@ -135,14 +135,14 @@ def trousers(rng: Rng, traits: Traits) -> Part:
     """Draw trousers: an open waist with a belt and a buckle, hips, two separate legs, pockets behind."""
     width, hip = rng.uniform(0.42, 0.48), rng.uniform(0.42, 0.5)
     leg = traits.draw(rng, "legs", (0.28, 0.38), (0.95, 1.15), (2.1, 2.4))
-    cuff, swing = rng.uniform(0.18, 0.31), rng.uniform(7, 12)
-    wall = [(width * 0.7, -0.16), (width, -0.04), (width * 0.96, 0.16), (width * 0.86, hip)]
+    cuff, swing = rng.uniform(0.17, 0.27), rng.uniform(2, 7)
+    wall = [(width * 0.3, -0.12), (width * 0.8, -0.04), (width * 0.98, 0.2), (width * 0.86, hip)]
     seat = lathe([*wall, (width * 0.7, hip), (width * 0.66, hip - 0.14)])
     belt = lathe(
         [(width * 0.8, hip - 0.16), (width * 0.95, hip - 0.14), (width * 0.95, hip - 0.02), (width * 0.7, hip - 0.02)]
     )
     parts = [_stretched(part, 1.0, 1.0, 0.68) for part in (seat, belt)]
-    parts += pair(moved(_stretched(_sleeve(leg, 0.265, cuff, swing), 1.0, 1.0, 1.05), [width * 0.5, 0.04, 0]))
+    parts += pair(moved(_stretched(_sleeve(leg, 0.5 * width, cuff, swing), 1.0, 1.0, 1.1), [width * 0.45, 0.14, 0]))
     parts += [box([0, hip - 0.09, 0.64 * width], [0.2, 0.18, 0.16], round_by=0.25)]
     parts += [box([0, 0.12, 0.64 * width], [0.1, 0.36, 0.1], round_by=0.25)]
     return join([*parts, *pair(box([width * 0.38, 0.06, -0.56 * width], [0.24, 0.26, 0.18], round_by=0.25))])

@@ -29,20 +29,23 @@ def arched(width: float, height: float, rise: float, depth: float) -> Part:
 
 def skull(rng: Rng, _: Traits) -> Part:
     """Draw a skull: a round crown, hollow eyes and nose, cheekbones, a row of teeth, with or without its jaw."""
-    part = box([0, 0, 0], [2, 2, 2], round_by=0.5, cells=30)
-    long, eye = rng.uniform(0.72, 0.86), rng.uniform(0.17, 0.2)
-    x, y, z = (part.verts * [0.62, 0.62, long]).T
+    long, eye = rng.uniform(0.72, 0.86), rng.uniform(0.15, 0.175)
+    polar = np.linspace(0, np.pi, 37)
+    ball = lathe(np.stack([np.sin(polar), -np.cos(polar)], 1), segments=56)
+    x, y, z = (ball.verts * [0.62, 0.62, long]).T
     # The face is narrow below the cheekbones and flat in front.
-    part = Part(np.stack([x * (1 - 0.3 * np.clip(-y - 0.1, 0, 1)), y, np.minimum(z, 0.92 * long)], 1), part.faces)
-    part = _dented(part, [0.0, -0.3, -0.7 * long], [0.6, 0.3, 0.5], [0, 0.06, 0.0])
+    x, z = x * (1 - 0.22 * np.clip(-y - 0.1, 0, 1)), np.minimum(z + 0.25 * np.clip(-y, 0, 1) * (z > 0), 0.92 * long)
+    part = Part(np.stack([x, y, z], 1), ball.faces)
     for side in (-1, 1):
-        part = _dented(part, [0.26 * side, -0.06, 0.95 * long], [eye, eye, 0.5], [0, 0, -0.42])
-        part = _dented(part, [0.62 * side, -0.2, 0.3], [0.25, 0.25, 0.25], [-0.14 * side, 0, 0])
-    part = _dented(part, [0.0, -0.33, 0.9 * long], [0.085, 0.12, 0.5], [0, 0, -0.28])
+        part = _dented(part, [0.25 * side, -0.14, long], [eye, eye, 0.7], [0, 0, -0.3])
+        part = _dented(part, [0.62 * side, 0, 0.35], [0.2, 0.25, 0.25], [-0.05 * side, 0, 0])
+    part = _dented(part, [0.0, -0.4, 0.9 * long], [0.075, 0.1, 0.5], [0, 0, -0.2])
     front = 0.72 * long
     gum = [[-0.3, -0.55, front - 0.3], [-0.2, -0.58, front], [0.2, -0.58, front], [0.3, -0.55, front - 0.3]]
     parts = [part, limb(gum, [0.15] * 4)]
-    parts += [*pair(limb([[0.34, -0.25, front - 0.04], [0.52, -0.22, front - 0.5]], [0.1, 0.08], segments=10))]
+    turn = np.linspace(0, 2 * np.pi, 17)
+    ring = eye * np.stack([1.05 * np.cos(turn), 1.1 * np.sin(turn), -0.25 * np.cos(turn)], 1)
+    parts += pair(moved(limb(ring, [0.06] * 17, segments=8, samples=1), [0.25, -0.14, 0.8 * long]))
     parts += [box([x, -0.68, front + 0.1], [0.1, 0.2, 0.12], round_by=0.3) for x in np.linspace(-0.22, 0.22, 4)]
     if rng.random() < 0.6:
         low = -0.86 - rng.uniform(0.02, 0.15)

@@ -220,14 +220,17 @@ def starfish(rng: Rng, traits: Traits) -> Part:
 def dolphin(rng: Rng, traits: Traits) -> Part:
     """Draw a leaping dolphin: an arched smooth body, a round brow over a beak, a curved back fin, level flukes."""
     fins = traits.draw(rng, "fins", (0.1, 0.14), (0.34, 0.42), (0.72, 0.85))
-    nose = traits.draw(rng, "nose", (0.0, 0.03), (0.26, 0.33), (0.7, 0.85))
-    girth, arch = rng.uniform(0.26, 0.34), rng.uniform(0.35, 0.55)
-    along = np.array([0.62, 0.35, 0.0, -0.4, -0.75, -1.05])
+    nose = traits.draw(rng, "nose", (0.0, 0.03), (0.15, 0.2), (0.55, 0.68))
+    girth, arch = rng.uniform(0.26, 0.34), rng.uniform(0.3, 0.45)
+    along = np.array([0.62, 0.35, 0.0, -0.4, -0.75, -1.1])
     spine = np.stack([np.zeros(6), -arch * along**2, along], 1)
-    parts = [limb(spine, girth * np.array([0.75, 0.95, 1.0, 0.78, 0.45, 0.26]), segments=20)]
-    brow = spine[0] + [0, -0.06, 0.1]
+    parts = [limb(spine, girth * np.array([0.8, 0.97, 1.0, 0.76, 0.42, 0.2]), segments=20, samples=3)]
     down = np.array([0.0, -1.1 * arch, 1.0]) / np.hypot(1.1 * arch, 1.0)
-    parts.append(limb([brow, brow + (girth * 0.6 + nose) * down], [[0.12, 0.14], [0.075, 0.09]], segments=12))
+    brow = spine[0] + 0.6 * girth * down - [0, 0.3 * girth, 0]
+    for side in (0.04, -0.07):
+        lip = brow + [0, side, 0]
+        parts.append(limb([lip, lip + (0.5 * girth + nose) * down], [[0.13, 0.085], [0.09, 0.055]], segments=12))
+    parts += pair(ellipsoid(spine[0] + [0.74 * girth, -0.1 * girth, 0.2 * girth], 0.05, rings=8))
     hook = fins * np.array([(0.5, 0.0), (0.0, 0.75), (-0.45, 1.0), (-0.25, 0.5), (-0.35, 0.0)])
     parts.append(moved(plate(hook, 0.11, across="x"), [0, girth * 0.8, -0.08]))
     fluke = plate(

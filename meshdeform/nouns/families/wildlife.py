@@ -36,8 +36,9 @@ llama = breed(
     cap=0.8, muzzle=0.95, snout=(0.7, 0.55), drop=-15, ear=0.24, tails="over", tail=0.2, brush=(0.07, 0.09, 0.08, 0.04),
 )  # fmt: skip
 zebra = breed(
-    "zebra", HORSE, leg=0.48, girth=0.27, head=0.17, ears="round", mane=0.24, brush=_TUFT, tail=0.5, snout=(0.72, 0.56)
-)
+    "zebra", HORSE, leg=0.44, girth=0.29, waist=1.06, nape=0.95, neck=0.38, tilt=58, head=0.17, muzzle=1.45, mane=0.26,
+    snout=(0.74, 0.6), ears="leaf", ear=0.19, tail=0.45, brush=(0.035, 0.03, 0.03, 0.08),
+)  # fmt: skip
 
 
 @of(HORSE, tail=0.75, brush=(0.06, 0.12, 0.14, 0.04))
@@ -52,14 +53,16 @@ def unicorn(animal: Animal) -> None:
         animal.add("mane", strand(animal.on_head(0.3 * side, 0.8, 0.1), share * steps, [0.06, 0.1, 0.11, 0.03]))
 
 
-@of(CATTLE, girth=0.33, hips=0.66, waist=0.85, slope=0.07, tilt=-12, neck=0.1, head=0.25, drop=-62, muzzle=0.9,
-    ear=0.13, leg=0.3, cap=0.75, beard=0.34, horns=(0.3, 0.06, _INWARD))  # fmt: skip
+@of(CATTLE, length=0.95, girth=0.31, hips=0.62, waist=0.8, slope=0.1, tilt=-22, neck=0.12, head=0.22, drop=-58,
+    muzzle=0.5, snout=(0.92, 0.72), ear=0.13, leg=0.3, cap=0.0, cartoon=0.0, horns=(0.26, 0.06, _INWARD))  # fmt: skip
 def bison(animal: Animal) -> None:
     """Draw a bison: a shaggy hump over the shoulders, a low heavy head with short horns and a beard, slim hips."""
-    hump = animal.sized("humps", 0.3)
-    path = [[0, -0.1, -0.42], [0, 0.55 * hump, -0.12], [0, 0.7 * hump, 0.1], [0, 0.0, 0.36]]
-    bulk = np.array([0.16, 0.27, 0.29, 0.24])
+    hump = animal.sized("humps", 0.36)
+    path = [[0, -0.12, -0.6], [0, 0.5 * hump, -0.3], [0, 0.75 * hump, 0.02], [0, 0.0, 0.36]]
+    bulk = np.array([0.12, 0.23, 0.29, 0.24])
     animal.add("hump", tube(np.array(path) + animal.withers - [0, 0.26, 0.08], bulk, bulk + 0.1 * hump))
+    for place, size in (((0, 0.72, 0.1), (0.8, 0.6, 0.75)), ((0, -1.35, 0.75), (0.42, 0.75, 0.4))):
+        animal.ball("mane", animal.on_head(*place), animal.head * np.array(size))
 
 
 @of(CATTLE, hips=0.75, slope=0.05, leg=0.25, thick=0.07, neck=0.05, tilt=2, head=0.25, muzzle=1.5, girth=0.29,
@@ -94,9 +97,9 @@ def mammoth(animal: Animal) -> None:
 
 
 _GREAT_CAT = FourLegged(
-    length=1.0, girth=0.2, waist=0.86, leg=0.4, thick=0.075, neck=0.22, tilt=35, nape=0.9, head=0.18, broad=1.05,
-    muzzle=0.35, snout=(0.6, 0.48), drop=-25, ears="round", ear=0.12, tails="swung", tail=0.9,
-    brush=(0.05, 0.045, 0.045, 0.05),
+    length=1.1, girth=0.21, waist=0.84, hips=0.9, deep=1.2, leg=0.36, thick=0.085, thigh=1.8, paw=1.7, neck=0.2,
+    tilt=16, nape=1.0, head=0.18, broad=1.08, muzzle=0.32, snout=(0.62, 0.52), drop=-20, ears="round", ear=0.085,
+    tails="swung", tail=0.95, brush=(0.05, 0.045, 0.045, 0.05), eyes=(0.42, 0.3, 0.82, 0.14), cartoon=0.0,
 )  # fmt: skip
 SMALL = FourLegged(
     length=0.6, girth=0.21, hips=1.08, arch=0.07, leg=0.22, thick=0.06, neck=0.1, tilt=28, nape=0.8, head=0.19,
@@ -104,8 +107,9 @@ SMALL = FourLegged(
 )  # fmt: skip
 
 otter = breed(
-    "otter", SMALL, length=1.15, girth=0.17, arch=0.05, leg=0.1, neck=0.22, tilt=50, head=0.155, muzzle=0.55, broad=1.2,
-    snout=(0.75, 0.6), ear=0.07, tails="down", tail=0.75, brush=(0.15, 0.11, 0.07, 0.03),
+    "otter", SMALL, length=1.0, girth=0.18, arch=0.1, leg=0.07, neck=0.2, tilt=24, nape=0.95, head=0.16, muzzle=0.4,
+    broad=1.25, snout=(0.8, 0.7), ear=0.06, tails="down", tail=0.95, brush=(0.17, 0.13, 0.09, 0.03), paw=2.0,
+    eyes=(0.55, 0.45, 0.72, 0.13),
 )  # fmt: skip
 
 
@@ -117,49 +121,61 @@ def _tufts(animal: Animal, long: float, *lows: float) -> None:
         animal.two("cheek", limb([root, root + way], [0.42 * animal.head, 0.015], segments=8, samples=2))
 
 
-@of(_GREAT_CAT, girth=0.23, thick=0.09, head=0.22, snout=(0.66, 0.56), ear=0.13)
+def _shoulders(animal: Animal, size: float) -> None:
+    """Add a great cat's shoulders, which stand out above its back, and the two pads of its upper lip."""
+    place = [0.6 * animal.girth, animal.withers[1] - 0.15, 0.75 * animal.half]
+    animal.ball("body", place, size * np.array([0.11, 0.19, 0.2]), two=True)
+    pads = animal.muzzle - animal.head * np.array([-0.28, 0.1, 0.12])
+    animal.ball("nose", pads, animal.head * np.array([0.32, 0.26, 0.3]), two=True)
+
+
+@of(_GREAT_CAT, girth=0.25, hips=0.86, thick=0.1, head=0.235, snout=(0.66, 0.56), tail=0.85, leg=0.34)
 def tiger(animal: Animal) -> None:
-    """Draw a tiger: a great cat with a heavy head, a ruff of tufts on its cheeks and a long tail."""
-    _tufts(animal, 0.9, 0.0, -0.35, -0.7)
+    """Draw a tiger: a great cat with heavy forequarters, a low broad head with a ruff of tufts, a long tail."""
+    _shoulders(animal, 0.95)
+    _tufts(animal, 0.75, -0.25, -0.6)
 
 
-@of(_GREAT_CAT, girth=0.18, waist=0.78, deep=1.2, head=0.155, tilt=20, tail=1.15, leg=0.44, thick=0.06)
+@of(_GREAT_CAT, girth=0.19, waist=0.78, head=0.15, tail=1.25, leg=0.38, thick=0.07)
 def leopard(animal: Animal) -> None:
     """Draw a leopard: a low slim cat with a small head, shoulders that stand out and a very long tail."""
-    animal.ball("body", [0.1, animal.withers[1] - 0.08, 0.8 * animal.half], [0.08, 0.16, 0.14], two=True)
+    _shoulders(animal, 0.9)
 
 
 @of(SMALL, ears="pointed", ear=0.17, broad=1.15, head=0.22, muzzle=0.9, tail=0)
 def raccoon(animal: Animal) -> None:
     """Draw a raccoon: a round back, a broad face that runs to a point with tufts at its sides, a ringed bushy tail."""
     _tufts(animal, 0.7, -0.2)
+    _patches(animal, 0.42, 0.2, -24)
     angle = np.radians(np.linspace(200, 130, 10) + animal.rng.uniform(-15, 15))
     steps = animal.sized("tail", 0.75) / 10 * np.stack([0 * angle, np.sin(angle), np.cos(angle)], 1)
     rings = np.where(np.arange(11) % 2, 0.15, 0.105) * np.array([0.7, *np.ones(9), 0.5])
     animal.add("tail", strand(animal.rump, steps, rings, segments=10))
 
 
-@of(SMALL, length=0.34, girth=0.3, deep=1.0, leg=0.05, neck=0, tilt=22, head=0.3, muzzle=0.3, snout=(0.5, 0.35),
-    broad=1.08, ear=0.17, tail=0, paw=1.6, cartoon=0.0, eyes=(0.5, 0.3, 0.8, 0.17))  # fmt: skip
+@of(Upright(trunk=0.36, hips=0.39, belly=0.43, chest=0.36, leg=0.03, thick=0.05, foot=0.16, reach=0.17, lift=12,
+            hold=2.8, head=0.33, muzzle=0.12, snout=(0.5, 0.36), broad=1.15, ears="round", ear=0.17,
+            eyes=(0.55, 0.3, 0.78, 0.17)))  # fmt: skip
 def hamster(animal: Animal) -> None:
-    """Draw a hamster: a ball of a body that is hardly apart from its head, full cheeks, tiny feet, round ears."""
-    bulk = animal.girth * np.array([1.15, 1.08, 1.0]) + [0, 0, 0.8 * animal.half]
-    animal.parts["body"] = [ellipsoid([0, animal.height, 0], bulk, rings=10)]
-    animal.ball("cheek", animal.on_head(0.5, -0.35, 0.6), 0.45 * animal.head, two=True)
+    """Draw a hamster that sits up: a ball hardly apart from its head, full cheeks, tiny paws before its chest."""
+    animal.ball("cheek", animal.on_head(0.72, -0.42, 0.35), 0.5 * animal.head, two=True)
     animal.ball("tail", animal.rump + [0, -0.15, -0.1], 0.07)
 
 
 def _patches(animal: Animal, wide: float, high: float, slant: float) -> None:
-    """Add a flat patch about each eye, in radii of the head."""
-    flat = ellipsoid([0, 0, 0], animal.head * np.array([wide, high, 0.1]), rings=5)
-    animal.two("cheek", moved(turned(turned(flat, slant, "z"), 24, "y"), animal.on_head(0.45, 0.16, 0.83)))
+    """Add a patch about each eye, in radii of the head."""
+    flat = ellipsoid([0, 0, 0], animal.head * np.array([wide, high, 0.2]), rings=7)
+    animal.two("cheek", moved(turned(turned(flat, slant, "z"), 24, "y"), animal.on_head(0.46, 0.1, 0.86)))
 
 
-@of(Upright(thick=0.14, head=0.33, broad=1.12, muzzle=0.45, snout=(0.5, 0.4), ears="round", ear=0.28, hips=0.42,
-            belly=0.42, chest=0.3, foot=0.2, reach=0.4, eyes=(0.42, 0.18, 0.86, 0.13)))  # fmt: skip
-def panda(animal: Animal) -> None:
-    """Draw a sitting panda: a round belly, thick limbs, a broad head with round ears, patches about the eyes."""
-    _patches(animal, 0.3, 0.4, 28)
+def patched(animal: Animal) -> None:
+    """Draw a panda: a round belly, thick limbs, a broad head with round ears, patches that droop about the eyes."""
+    _patches(animal, 0.24, 0.4, 36)
+
+
+panda = breed("panda", Upright(
+    thick=0.16, head=0.38, broad=1.18, muzzle=0.3, snout=(0.46, 0.38), ears="round", ear=0.2, hips=0.46, belly=0.48,
+    chest=0.36, foot=0.2, reach=0.42, eyes=(0.48, 0.13, 1.0, 0.11)), patched)  # fmt: skip
 
 
 @of(Upright(thick=0.1, head=0.34, broad=1.2, muzzle=0.28, snout=(0.3, 0.22), drop=-20, ears="", trunk=0.55, hips=0.33,

@@ -91,6 +91,7 @@ export const STATE_WORDS = /** @type {Record<string, string>} */ ({
 
 const PHASES = /** @type {Record<string, string>} */ ({
   queued: "Waiting for a worker",
+  fetching: "Fetching the file",
   loading: "Loading the model",
   preparing: "Preparing the mesh",
   optimizing: "Deforming",

@@ -5,6 +5,7 @@
  *
  * @typedef {object} Groups The parameters of each group, as the server declares them.
  * @property {Record<string, any>} control
+ * @property {Record<string, any>} input
  * @property {Record<string, Record<string, any>>} guidance By its kind.
  * @property {Record<string, string[]>} unused Parameters outside of the groups that a kind of guidance does without.
  */
@@ -12,17 +13,17 @@
 /** @param {any} schema The JSON schema of a job's parameters. @returns {Groups} */
 export function groupsOf(schema) {
   const members = (/** @type {{$ref: string}} */ { $ref }) => schema.$defs[/** @type {string} */ ($ref.split("/").at(-1))].properties;
-  const { control, guidance } = schema?.properties ?? {};
+  const { control, input, guidance } = schema?.properties ?? {};
   const named = (guidance?.oneOf ?? []).map(members).filter((/** @type {any} */ { kind }) => kind);
   const kinds = named.map((/** @type {any} */ { kind, ...others }) => [kind.const, others]);
-  return { control: control ? members(control) : {}, guidance: Object.fromEntries(kinds), unused: schema?.["x-unused"] ?? {} };
+  return { control: control ? members(control) : {}, input: input ? members(input) : {}, guidance: Object.fromEntries(kinds), unused: schema?.["x-unused"] ?? {} };
 }
 
 /** Parameters by their names alone. @param {any} params Of a job. @returns {Record<string, any>} */
 export function plainParams(params) {
-  const { guidance, control, ...others } = params ?? {};
+  const { guidance, control, input, ...others } = params ?? {};
   const { kind, ...members } = typeof guidance === "string" ? { kind: guidance } : (guidance ?? {});
-  return { ...others, ...members, ...control, ...(kind && kind !== "sds" ? { guidance: kind } : {}) };
+  return { ...others, ...members, ...control, ...input, ...(kind && kind !== "sds" ? { guidance: kind } : {}) };
 }
 
 /**
@@ -34,14 +35,15 @@ export function plainParams(params) {
 export function groupedParams({ guidance: kind = "sds", ...params }, groups) {
   /** @type {Record<string, any>} */
   const guidance = { kind };
-  /** @type {[Record<string, any>, Record<string, any>]} */
-  const [control, others] = [{}, {}];
+  /** @type {[Record<string, any>, Record<string, any>, Record<string, any>]} */
+  const [control, input, others] = [{}, {}, {}];
   for (const [name, value] of Object.entries(params)) {
     if (name in groups.control) control[name] = value;
+    else if (name in groups.input) input[name] = value;
     else if (name in (groups.guidance[kind] ?? {})) guidance[name] = value;
     else if (!isUnused(name, kind, groups)) others[name] = value;
   }
-  return { ...others, guidance, ...(Object.keys(control).length ? { control } : {}) };
+  return { ...others, guidance, ...(Object.keys(control).length ? { control } : {}), ...(Object.keys(input).length ? { input } : {}) };
 }
 
 /** Whether a parameter is for other kinds of guidance alone. @param {string} name @param {string} kind @param {Groups} groups */
@@ -52,5 +54,5 @@ export function isUnused(name, kind, { guidance, unused }) {
 
 /** The place within the parameters that the server refuses, without its group. @param {any} error Of a problem document. @returns {any[]} */
 export function placeOf({ loc = [] }) {
-  return loc.length > 2 && ["guidance", "control"].includes(loc[1]) ? loc.slice(2) : loc.slice(1);
+  return loc.length > 2 && ["guidance", "control", "input"].includes(loc[1]) ? loc.slice(2) : loc.slice(1);
 }

@@ -14,7 +14,7 @@ let scope = new Scope();
 let first = true;
 let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", examples: "examples", example: "examples", shared: "shared" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", many: "create", examples: "examples", example: "examples", shared: "shared", api: "api", usage: "api" });
 const RELOAD_MS = 30_000;
 const AGAIN_MS = 1000;
 const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared", "field"]);
@@ -31,10 +31,13 @@ const VIEWS = {
   surface: ({ from, quick }) => import("./create/surface-view.js").then(({ SurfaceView }) => (root, scope) => new SurfaceView(root, scope, from, quick)),
   field: () => import("./own-field.js").then(({ OwnField }) => (root, scope) => new OwnField(root, scope)),
   family: ({ from }) => import("./family/view.js").then(({ FamilyView }) => (root, scope) => new FamilyView(root, scope, from)),
+  many: ({ id }) => import("./many/view.js").then(({ ManyView }) => (root, scope) => new ManyView(root, scope, id ?? "")),
   words: () => import("./words/view.js").then(({ WordsView }) => (root, scope) => new WordsView(root, scope)),
   examples: () => import("./examples/view.js").then(({ showExamples }) => showExamples),
   example: ({ id }) => import("./examples/view.js").then(({ ExampleView }) => (root, scope) => new ExampleView(root, scope, id)),
   compare: ({ ids: [before, after] }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, after, before)),
+  api: () => import("./api/view.js").then(({ showReference }) => showReference),
+  usage: () => import("./api/view.js").then(({ showUsage }) => showUsage),
   jobs: ({ state, search }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { state, search })),
   group: ({ id }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { group: id })),
   job: ({ id }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, id)),
@@ -88,7 +91,7 @@ async function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", many: "Many files", api: "API", usage: "Usage", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

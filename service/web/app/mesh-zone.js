@@ -2,7 +2,7 @@
 /** A place for many mesh files: chosen, or dropped anywhere on the page. */
 import { packMeshes } from "../client/index.js";
 import { announce } from "./announce.js";
-import { formatOf, FORMATS } from "./assets.js";
+import { exampleAsset, formatOf, FORMATS } from "./assets.js";
 import { button, fill, h, icon, say } from "./dom.js";
 import { bytes, counted } from "./format.js";
 import { fileInput, takeDrops } from "./picking.js";
@@ -10,10 +10,20 @@ import { fileInput, takeDrops } from "./picking.js";
 export class MeshZone {
   /**
    * @param {import("./scope.js").Scope} scope
-   * @param {{id: string, hint: string, empty: string, further?: string[]}} options `further`: names of other files that may come along, or how they end.
+   * @param {object} options
+   * @param {string} options.id
+   * @param {string} options.hint
+   * @param {string} options.empty
+   * @param {string[]} [options.further] Names of other files that may come along, or how they end.
+   * @param {string} options.sample A file of ours that is there until others come.
+   * @param {(there: boolean) => void} [options.onSample] It has come, or has given way.
    */
-  constructor(scope, { id, hint, empty, further = [] }) {
+  constructor(scope, { id, hint, empty, further = [], sample, onSample = () => {} }) {
+    this.scope = scope;
     this.empty = empty;
+    this.onSample = onSample;
+    /** Whether what is there is the sample. */
+    this.sampled = false;
     this.further = further;
     /** @type {File[]} */
     this.files = [];
@@ -33,17 +43,35 @@ export class MeshZone {
     );
     takeDrops(scope, this.element, (files) => this._take(files));
     this._draw();
+    void this._sample(sample);
   }
 
   clear() {
-    this.files = [];
+    this._drop();
     this._draw();
   }
 
   /** @param {File[]} files */
   add(files) {
+    if (this.sampled) this._drop();
     this.files.push(...files);
     this._draw();
+  }
+
+  /** @param {string} name */
+  async _sample(name) {
+    const asset = await exampleAsset(name, this.scope.signal).catch(() => null); // all works without it
+    if (!asset || this.scope.over || this.files.length) return;
+    this.files = [new File([asset.blob], name)];
+    this.sampled = true;
+    this.onSample(true);
+    this._draw();
+  }
+
+  _drop() {
+    this.files = [];
+    if (this.sampled) this.onSample(false);
+    this.sampled = false;
   }
 
   /**
@@ -66,10 +94,11 @@ export class MeshZone {
   /** @param {File[]} files */
   _take(files) {
     const wrong = files.find((file) => !FORMATS.includes(formatOf(file.name)) && !this.further.some((end) => file.name.endsWith(end)));
-    const zip = [...this.files, ...files].some((file) => formatOf(file.name) === "zip");
+    const there = this.sampled ? [] : this.files;
+    const zip = [...there, ...files].some((file) => formatOf(file.name) === "zip");
     const refusal = wrong
       ? `${wrong.name} isn't supported. Use GLB, OBJ, PLY or STL, or a ZIP of them.`
-      : zip && this.files.length + files.length > 1
+      : zip && there.length + files.length > 1
         ? "Choose one ZIP, or any number of other files: not both."
         : "";
     say(this.refused, refusal);
@@ -80,7 +109,7 @@ export class MeshZone {
 
   _draw() {
     const size = this.files.reduce((sum, file) => sum + file.size, 0);
-    this.count.textContent = this.files.length ? `${counted(this.files.length, "file")}, ${bytes(size)}` : this.empty;
+    this.count.textContent = this.files.length ? `${this.sampled ? "A sample, until you choose yours: " : ""}${counted(this.files.length, "file")}, ${bytes(size)}` : this.empty;
     fill(this.list, this.files.map((file) => this._row(file)));
   }
 
@@ -88,6 +117,7 @@ export class MeshZone {
   _row(file) {
     const { name, size } = file;
     const remove = button(`Remove ${name}`, () => {
+      if (this.sampled) this._drop();
       this.files = this.files.filter((other) => other !== file);
       this._draw();
     }, { icon: "cross", quiet: true, class: "button-quiet" });

@@ -18,6 +18,9 @@ export function stemOf(job) {
 const ARTIFACTS = /** @type {Record<string, string>} */ ({
   "result.glb": ".glb",
   "result.stl": ".stl",
+  "result.3mf": ".3mf",
+  "result.usdz": ".usdz",
+  "result.obj.zip": ".obj.zip",
   "morph.glb": "-animated.glb",
   "surface.ndf": ".ndf",
   "report.json": "-report.json",

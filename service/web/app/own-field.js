@@ -1,5 +1,6 @@
 // @ts-check
 /** A `.ndf` of the user's own, unfolded in the browser: nothing is sent. */
+import { exampleAsset } from "./assets.js";
 import { intro, kindsNav } from "./create/form.js";
 import { DEMO } from "./demo.js";
 import { button, fill, h, icon, say } from "./dom.js";
@@ -10,6 +11,7 @@ import { Scope } from "./scope.js";
 export class OwnField {
   /** @param {HTMLElement} root @param {Scope} scope */
   constructor(root, scope) {
+    this.scope = scope;
     this.stage = new Scope();
     scope.add(() => this.stage.dispose());
     this.place = h("div", null);
@@ -27,14 +29,21 @@ export class OwnField {
     takeDrops(scope, element, ([file]) => this._show(file));
     const file = takeHanded();
     if (file) this._show(file);
+    else void this._sample();
   }
 
-  /** @param {File} file */
-  _show(file) {
+  /** Nothing opens empty. */
+  async _sample() {
+    const asset = await exampleAsset("bumpy_torus.ndf", this.scope.signal).catch(() => null); // all works without it
+    if (asset && !this.scope.over && !this.place.childElementCount) this._show(new File([asset.blob], asset.name), "A sample: a bumpy torus");
+  }
+
+  /** @param {File} file @param {string} [title] */
+  _show(file, title = file.name) {
     say(this.refused, isField(file) ? "" : `${file.name} isn't supported. Use NDF.`);
     if (!isField(file)) return;
     this.stage.dispose();
     this.stage = new Scope();
-    fill(this.place, h("h2", null, file.name), new FieldStage({ state: "succeeded" }, this.stage, file).element);
+    fill(this.place, h("h2", null, title), new FieldStage({ state: "succeeded" }, this.stage, file).element);
   }
 }

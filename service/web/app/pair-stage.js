@@ -2,7 +2,7 @@
 /** Two shapes side by side in 3D: cameras that move together, what differs as colours, and wireframe. */
 import { button, h } from "./dom.js";
 import { drawnPicture, segmented, showLegend, toggle } from "./job/stage-controls.js";
-import { clipPlayer, linkViews, ViewerBox } from "./viewer-box.js";
+import { linkViews, movingControls, ViewerBox } from "./viewer-box.js";
 
 /** @typedef {"none" | "displacement" | "stretch" | "texture"} Colour */
 
@@ -46,9 +46,14 @@ export class PairStage {
       "section",
       { class: wide ? "job-stage" : "job-stage single", "aria-label": label },
       h("div", { class: "stage pair-stage" }, this.views.map(({ element }) => element), this.legend),
-      clipPlayer(this.scope, ...this.views),
+      movingControls(this.scope, this.views, (ending) => this.turntableName(ending)),
       this.tools,
     );
+  }
+
+  /** What a turntable of the second view is saved as. @param {string} ending */
+  turntableName(ending) {
+    return `turntable.${ending}`;
   }
 
   /**

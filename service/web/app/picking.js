@@ -46,7 +46,7 @@ export function fileInput(id, label, accept, take, multiple = false) {
  * Take what is dropped anywhere on the page; while something is over it, the element shows that it would.
  * @param {import("./scope.js").Scope} scope
  * @param {HTMLElement} element
- * @param {(files: File[], target: EventTarget | null) => void} take
+ * @param {(files: File[], target: EventTarget | null, transfer: DataTransfer) => void} take
  */
 export function takeDrops(scope, element, take) {
   scope.listen(document, "dragover", (event) => {
@@ -60,6 +60,6 @@ export function takeDrops(scope, element, take) {
     const files = [...(event.dataTransfer?.files ?? [])];
     if (!files.length) return;
     event.preventDefault();
-    take(files, event.target);
+    take(files, event.target, event.dataTransfer);
   });
 }

@@ -5,10 +5,11 @@
  * @typedef {{name: "create", from: string | null, result?: boolean, example?: string}
  *   | {name: "surface", from: string | null, quick?: boolean}
  *   | {name: "family", from: string | null}
- *   | {name: "examples" | "field" | "words"}
+ *   | {name: "examples" | "field" | "words" | "api" | "usage"}
  *   | {name: "jobs", state: string | null, search?: string}
  *   | {name: "job" | "group" | "example", id: string}
  *   | {name: "shared", id: string, link: string}
+ *   | {name: "many", id?: string}
  *   | {name: "compare", ids: [string, string]}
  *   | {name: "unknown", path: string}} Route
  */
@@ -27,7 +28,11 @@ const ROUTES = [
   ["surface", [], (_, query) => ({ name: "surface", from: jobOf(query), ...(query.has("quick") ? { quick: true } : {}) })],
   ["family", [], (_, query) => ({ name: "family", from: jobOf(query) })],
   ["field", [], () => ({ name: "field" })],
+  ["many", [], () => ({ name: "many" })],
+  ["many", [GROUP], ([id]) => ({ name: "many", id })],
   ["words", [], () => ({ name: "words" })],
+  ["api", [], () => ({ name: "api" })],
+  ["usage", [], () => ({ name: "usage" })],
   ["jobs", [], (_, query) => ({ name: "jobs", state: stateOf(query.get("state")), search: (query.get("q") ?? "").slice(0, MAX_SEARCH) })],
   ["jobs", [JOB], ([id]) => ({ name: "job", id })],
   ["shared", [JOB, LINK], ([id, link]) => ({ name: "shared", id, link })],
@@ -80,6 +85,8 @@ export function routeHash(route) {
       return `#/${route.name}s/${route.id}`;
     case "shared":
       return `#/shared/${route.id}/${route.link}`;
+    case "many":
+      return route.id ? `#/many/${route.id}` : "#/many";
     case "compare":
       return `#/compare/${route.ids.join("/")}`;
     case "unknown":

@@ -6,8 +6,10 @@
  * @typedef {{min: number, max: number, p99: number, unit: string, label: string, gradient: string,
  *   ticks: {text: string, at: number}[], problem: string}} Scale
  */
+import { toast } from "./announce.js";
 import { isAbort } from "./client.js";
 import { fill, h, icon } from "./dom.js";
+import { saveBytes } from "./job/files.js";
 
 /** @type {Promise<any> | null} */
 let module_ = null;
@@ -135,7 +137,7 @@ export class ViewerBox {
     return this.viewer.snapshot({ width: 2 * width, height: 2 * height, background: getComputedStyle(this.canvas).backgroundColor });
   }
 
-  /** @returns {Promise<Blob>} One turn around what is shown, as a video. */
+  /** @returns {Promise<Blob>} One turn around what is shown, as a video, or a GIF where none is recorded. */
   turntable() {
     return this.viewer.turntable({ background: getComputedStyle(this.canvas).backgroundColor, signal: this.scope.signal });
   }
@@ -151,13 +153,27 @@ export async function linkViews(a, b) {
 
 /** What plays the clips of views, in step; hidden where there are none. @param {import("./scope.js").Scope} scope @param {...ViewerBox} views @returns {HTMLElement} */
 export function clipPlayer(scope, ...views) {
-  const element = h("div", { class: "clips", hidden: true });
+  return movingControls(scope, views);
+}
+
+/**
+ * What plays the clips of views, in step, and saves turntables of the last of them (`viewer/clips.js`).
+ * @param {import("./scope.js").Scope} scope
+ * @param {ViewerBox[]} views
+ * @param {(ending: string) => string} [named] What a turntable is saved as; without it there is none.
+ * @returns {HTMLElement}
+ */
+export function movingControls(scope, views, named) {
+  const element = h("div", { class: "moving" });
+  const options = named && {
+    save: (/** @type {Blob} */ file, /** @type {string} */ ending) => saveBytes(file, named(ending)),
+    failed: (/** @type {unknown} */ error) => toast(`No turntable. ${error instanceof Error ? error.message : ""}`),
+  };
   Promise.all(views.map(({ ready }) => ready)).then(async () => {
     const viewers = views.flatMap(({ viewer }) => viewer ?? []);
     if (!viewers.length || scope.over) return;
-    const { ClipPlayer } = await viewerModule();
-    const player = new ClipPlayer(element, viewers);
-    scope.add(() => player.dispose());
+    const { mountClips } = await viewerModule();
+    if (!scope.over) scope.add(mountClips(element, viewers, options).dispose);
   });
   return element;
 }

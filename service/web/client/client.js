@@ -65,11 +65,12 @@ export class Client {
      * refused with `asset_not_kept`. The request is not repeated by itself: whoever looks on may want something else by then.
      */
     async preview(asset, request, options = {}) {
-        const { as = "positions", ...more } = options;
+        const { as = "positions", draft = false, ...more } = options;
         const kept = "sha256" in asset && !("id" in asset);
         const body = kept && !more.files ? { json: { ...request, asset } } : await this.#body(kept ? null : asset, kept ? { ...request, asset } : request, more);
-        const response = await this.#transport.request(`v1/jobs:preview?as=${as}`, { method: "POST", ...body, signal: options.signal, once: true });
-        return { data: await response.arrayBuffer(), asset: response.headers.get("Meshdeform-Asset") ?? "" };
+        const response = await this.#transport.request(`v1/jobs:preview?as=${as}&draft=${draft}`, { method: "POST", ...body, signal: options.signal, once: true });
+        const { headers } = response;
+        return { data: await response.arrayBuffer(), draft: headers.get("Meshdeform-Draft") === "true", asset: headers.get("Meshdeform-Asset") ?? "" };
     }
     /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
     async guessSketch(drawing, options = {}) {
@@ -246,6 +247,10 @@ export class Client {
     /** Delete a word. Jobs that have it keep it. */
     async deleteWord(noun, signal) {
         await this.#transport.request(wordPath(noun), { method: "DELETE", signal });
+    }
+    /** Return what your jobs have used in each month, newest first. */
+    async usage(signal) {
+        return (await this.#transport.json("v1/usage", { signal })).months;
     }
     async models(signal) {
         return this.#transport.json("v1/models", { signal });

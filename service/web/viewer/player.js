@@ -1,11 +1,14 @@
 // @ts-check
-/** Plays the clips of viewers, all in step: what stands side by side is seen at the same moment. Nothing starts by itself. */
+/**
+ * Plays the clips of viewers, all in step: what stands side by side is seen at the same moment. Nothing starts by itself.
+ * `clips.js` puts it below a view.
+ */
 
 /** @typedef {import("./viewer.js").MeshViewer} MeshViewer */
 
 const PLAY = "M8 5.500v13l10.500-6.500z";
 const PAUSE = "M8.500 5.500v13M15.500 5.500v13";
-const STEPS = 100; // of the slider, for any length
+const FRAME_S = 1 / 30; // of the slider, and of the keys that go by a frame
 const LONGEST_MS = 100; // between two pictures; after a longer pause it goes on where it was
 
 export class ClipPlayer {
@@ -23,7 +26,7 @@ export class ClipPlayer {
     this.path = document.createElementNS("http://www.w3.org/2000/svg", "path");
     this.button = Object.assign(document.createElement("button"), { type: "button", className: "button button-icon" });
     this.choice = document.createElement("select");
-    this.slider = Object.assign(document.createElement("input"), { type: "range", max: String(STEPS) });
+    this.slider = Object.assign(document.createElement("input"), { type: "range", min: "0", max: "0", step: "any" });
     this.clock = Object.assign(document.createElement("span"), { className: "clip-clock" });
     this.#build();
     const { signal } = this.#stop;
@@ -31,6 +34,7 @@ export class ClipPlayer {
       viewer.addEventListener("clips", () => this.#offer(), { signal });
       viewer.addEventListener("rest", () => this.rest(), { signal });
     }
+    for (const element of [this.element, ...viewers.map(({ surface }) => surface.container)]) element.addEventListener("keydown", this.#key, { signal });
     this.#offer();
   }
 
@@ -45,9 +49,46 @@ export class ClipPlayer {
     this.element.setAttribute("role", "group");
     this.element.setAttribute("aria-label", "Animation");
     this.element.replaceChildren(this.button, this.choice, this.slider, this.clock);
-    this.button.addEventListener("click", () => (this.#frame ? this.pause() : this.#play()));
+    this.button.addEventListener("click", () => this.#toggle());
     this.choice.addEventListener("change", () => this.#choose());
     this.slider.addEventListener("input", () => this.#seek());
+  }
+
+  #toggle() {
+    if (this.#frame) this.pause();
+    else this.#play();
+  }
+
+  /** Keys that the element which has the focus does not take itself. @param {KeyboardEvent} event */
+  #key = (event) => {
+    const { target, currentTarget, key } = event;
+    if (this.element.hidden || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (currentTarget !== this.element && target !== currentTarget) return; // a field over the view
+    const by = { ",": -1, ".": 1 }[key] ?? (target === this.slider ? { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[key] : undefined);
+    if (key === " " && target !== this.button && target !== this.choice) this.#toggle();
+    else if (by) this.#step(by);
+    else return;
+    event.preventDefault();
+  };
+
+  /** @param {number} frames forwards */
+  #step(frames) {
+    if (!this.choice.value) this.choice.selectedIndex = 1;
+    const { value } = this.choice;
+    this.#time = Math.min(Math.max(this.#time + frames * FRAME_S, 0), this.#lengths.get(value) ?? 0);
+    this.pause();
+  }
+
+  /** Let someone else turn the pages: `moment` shows the clip that many seconds after the moment that is shown, `done` goes on as before. @returns {{ moment: (seconds: number) => void, done: () => void }} */
+  film() {
+    const [playing, from] = [this.#frame > 0, this.#time];
+    cancelAnimationFrame(this.#frame);
+    const clip = this.choice.value;
+    const show = (/** @type {number} */ time) => this.viewers.forEach((viewer) => viewer.pose(clip || null, time));
+    return {
+      moment: (seconds) => clip && playing && show((from + seconds) % this.#seconds || 0),
+      done: () => (playing ? this.#play() : this.#show()),
+    };
   }
 
   /** Offer the clips that any of the viewers has. */
@@ -59,6 +100,13 @@ export class ClipPlayer {
     this.choice.value = chosen;
     if (chosen) this.#show();
     else this.rest();
+  }
+
+  /** Play a clip from its beginning, or let it stand there where motion is unwanted. @param {string} name empty: the first; where there is none of the name, all is at rest */
+  choose(name) {
+    const [first = ""] = this.#lengths.keys();
+    this.choice.value = this.#lengths.has(name || first) ? name || first : "";
+    this.#choose();
   }
 
   #choose() {
@@ -96,7 +144,7 @@ export class ClipPlayer {
 
   /** Someone moves the slider: the clip stands still there. */
   #seek() {
-    this.#time = (this.#seconds * Number(this.slider.value)) / STEPS;
+    this.#time = Number(this.slider.value);
     this.pause();
   }
 
@@ -104,13 +152,13 @@ export class ClipPlayer {
   #show() {
     const clip = this.choice.value;
     this.#seconds = this.#lengths.get(clip) ?? 0;
-    const share = this.#seconds ? this.#time / this.#seconds : 0;
     const [time, length] = [this.#time, this.#seconds].map((seconds) => seconds.toFixed(1));
     this.path.setAttribute("d", this.#frame ? PAUSE : PLAY);
     this.button.title = this.#frame ? "Pause" : "Play";
     this.button.setAttribute("aria-label", this.button.title);
     this.slider.disabled = !clip;
-    this.slider.value = String(STEPS * share);
+    this.slider.max = String(this.#seconds);
+    this.slider.value = String(this.#time);
     // Read aloud where it stands still, not at every picture.
     if (!this.#frame) this.slider.setAttribute("aria-valuetext", clip ? `${time} of ${length} seconds` : "at rest");
     this.clock.textContent = clip ? `${time} / ${length} s` : "";

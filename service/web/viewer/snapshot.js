@@ -1,5 +1,6 @@
 // @ts-check
 /** Pictures of meshes as PNG files, drawn by the shared renderer: a sheet of many needs no more than one context. */
+import { Box3 } from "../vendor/three/three.module.js";
 import { defaultDirection, frameBox, makeCamera } from "./cameras.js";
 import { disposeAsset, parseAsset } from "./loading.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
@@ -52,31 +53,44 @@ export async function drawSnapshot(renderer, stage, camera, { width = 512, heigh
 }
 
 /**
- * A picture of a GLB, without a viewer: for lists and contact sheets.
- * @param {ArrayBuffer} buffer
+ * Pictures of files, without a viewer: for lists. All are drawn in the frame of the largest, so that sizes compare.
+ * @param {{ buffer: ArrayBuffer, format?: import("./loading.js").Format }[]} files
  * @param {SnapshotOptions} options
- * @returns {Promise<Blob>} PNG
+ * @returns {Promise<Blob[]>} PNG
  */
-export async function snapshotAsset(buffer, options = {}) {
+export async function snapshotAssets(files, options = {}) {
   const renderer = acquireRenderer();
   const stage = new Stage();
+  /** @type {import("three").Object3D[]} */
+  const roots = [];
   try {
-    const root = await parseAsset(buffer, "glb", renderer.gl);
-    try {
+    for (const { buffer, format = "glb" } of files) roots.push(await parseAsset(buffer, format, renderer.gl));
+    const box = new Box3();
+    for (const root of roots) {
       dress(root, renderer.gl);
-      stage.scene.environment = renderer.environment.texture;
-      stage.scene.add(root);
-      const box = boundsOf(root);
-      stage.enclose(box);
-      const camera = makeCamera();
-      camera.aspect = (options.width ?? 512) / (options.height ?? 512);
-      frameBox(camera, box, defaultDirection());
-      return await drawSnapshot(renderer, stage, camera, options);
-    } finally {
-      disposeAsset(root);
+      box.union(boundsOf(root));
     }
+    stage.scene.environment = renderer.environment.texture;
+    stage.enclose(box);
+    const camera = makeCamera();
+    camera.aspect = (options.width ?? 512) / (options.height ?? 512);
+    frameBox(camera, box, defaultDirection());
+    const pictures = [];
+    for (const root of roots) {
+      stage.scene.add(root);
+      stage.refreshShadow();
+      pictures.push(await drawSnapshot(renderer, stage, camera, options));
+      root.removeFromParent();
+    }
+    return pictures;
   } finally {
+    roots.forEach(disposeAsset);
     stage.dispose();
     releaseRenderer();
   }
+}
+
+/** A picture of a GLB. @param {ArrayBuffer} buffer @param {SnapshotOptions} options @returns {Promise<Blob>} PNG */
+export async function snapshotAsset(buffer, options = {}) {
+  return (await snapshotAssets([{ buffer }], options))[0];
 }

@@ -30,6 +30,19 @@ export function follow(event, signal, { move, end, cancel }) {
   return () => following.abort();
 }
 
+/** @param {string} colour of any CSS syntax @returns {number[]} red, green, blue and alpha, to 255 */
+function channels(colour) {
+  const context = /** @type {CanvasRenderingContext2D} */ (Object.assign(document.createElement("canvas"), { width: 1, height: 1 }).getContext("2d"));
+  context.fillStyle = colour;
+  context.fillRect(0, 0, 1, 1);
+  return [...context.getImageData(0, 0, 1, 1).data];
+}
+
+/** @param {number[]} channels */
+function luma([red, green, blue]) {
+  return 0.299 * red + 0.587 * green + 0.114 * blue;
+}
+
 export class Surface {
   /** @param {HTMLElement} container @param {string} label @param {string} instructions @param {Listeners} listeners */
   constructor(container, label, instructions, listeners) {
@@ -73,12 +86,8 @@ export class Surface {
       if (this.visible) this.listeners.changed();
     });
     this.intersecting.observe(this.container);
-    const theme = () => {
-      this.listeners.themed(this.dark);
-      this.listeners.changed();
-    };
-    theme();
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", theme, { signal });
+    this.retheme();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.retheme(), { signal });
     // The wheel scrolls the page until someone has chosen the viewer.
     this.container.addEventListener("pointerdown", () => this.container.focus({ preventScroll: true }), { signal });
     const wheel = (/** @type {WheelEvent} */ event) => {
@@ -126,10 +135,17 @@ export class Surface {
     return least < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other) ? apart.indexOf(least) : -1;
   }
 
-  /** @returns {boolean} whether the background is dark */
+  /** Draw for the colours that are there now. */
+  retheme() {
+    this.listeners.themed(this.dark);
+    this.listeners.changed();
+  }
+
+  /** @returns {boolean} whether the background is dark; one that is not there is that of the text around it */
   get dark() {
-    const channels = getComputedStyle(this.container).backgroundColor.match(/[\d.]+/g)?.map(Number) ?? [255, 255, 255];
-    return 0.299 * channels[0] + 0.587 * channels[1] + 0.114 * channels[2] < 128;
+    const { backgroundColor, color } = getComputedStyle(this.container);
+    const [ground, text] = [backgroundColor, color].map(channels);
+    return ground[3] < 128 ? luma(text) > 128 : luma(ground) < 128;
   }
 
   /** Give the canvas as many pixels as it covers. @param {number} limit @returns {boolean} false where there are none */

@@ -18,7 +18,7 @@ import { withoutMaterials } from "./glb.js";
 import { Heatmap } from "./heatmap.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
 import { disposeAsset, meshesOf, originOf, parseAsset, triangleCount } from "./loading.js";
-import { ClipPlayer } from "./player.js";
+import { mountClips } from "./clips.js";
 import { Puppet } from "./puppet.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
 import { drawSnapshot, snapshotAsset } from "./snapshot.js";
@@ -28,7 +28,7 @@ import { floats, pairMeshes, TopologyError } from "./topology.js";
 import { weld } from "./weld.js";
 import { Wireframe } from "./wireframe.js";
 
-export { ClipPlayer, linkCameras, snapshotAsset, TopologyError };
+export { linkCameras, mountClips, snapshotAsset, TopologyError };
 
 /** @typedef {import("./loading.js").Format} Format */
 /** @typedef {{ vertices: number, triangles: number, meshes: number }} AssetInfo */
@@ -327,7 +327,7 @@ export class MeshViewer extends EventTarget {
   /**
    * One turn around what is shown, from where the camera is.
    * @param {import("./turntable.js").TurntableOptions} options
-   * @returns {Promise<Blob>} a video
+   * @returns {Promise<Blob>} a GIF or a video
    */
   async turntable(options = {}) {
     if (!this.#root) throw new Error("Nothing is loaded.");

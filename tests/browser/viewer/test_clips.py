@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 
 from meshdeform.assets import load_asset
 from tests.browser.viewer.assets import GROWTH, rigged
@@ -133,3 +135,52 @@ def test_the_way_to_a_shape_is_no_clip(page: Page, site: ViewerSite, files: tupl
     site.files["morph.glb"] = asset.replace(asset.surface.positions * 2, morph=True)
     names = "async () => (await show('morph.glb')).clips.map(({ name }) => name)"
     assert page.evaluate(names) == ["Wave", "Step aside"]
+
+
+def test_clips_are_driven_by_keys_and_a_turntable_is_saved_while_one_plays(
+    page: Page, files: tuple[bytes, bytes]
+) -> None:
+    found: dict[str, Any] = page.evaluate(
+        """async () => {
+          const { mountClips } = await import("/web/viewer/clips.js");
+          Object.assign(window, { MediaRecorder: undefined });
+          const viewers = [await show("rigged.glb"), await show("rigged.glb", "glb", "taller.glb")];
+          const host = document.createElement("div");
+          document.body.append(host);
+          const saved = new Promise((resolve, reject) => {
+            window.moving = mountClips(host, viewers, { save: (...file) => resolve(file), failed: reject });
+          });
+          const { player } = window.moving;
+          const event = (key) => new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true });
+          const press = (element, key) => element.dispatchEvent(event(key));
+          const now = () => [player.choice.value, Number(player.slider.value), player.button.title];
+          const { container } = viewers[0].surface;
+          const moments = [now()];
+          for (const key of [".", ".", ",", ","]) moments.push((press(container, key), now()));
+          for (const key of ["ArrowRight", "ArrowLeft"]) moments.push((press(player.slider, key), now()));
+          moments.push((press(container, " "), now()));
+          const buttons = [...host.querySelectorAll(".turntable button")];
+          buttons[0].click();
+          const [file, ending] = await saved;
+          moments.push((press(container, " "), now()));
+          const text = host.textContent;
+          window.moving.dispose();
+          press(container, " ");
+          const gif = Array.from(new Uint8Array(await file.arrayBuffer()));
+          const names = buttons.map((button) => button.textContent);
+          return { moments, names, text, ending, gif, left: host.childElementCount };
+        }"""
+    )
+    frame = pytest.approx(1 / 30)
+    rest, first, second, back, start, on, again, plays, paused = found["moments"]
+    assert (rest, first, back) == (["", 0, "Play"], ["Wave", frame, "Play"], ["Wave", frame, "Play"])
+    assert (second, start) == (["Wave", pytest.approx(2 / 30), "Play"], ["Wave", 0, "Play"])
+    assert (on, again) == (first, start)
+    assert (plays[2], paused[2], found["left"]) == ("Pause", "Play", 0)
+    assert (found["names"], found["ending"]) == (["GIF"], "gif")
+    assert "This browser records no video." in found["text"]
+    with Image.open(io.BytesIO(bytes(found["gif"]))) as turning:
+        frames = [np.asarray(each.convert("RGB"), np.int16) for each in ImageSequence.Iterator(turning)]
+        assert (len(frames), turning.size, turning.info["loop"], turning.info["duration"]) == (48, (480, 480), 0, 60)
+    halves = (np.abs(frames[0] - frames[24]).max(2) > 24).mean()
+    assert halves > 0.02, "after half a turn the box would look the same, did the clip not play meanwhile"

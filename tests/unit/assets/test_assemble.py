@@ -11,6 +11,7 @@ from PIL import Image
 
 from meshdeform.assets import Primitive, build_glb, load_asset
 from meshdeform.assets.assemble import Piece, assemble
+from meshdeform.assets.build import Picture
 from meshdeform.errors import AssetError
 
 
@@ -25,7 +26,9 @@ def textured(colour, height):
     uvs = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.25]])
     normals = np.tile([0, 1.0, 0], (4, 1))
     faces = np.array([[0, 2, 1], [1, 2, 3]])
-    made = Primitive(verts, faces, normals, uvs, name="top", material=f"cloth {colour}", texture=picture(colour))
+    made = Primitive(
+        verts, faces, normals, uvs, name="top", material=f"cloth {colour}", texture=Picture(picture(colour))
+    )
     plain = Primitive(verts + 2, faces, name="side", material="wood", base_color=(0.5, 0.2, 0.1, 0.4))
     return load_asset(build_glb([made, plain]))
 

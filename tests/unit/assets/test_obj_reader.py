@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import tracemalloc
 
 import numpy as np
@@ -291,3 +292,21 @@ def test_metal_and_roughness_are_read() -> None:
     root, _, _ = unpack(load_asset(packed(files), "a.zip").to_bytes())
     look = root["materials"][0]["pbrMetallicRoughness"]
     assert (look["metallicFactor"], look["roughnessFactor"]) == (0.25, 0.5)
+
+
+def test_smoothing_groups_have_the_mean_of_their_faces_normals() -> None:
+    corners = list(itertools.product((-1, 1), repeat=3))
+    verts = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+    faces = "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\n"
+    caps = "f 1 3 7 5\nf 2 6 8 4\n"
+    smooth = load_asset(f"{verts}s 1\n{faces}{caps}".encode(), "a.obj").surface
+    np.testing.assert_allclose(smooth.normals, smooth.positions / np.sqrt(3), atol=1e-7)
+    for flat in ("s off", "s 0"):
+        tube = load_asset(f"{verts}s 1\n{faces}{flat}\n{caps}".encode(), "a.obj").surface
+        ends = np.abs(tube.normals[:, 2]) > 0.9
+        np.testing.assert_allclose(tube.normals[ends], tube.positions[ends] * [0, 0, 1])
+        np.testing.assert_allclose(tube.normals[~ends], tube.positions[~ends] * [1, 1, 0] / np.sqrt(2), atol=1e-7)
+        assert (len(tube.normals), ends.sum()) == (16, 8)
+    apart = load_asset(f"{verts}s 1\n{faces}s 2\n{caps}".encode(), "a.obj").surface
+    assert len(apart.normals) == 16
+    assert np.isnan(load_asset(f"{verts}{faces}{caps}".encode(), "a.obj").surface.normals).all()

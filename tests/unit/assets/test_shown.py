@@ -9,7 +9,7 @@ import pytest
 
 from meshdeform.assets import inspect_asset, load_asset
 from meshdeform.assets.build import Primitive, build_glb
-from meshdeform.assets.stl_file import write_stl
+from meshdeform.assets.export import export
 from meshdeform.errors import AssetEmptyError
 from meshdeform.geometry.shapes import icosphere
 from tests.cases import each_case
@@ -148,11 +148,12 @@ def test_what_is_far_from_the_origin_keeps_its_precision(name: str, write: Any) 
     assert np.abs(root["nodes"][0]["translation"] - FAR).max() <= 3.0
     root, _, _ = unpack(build_glb([Primitive(verts, faces), Primitive(verts + 40, faces)]))
     assert not any("translation" in node for node in root["nodes"])
-    stl = write_stl(asset)
-    assert tuple(float(word) for word in stl.data[:80].split()[4:]) == stl.origin
+    stl = export(asset, "a.stl")
+    origin = stl.facts["origin"]
+    assert [float(word) for word in stl.data[:80].split()[4:]] == origin
     again = load_asset(stl.data, "a.stl").surface
-    np.testing.assert_allclose(again.positions[again.triangles] + stl.origin, (verts + FAR)[faces], rtol=0, atol=1e-6)
-    assert write_stl(load_asset(write(verts, faces), name)).origin == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(again.positions[again.triangles] + origin, (verts + FAR)[faces], rtol=0, atol=1e-6)
+    assert export(load_asset(write(verts, faces), name), "a.stl").facts["origin"] == [0.0, 0.0, 0.0]
 
 
 @each_case(("distance", "told"), [(0, False), (500, False), (100_000, True), (5_000_000, True)])

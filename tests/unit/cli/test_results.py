@@ -14,6 +14,7 @@ from meshdeform.assets import build_glb, load_asset
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering import studio
 from tests.cases import each_case
+from tests.toolchain.assets import ASSETS
 from tests.unit.cli.lines import done, refused
 
 BALL = icosphere(1)
@@ -92,6 +93,18 @@ def test_an_stl_is_in_the_chosen_frame_and_reads_as_a_glb_again() -> None:
     assert json.loads(done("convert shell.glb -o shell.stl --json").stdout)["closed"] is False
 
 
+def test_an_obj_comes_with_its_files_beside_it_and_a_pose_has_a_name_of_its_own() -> None:
+    Path("rigged.glb").write_bytes(ASSETS["rigged"]())
+    report = json.loads(done("convert rigged.glb new/tube.obj --json").stdout)
+    assert report["files"] == ["new/tube.obj", "new/tube.mtl", "new/tube_textures/image0.png"]
+    assert report["warnings"] == ["Without animations.", "Without skins."]
+    assert all(Path(name).stat().st_size for name in report["files"])
+    Path("new/tube.obj").unlink()
+    assert "tube.mtl exists" in refused("convert rigged.glb new/tube.obj")
+    assert done("convert rigged.glb --pose swing@0.5").stdout == "rigged-posed.glb\n"
+    assert not load_asset(Path("rigged-posed.glb").read_bytes()).rig()
+
+
 @each_case(
     ("line", "said"),
     [
@@ -111,8 +124,11 @@ def test_an_stl_is_in_the_chosen_frame_and_reads_as_a_glb_again() -> None:
         ("apply ball.glb ball.glb --map out.glb -o two", "same name"),
         ("apply ball.glb --map edit.safetensors --strength 0.5", "a map has one strength"),
         ("apply ball.glb --map edit.safetensors", "ball-edited.glb exists"),
-        ("convert ball.glb -o ball.fbx", "ends in none of .glb, .stl"),
-        ("convert ball.glb -o ball.obj.zip", "Blender"),
+        ("convert ball.glb -o ball.fbx", "Blender"),
+        ("convert ball.glb one.obj -o two.obj", "name one file"),
+        ("convert ball.glb", "name one file"),
+        ("convert ball.glb new.usdz --up z", "one axis"),
+        ("convert ball.glb --pose 0@1", "no animations"),
         ("convert ball.glb -o mine.stl", "mine.stl exists"),
         ("convert ball.glb -o ./ball.glb --force", "is an input"),
         ("convert broken.glb -o new.stl", ""),

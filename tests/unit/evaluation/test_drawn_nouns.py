@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.nouns.drawn import drawn, titles
+from bench.nouns.grids import told
+from meshdeform.nouns.families import FAMILIES
 from meshdeform.vocabulary.grammar import parse
 
 BENCH = Path(__file__).parents[3] / "bench"
@@ -39,3 +41,12 @@ def test_a_sphere_s_tile_has_its_noun_and_three_others() -> None:
     for noun, four in order:
         assert noun in four
         assert len(set(four)) == 4
+
+
+def test_what_was_looked_at_are_nouns_and_told_is_what_was_neither_another_nor_doubted() -> None:
+    looked = json.loads((BENCH / "nouns/grids.json").read_text(encoding="utf-8"))
+    for look in (looked["first"], looked["again"]):
+        assert {*look["another"], *look["doubted"], *look.get("nouns", ())} <= FAMILIES.keys()
+    assert {*looked["first"]["another"]} <= {*looked["again"]["nouns"]}
+    assert all(0 <= number < 12 for noun in looked["members"] for number in looked["members"][noun])
+    assert told({"another": {"cat": "dog"}, "doubted": ["cow"]}, ["cat", "cow", "pig"]) == ["pig"]

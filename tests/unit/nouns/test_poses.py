@@ -112,3 +112,9 @@ def test_a_wing_on_the_flank_is_opened() -> None:
         wing = limbs(rest, "wing")[0]
         assert np.ptp(spread.verts[wing, 0]) > 2 * np.ptp(rest.verts[wing, 0])
         assert np.ptp(spread.verts[wing, 0]) > 1.2 * np.ptp(spread.verts[wing, 2])
+
+
+def test_wings_that_hang_from_the_middle_of_the_back_stay_there_when_spread() -> None:
+    for seed in range(4):  # of a butterfly on the ground, raised by any angle
+        spread = posed(drawn("flat-butterfly", (), np.random.default_rng(seed)), "spread", np.random.default_rng(1))
+        assert all(np.abs(spread.verts[rows, 0]).min() < 0.05 for rows in limbs(spread, "wing"))

@@ -8,7 +8,7 @@ import pytest
 
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
-from meshdeform.requests.groups import did_you_mean
+from meshdeform.requests.problems import did_you_mean
 from tests.cases import each_case
 
 

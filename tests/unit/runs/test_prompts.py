@@ -17,7 +17,7 @@ from meshdeform.errors import ParameterError, VocabularyError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import NewJob
-from meshdeform.record.repository import searched_text
+from meshdeform.record.rows import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check

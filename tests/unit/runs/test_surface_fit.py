@@ -15,7 +15,7 @@ from safetensors.numpy import save
 from typer.testing import CliRunner
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.assets.build import Primitive
+from meshdeform.assets.build import Picture, Primitive
 from meshdeform.cli.app import app
 from meshdeform.client import Client
 from meshdeform.errors import (
@@ -129,7 +129,7 @@ def test_a_textured_asset_comes_back_textured() -> None:
     picture[:, :32, 0] = picture[:, 32:, 2] = 255  # red where x < 0, blue elsewhere
     Image.fromarray(picture).save(png, "PNG")
     verts = ball.verts
-    part = Primitive(verts, ball.faces, uvs=(verts[:, :2] + 1) / 2, material="paint", texture=png.getvalue())
+    part = Primitive(verts, ball.faces, uvs=(verts[:, :2] + 1) / 2, material="paint", texture=Picture(png.getvalue()))
     run = begin(build_glb([part]), "ball.glb", steps=20)
     list(run)
     found = run.finish()

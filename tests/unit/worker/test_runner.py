@@ -7,6 +7,7 @@ import json
 import logging
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,13 +15,15 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.errors import CheckpointError, ModelError, NumericalError
-from meshdeform.record.leases import Turns
+import meshdeform
+from meshdeform.errors import CheckpointError, DependencyError, MeshdeformError, ModelError, NumericalError
+from meshdeform.record.leases import Turns, WorkerIdentity
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
-from meshdeform.record.schema import jobs
+from meshdeform.record.repository import JobRecord
+from meshdeform.record.schema import jobs, workers
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import start_run
-from meshdeform.runs.base import InputFile, JobRun, RunInput
+from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.fake_kind import OutOfMemoryError
@@ -61,6 +64,57 @@ def test_a_duplicate_delivery_does_nothing(world: World) -> None:
     job = world.run(world.create())
     assert world.run(job) == job
     assert len(world.kind.started) == 1
+
+
+def test_results_and_reports_name_the_versions_that_computed_them(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = ArtifactData(b'{"warnings": ["a"]}', "application/json")
+    monkeypatch.setattr("tests.fake_kind._FakeRun.finish", lambda run: {"report.json": report})
+    plain = world.run(world.create())
+    assert plain.made_by == meshdeform.__version__
+    assert json.loads(world.result(plain)) == {"warnings": ["a"]}
+    job = world.create()
+    monkeypatch.setattr("worker.attempt.__version__", "0.0.9")
+    lose(world, job, 25)
+    assert {each.made_by for each in world.record.leases.checkpoints(job.id)} == {"0.0.9"}
+    monkeypatch.setattr("worker.attempt.__version__", "0.1.0")
+    lose(world, job, 35)
+    monkeypatch.setattr("worker.attempt.__version__", "0.1.1")
+    done = world.run(job)
+    assert done.made_by == "0.0.9, 0.1.0, 0.1.1"
+    told = json.loads(world.result(done))
+    assert told["made_by"] == ["0.0.9", "0.1.0", "0.1.1"]
+    assert "computed by Meshdeform 0.0.9, then 0.1.0, then 0.1.1" in told["warnings"][1]
+    last = world.record.leases.checkpoints(job.id)[0]
+    made_by = last.made_by or ""
+    origin = Origin(
+        job_id=job.id, step=last.step, mode=OriginMode.RETRY, key=last.key, sha256=last.sha256, made_by=made_by
+    )
+    assert world.run(world.create(origin=origin)).made_by == "0.0.9, 0.1.0, 0.1.1"
+
+
+@each_case("error", [DependencyError("There is no torch here."), ModelError("There is no such model here.")])
+def test_what_this_worker_lacks_another_one_may_have(world: World, error: MeshdeformError) -> None:
+    world.kind.on_step = raising(error)
+    alone = world.run(world.create())
+    assert (alone.state, alone.error and alone.error.code) == (JobState.FAILED, error.code)
+    for name in ("a worker", "another worker"):
+        world.record.leases.idle(WorkerIdentity(name, "meshdeform", "cpu"))
+    job = world.create()
+    world.runner(settings=Settings(retry_delay_s=0)).run(job.id)
+    waiting = world.record.get(job.id)
+    assert (waiting.state, waiting.error and waiting.error.code) == (JobState.QUEUED, error.code)
+    world.kind.on_step = lambda step: None
+    world.run(job)  # not this one
+    assert world.record.get(job.id).attempt == 1
+    with closing(JobRecord(world.record.database._engine.url.render_as_string())) as other:
+        claimed = other.leases.claim_next("another worker", 60.0)
+    assert claimed is not None
+    assert claimed.id == job.id
+    with world.record.database.write() as connection:
+        connection.execute(sa.delete(workers))
+        connection.execute(sa.update(jobs).where(jobs.c.id == job.id).values(state=JobState.CANCELED))
 
 
 def raising(error: Exception) -> Any:
@@ -148,14 +202,48 @@ def test_a_start_that_takes_long_hears_that_it_must_stop(world: World, stop: str
 
     def start(given: RunInput) -> JobRun:
         ask_to_stop(world, job, stop)
-        until_at = time.monotonic() + 30
-        while time.monotonic() < until_at:
-            given.on_wait()
-        raise AssertionError("nothing stopped the start")
+        return waits(given)
 
     # As above, the record alone must be enough for a cancel.
     world.runner(start=start, settings=Settings(lease_s=1.0)).run(job.id)
     assert world.record.get(job.id).state is state
+
+
+def waits(given: RunInput) -> JobRun:
+    """Start for ever, or until it is told to stop."""
+    until_at = time.monotonic() + 60
+    while time.monotonic() < until_at:
+        given.on_wait()
+    raise AssertionError("nothing stopped the start")
+
+
+def test_the_time_of_a_job_is_over_also_while_it_starts(world: World) -> None:
+    job = world.create()
+    world.runner(start=waits, settings=Settings(max_run_s=0.5)).run(job.id)
+    failed = world.record.get(job.id)
+    assert failed.error is not None
+    assert (failed.state, failed.error.code) == (JobState.FAILED, "run_time_exceeded")
+    assert failed.error.detail == "The job has run for the 0.5 s that it may run, and was loading."
+
+
+def test_a_start_makes_room_and_has_twice_as_long_each_time(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Turns, "of", lambda settings: Turns(0.2))
+    job, others = world.create(), []
+
+    def start(given: RunInput) -> JobRun:
+        return waits(given) if given.request.priority == 0 else world.kind.start(given)
+
+    for turns in range(3):
+        assert world.record.leases.fruitless(world.record.get(job.id)) == turns
+        others.append(world.create(priority=1))
+        with world.record.database.write() as connection:  # that is not taken first
+            waits_for = sa.update(jobs).where(jobs.c.id == others[-1].id)
+            connection.execute(waits_for.values(retry_at=world.record.database.now(0.1)))
+        began = time.monotonic()
+        world.runner(start=start, settings=Settings(lease_s=1.0)).run(job.id)
+        taken_s = time.monotonic() - began
+        assert taken_s >= 0.2 * 2**turns
+    assert [world.record.get(each.id).state for each in others] == [JobState.SUCCEEDED] * 3
 
 
 @each_case(("at", "kept"), [(17, [17, 10]), (STEPS, [50, 40, 30, 20, 10])])
@@ -233,9 +321,12 @@ def test_a_job_that_runs_for_too_long_fails_with_a_checkpoint(
     assert world.kind.started_at == [0, 17]
 
 
-def test_a_job_that_is_through_when_its_time_is_over_succeeds(world: World) -> None:
+def test_a_job_that_is_through_when_its_time_is_over_succeeds(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("worker.attempt.time", SimpleNamespace(monotonic=lambda: now[0]))
+    world.kind.on_step = lambda step: now.append(now.pop() + 1.2)
     job = world.create(steps=1)
-    world.runner(settings=Settings(max_run_s=1e-9)).run(job.id)
+    world.runner(settings=Settings(max_run_s=1.0)).run(job.id)
     assert world.record.get(job.id).state is JobState.SUCCEEDED
 
 

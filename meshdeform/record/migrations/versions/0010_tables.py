@@ -5,12 +5,13 @@ import logging
 import sqlalchemy as sa
 from alembic import op
 
-from meshdeform.record.schema import metadata, trigrams
+from meshdeform.record.schema import UtcDateTime, metadata, trigrams
 
 revision = "0010"
 down_revision = None
 
-_LATER = frozenset({"words"})
+_ID = sa.String(64).with_variant(sa.String(64, collation="C"), "postgresql")
+_LATER = frozenset({"words", "usage"})
 _log = logging.getLogger("meshdeform.record.migrations")
 _REFUSED = frozenset({"42501", "58P01", "0A000", "42704"})
 """PostgreSQL's codes where this user may not create the extension, or the server lacks it or has it out of reach."""
@@ -20,8 +21,19 @@ def upgrade() -> None:
     """Create the tables, and the index of trigrams where the database can have it: PostgreSQL with pg_trgm."""
     connection = op.get_bind()
     for table in metadata.sorted_tables:
-        if table.name not in _LATER:
+        if table.name not in (*_LATER, "artifacts"):
             table.create(connection)
+    op.create_table(
+        "artifacts",
+        sa.Column("job_id", _ID, sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),
+        sa.Column("name", sa.String(128), primary_key=True),
+        sa.Column("attempt", sa.Integer, nullable=False),
+        sa.Column("content_type", sa.String(128), nullable=False),
+        sa.Column("size", sa.BigInteger, nullable=False),
+        sa.Column("sha256", sa.String(64), nullable=False),
+        sa.Column("key", sa.String(255), nullable=False),
+        sa.Column("created_at", UtcDateTime, nullable=False),
+    )
     if connection.dialect.name != "postgresql":
         return
     # The choice between the index and a walk over the newest jobs depends on how rare a word is. With the default, 100,

@@ -5,11 +5,12 @@ import { isAbort } from "../client.js";
 import { h } from "../dom.js";
 import { routeHash } from "../router.js";
 
-/** @typedef {"create" | "surface" | "family" | "words"} Kind */
+/** @typedef {"create" | "many" | "surface" | "family" | "words"} Kind */
 
 /** The kinds of job that have a form. @type {[Kind, string][]} */
 const KINDS = [
   ["create", "Deform by words"],
+  ["many", "Many files"],
   ["surface", "Fit a surface"],
   ["family", "Find a family"],
   ["words", "Your words"],

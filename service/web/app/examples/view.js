@@ -2,22 +2,25 @@
 /** The examples, and one of them: its result at once, and the same job live on demand. */
 import { announce } from "../announce.js";
 import { exampleAsset } from "../assets.js";
+import { readVerdict } from "../../client/index.js";
 import { client, isAbort } from "../client.js";
 import { exampleOrigin } from "../create/origins.js";
 import { DEMO } from "../demo.js";
 import { button, fill, h, icon } from "../dom.js";
 import { forgetDraftOf } from "../drafts.js";
-import { goalWords, percent } from "../format.js";
-import { askedPanel } from "../job/asked.js";
-import { qualityPanel } from "../job/results.js";
+import { goalWords } from "../format.js";
 import { slider } from "../job/stage-controls.js";
 import { COLOURS, PairStage } from "../pair-stage.js";
-import { qualityWords } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
+import { verdictBadge } from "../verdict.js";
 import { exampleCards, gallery } from "./gallery.js";
+import { Moves } from "./moves.js";
 
 /** @typedef {import("./gallery.js").Example} Example */
+
+/** Percent: straight lines lead beyond the result. */
+const STRONGEST = 150;
 
 /** Show all examples. @param {HTMLElement} root @param {import("../scope.js").Scope} scope */
 export async function showExamples(root, scope) {
@@ -60,21 +63,19 @@ export class ExampleView {
   async _build(example) {
     const { document: asked, label } = example;
     const title = goalWords(asked);
+    const verdict = readVerdict(example.report);
     this.start = button("Run it", () => this._run(example), { icon: "play", class: "button-primary", title: "Start this job now, with the same variation" });
     this.stage = new PairStage(this.scope, {
       label: "Before and after",
       tags: ["Before", "After"],
       colours: COLOURS,
     });
-    const morph = slider("morph-slider", "Morph", 100, () => {
-      const share = Number(morph.input.value) / 100;
-      this.stage?.views[1].viewer?.setMorph(share);
-      morph.value.textContent = percent(share);
-      morph.input.setAttribute("aria-valuetext", `${morph.input.value} percent`);
-    });
-    morph.input.value = "100";
-    morph.value.textContent = "100%";
-    this.stage.element.append(morph.row);
+    const strength = slider("strength-slider", "Strength", STRONGEST, () => this._strengthen());
+    strength.input.value = "100";
+    this.strength = strength;
+    /** What the slider leads to, where it is not the result. */
+    this.label = "";
+    this.stage.element.append(strength.row);
     fill(
       this.root,
       h(
@@ -82,7 +83,7 @@ export class ExampleView {
         { class: "job-head" },
         h("a", { class: "back", href: routeHash({ name: "examples" }) }, icon("back"), "Examples"),
         h("h1", { class: "prompt-title" }, `“${title}”`),
-        h("p", { class: "row meta" }, `${label} · ${qualityWords(asked)} · variation ${asked.params.seed}`),
+        h("p", { class: "row meta" }, label),
         DEMO ? null : h("div", { class: "row", role: "group", "aria-label": "Actions" }, this.start, button("Change it first", () => this._edit(example), { icon: "edit" })),
       ),
       h(
@@ -94,8 +95,7 @@ export class ExampleView {
           { class: "job-side" },
           this.problem,
           DEMO ? null : h("p", { class: "panel small" }, "This result came with the page. “Run it” starts the same job, with the same variation, on this server, and shows every shape on the way."),
-          askedPanel(asked),
-          qualityPanel(example.report),
+          verdict ? h("div", { class: "panel" }, h("p", null, verdictBadge(verdict)), h("p", null, verdict.reasons.join(" "))) : null,
         ),
       ),
     );
@@ -103,7 +103,30 @@ export class ExampleView {
     const [source, result] = await Promise.all([example.asset, example.result].map((name) => exampleAsset(name, this.scope.signal)));
     const bytes = await Promise.all([source.bytes(), result.bytes()]);
     if (this.scope.over) return;
-    morph.row.hidden = !(await this.stage.show(bytes[0], bytes[1]));
+    strength.row.hidden = !(await this.stage.show(bytes[0], bytes[1]));
+    this._strengthen();
+    if (DEMO && !strength.row.hidden) await this._recorded(example.id, bytes[1]);
+  }
+
+  /** Offer what needs a server elsewhere. @param {string} id @param {ArrayBuffer} result */
+  async _recorded(id, result) {
+    const response = await fetch(new URL(`recorded/${id}.json`, document.baseURI), { signal: this.scope.signal });
+    if (!response.ok || !this.stage || this.scope.over) return;
+    this.moves = new Moves(await response.json(), this.stage.views[1], result, this.scope, (label) => {
+      this.label = label;
+      this._strengthen();
+    });
+    this.strength?.row.before(this.moves.element);
+  }
+
+  _strengthen() {
+    if (!this.strength || !this.stage) return;
+    const { input, value } = this.strength;
+    this.stage.views[1].viewer?.setMorph(Number(input.value) / 100);
+    value.textContent = `${input.value}%`;
+    input.setAttribute("aria-valuetext", `${input.value} percent`);
+    fill(this.stage.views[1].tag, ["After", this.label].filter(Boolean).join(" · "));
+    this.moves?.follow();
   }
 
   /** Open the form with the example's settings, not with those that were changed there before. @param {Example} example */

@@ -22,6 +22,7 @@ export class FamilyView {
       hint: "10 to 3,000 GLB, OBJ, PLY or STL, each a whole asset, upright; or one ZIP of them. Or drop them on this page. A labels.json names the parts of some.",
       empty: "Ten labelled assets are enough to name the parts of all.",
       further: ["labels.json"],
+      sample: "chairs.zip",
     });
     this.numbers = new NumberRows(KIND, FIRST, () => {});
     this.turn = h("input", { id: "family-turn", type: "checkbox", ".checked": true });

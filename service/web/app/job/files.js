@@ -40,8 +40,9 @@ export function downloadMade(job, name, scope) {
   const path = `v1/jobs/${job.id}/artifacts/${name}`;
   announce(`Making ${name}`);
   return orToast("Not made", async () => {
-    const { size } = await client.json(path, { method: "POST", signal: scope.signal });
+    const { size, warnings } = await client.json(path, { method: "POST", signal: scope.signal });
     await download(path, artifactName(job, name), size, true, scope);
+    if (warnings?.length) toast(`${name}: ${warnings.join(" ")}`);
   });
 }
 

@@ -13,6 +13,7 @@ import { orToast, problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 
 const EXPORTED = ".word";
+const SAMPLE = "dragonfruit";
 
 export class WordsView {
   /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope */
@@ -23,6 +24,8 @@ export class WordsView {
       hint: "GLB, OBJ, PLY or STL of one kind of thing, all facing one way; or one ZIP of them; or a .word that was downloaded here. Or drop them on this page.",
       empty: "One mesh is enough. Of several, a prompt takes the nearest.",
       further: [EXPORTED],
+      sample: `${SAMPLE}.glb`,
+      onSample: (there) => this._named(there),
     });
     /** By the names that the API has. @type {Record<string, import("../create/field-rows.js").FieldRow>} */
     this.rows = {
@@ -58,6 +61,12 @@ export class WordsView {
       this.list,
     );
     this._show();
+  }
+
+  /** The sample comes with its noun, unless there is another one. @param {boolean} there */
+  _named(there) {
+    const { input } = this.rows.noun;
+    if (input.value === (there ? "" : SAMPLE)) input.value = there ? SAMPLE : "";
   }
 
   async _show() {

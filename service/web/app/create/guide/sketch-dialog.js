@@ -1,6 +1,7 @@
 // @ts-check
 /** Draw what the asset should become: the service guesses it, its parameters are corrected, and its mesh is the target, or the asset. */
 import { announce } from "../../announce.js";
+import { exampleAsset } from "../../assets.js";
 import { client, isAbort } from "../../client.js";
 import { button, fill, h } from "../../dom.js";
 import { titled } from "../../format.js";
@@ -49,7 +50,7 @@ class SketchDialog {
         "div",
         { class: "dialog-body" },
         h("h2", { id: "sketch-title" }, "Draw a shape"),
-        h("p", { class: "small muted" }, "The outlines of a chair, table, vase, goblet, lamp or airplane, from the front or a little from above. Or drop a picture of a drawing."),
+        h("p", { class: "small muted" }, "The outlines of a chair, table, vase, goblet, lamp or airplane, from the front or a little from above. Or drop a picture of a drawing. The chair is a sample: draw, and it goes."),
         h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.guess)), h("div", null, this.problem, this.guesses, this.place, this.fields)),
         h("div", { class: "dialog-actions" }, h("button", { type: "button", class: "button", on: { click: () => this.element.close() } }, "Cancel"), this.deform, this.done),
       ),
@@ -65,6 +66,13 @@ class SketchDialog {
     document.body.append(this.element);
     this.element.showModal();
     this._changed();
+    void this._sample();
+  }
+
+  /** Nothing opens empty. */
+  async _sample() {
+    const asset = await exampleAsset("drawing.png", this.scope.signal).catch(() => null); // all works without it
+    if (asset && !this.scope.over) await this.pad.take(asset.blob, true);
   }
 
   /** @param {File | undefined} file */

@@ -13,6 +13,8 @@ export class SketchPad {
     this.strokes = [];
     /** @type {ImageBitmap | null} */
     this.picture = null;
+    /** Whether the picture is a sample, which gives way to the first stroke. */
+    this.sample = false;
     /** The pointer that draws; -1: none. */
     this.pointer = -1;
     this.element = h("canvas", { class: "sketch-pad", width: SIDE, height: SIDE, role: "img", "aria-label": "Drawing" });
@@ -39,10 +41,11 @@ export class SketchPad {
     this._changed();
   }
 
-  /** Draw on a picture from now on. @param {Blob} file @returns {Promise<boolean>} whether the browser can read it */
-  async take(file) {
+  /** Draw on a picture from now on. @param {Blob} file @param {boolean} [sample] It gives way to the first stroke. @returns {Promise<boolean>} whether the browser can read it */
+  async take(file, sample = false) {
     const picture = await createImageBitmap(file).catch(() => null);
-    if (!picture) return false;
+    if (!picture || (sample && !this.isEmpty)) return false;
+    this.sample = sample;
     this.strokes = [];
     this.picture = picture;
     this._changed();
@@ -64,6 +67,8 @@ export class SketchPad {
   _begin(event) {
     if (this.pointer >= 0 || event.button !== 0) return;
     event.preventDefault();
+    if (this.sample) this.picture = null;
+    this.sample = false;
     this.pointer = event.pointerId;
     this.element.setPointerCapture(event.pointerId);
     this.strokes.push([this._place(event)]);

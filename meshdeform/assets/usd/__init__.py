@@ -1,0 +1,1 @@
+"""Write USDZ with Pixar's library, the extra `usd`."""
