@@ -1,14 +1,11 @@
 // @ts-check
-/** Saves the shape that is shown: the file of a job in every format that the server makes, or the shape itself where no job has it yet. */
+/** Saves the shape that is shown: a result in every format that the server makes, any other shape as a GLB, also one that no job has. */
 import { client } from "../client.js";
-import { button, h } from "../dom.js";
-import { currentLink } from "../key.js";
-import { download, downloadMade, saveBytes } from "../job/files.js";
-import { artifactName, shapeName } from "../names.js";
+import { button, fill, h } from "../dom.js";
+import { downloadMenu } from "../download-menu.js";
+import { saveBytes } from "../job/files.js";
+import { shapeName } from "../names.js";
 import { orToast } from "../problem-box.js";
-
-/** The formats of a result. @type {[string, string][]} */
-const FORMATS = [["result.glb", "GLB"], ["result.stl", "STL"], ["morph.glb", "GLB, moving"]];
 
 /**
  * @typedef {object} Shown
@@ -19,48 +16,46 @@ const FORMATS = [["result.glb", "GLB"], ["result.stl", "STL"], ["morph.glb", "GL
  */
 
 export class Downloads {
-  /** @param {import("../scope.js").Scope} scope @param {(signal: AbortSignal) => Promise<ArrayBuffer>} make The shape that no job has. */
-  constructor(scope, make) {
+  /**
+   * @param {import("../scope.js").Scope} scope
+   * @param {(signal: AbortSignal) => Promise<ArrayBuffer>} make The shape that no job has.
+   * @param {() => any} named What names its file, as a job does.
+   */
+  constructor(scope, make, named) {
     this.scope = scope;
     this.make = make;
+    this.named = named;
     /** @type {Shown | null} */
     this.shown = null;
-    /** Of the files that the job has. @type {string[]} */
-    this.names = [];
-    this.named = /** @type {() => any} */ (() => ({}));
     this.button = button("Download", () => this._save(), { icon: "download" });
-    this.format = h("select", { class: "select-small", "aria-label": "Format" }, FORMATS.map(([value, text]) => h("option", { value }, text)));
-    this.element = h("div", { class: "joined downloads", hidden: true }, this.button, this.format);
+    /** The formats of the result, once there is one. */
+    this.menu = h("div", { hidden: true });
+    this.element = h("div", { class: "downloads", hidden: true }, this.button, this.menu);
   }
 
-  /** @param {Shown | null} shown @param {() => any} named What names the file of a shape that no job has. */
-  show(shown, named) {
+  /** @param {any} job That has a result. @param {any[]} artifacts */
+  offer(job, artifacts) {
+    fill(this.menu, downloadMenu(job, artifacts, this.scope));
+  }
+
+  /** @param {Shown | null} shown */
+  show(shown) {
     this.shown = shown;
-    this.named = named;
     this.element.hidden = !shown;
     // The other formats are made of a result as it is stored.
-    const whole = Boolean(shown?.result && shown.share === 1);
-    this.format.hidden = !whole || currentLink() !== ""; // who came by a link has nothing made
-    if (!whole) this.format.value = FORMATS[0][0];
-    this.button.classList.toggle("button-primary", whole);
+    const whole = Boolean(shown?.result && shown.share === 1 && this.menu.firstChild);
+    this.button.hidden = whole;
+    this.menu.hidden = !whole;
   }
 
   _save() {
-    const { shown } = this;
+    const { shown, scope } = this;
     if (!shown) return;
-    const { shape, share, job, result } = shown;
-    if (result && share === 1) return this._saveResult(job, this.format.value);
+    const { shape, share, job } = shown;
     return orToast("Not downloaded", async () => {
-      const { signal } = this.scope;
-      const percent = Math.round(100 * share);
-      const bytes = shape.stored ? await client.bytes(shape.stored.path + (share === 1 ? "" : `?strength=${share}`), { signal }) : await this.make(signal);
-      saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(shape.stored ? job : this.named(), shape.stored?.name ?? "", percent));
+      const path = shape.stored && shape.stored.path + (share === 1 ? "" : `?strength=${share}`);
+      const bytes = path ? await client.bytes(path, { signal: scope.signal }) : await this.make(scope.signal);
+      saveBytes(new Blob([bytes], { type: "model/gltf-binary" }), shapeName(shape.stored ? job : this.named(), shape.stored?.name ?? "", Math.round(100 * share)));
     });
-  }
-
-  /** @param {any} job @param {string} name */
-  _saveResult(job, name) {
-    if (!this.names.includes(name)) return downloadMade(job, name, this.scope);
-    return download(`v1/jobs/${job.id}/artifacts/${name}`, artifactName(job, name), job.asset?.size ?? 0, true, this.scope);
   }
 }

@@ -19,8 +19,8 @@ export function findingList(findings) {
   return h("ul", { class: "findings" }, findings.map(row));
 }
 
-// What the service can make of a finished job that was not asked for it.
-const AFTERWARDS = ["result.stl", "morph.glb", "map.safetensors"];
+// What the service can make of a finished job that was not asked for it, besides the formats of its result.
+const AFTERWARDS = ["map.safetensors"];
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",

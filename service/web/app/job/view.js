@@ -43,7 +43,8 @@ async function read(root, scope, id) {
 async function showOther(root, scope, job) {
   const stage = await stageOf(job, scope);
   if (scope.over) return;
-  const finished = async (/** @type {any} */ report, /** @type {string[]} */ names) => {
+  const finished = async (/** @type {any} */ report, /** @type {any[]} */ artifacts) => {
+    const names = artifacts.map(({ name }) => name);
     stage.job = panel.job;
     if (report && stage.finished) await stage.finished(report, names, panel.results);
     await stage.ready;
