@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
@@ -43,6 +44,8 @@ class Previews:
         self.asked: list[tuple[str, str, list[int]]] = []
         self.status = 200
         self.drafts = False
+        """Whether exact shapes are held back, and drafts come before them."""
+        self.held: list[Callable[[], None]] = []
         page.route("**/v1/jobs:preview*", self._answer)
 
     def _answer(self, route: Route) -> None:
@@ -63,7 +66,11 @@ class Previews:
         shape = PreviewShape(document["seeds"][0], positions_of(glb), {"form": "mushroom", "pose": ""})
         body = glb if form == "glb" else pack(PreviewShapes("0" * 64, False, None, [shape]))
         headers = {"Meshdeform-Asset": "0" * 64, "Meshdeform-Draft": str(draft).lower()}
-        route.fulfill(body=body, content_type="application/octet-stream", headers=headers)
+        answer = partial(route.fulfill, body=body, content_type="application/octet-stream", headers=headers)
+        if self.drafts and form == "glb" and not draft:
+            self.held.append(answer)
+        else:
+            answer()
 
     def result(self, seed: int) -> bytes:
         """What the asset becomes with a seed."""
@@ -213,8 +220,11 @@ def test_a_draft_of_a_large_asset_gives_way_to_the_exact_shape(page: Page, servi
     open_form(page)
     choose(page, asset)
     page.locator("#prompt").fill("a mushroom")
-    expect(tag(page)).to_have_text("Draft")
     expect(members(page)).to_have_count(6)
+    expect(tag(page)).to_have_text("Draft")
     # The exact shape is asked for once the designs are there: of the one that is taken alone.
+    until_asked(page, "the exact shape is asked for", lambda: previews.held != [])
+    expect(page.get_by_text("A draft; the exact shape follows.")).to_be_visible()
+    previews.held[0]()
     expect(tag(page)).to_have_text("Preview")
     assert previews.forms == ["glb", *6 * ["positions"], "glb"]
