@@ -7,7 +7,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-HEAD = "0013"
+HEAD = "0014"
 """The newest migration. A record at this version is opened without Alembic.
 
 The first two digits are its generation. Within one, migrations only add, so that two versions of Meshdeform can use a
