@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-Object.assign(globalThis, { document: Object.assign(new EventTarget(), { baseURI: "https://host.example/" }), window: {} });
+Object.assign(globalThis, { document: Object.assign(new EventTarget(), { baseURI: "https://host.example/below/?job=job_1#/jobs" }), window: {} });
 const { curlOf, matches, members, resolved, sections, typeOf } = await import("../../service/web/app/api/model.js");
 const spec = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 const all = sections(spec).flatMap(({ operations }) => operations);
