@@ -1,50 +1,54 @@
-"""Compare `meshdeform run --preset preview`, from shell to file, with `import torch`: ``python -m bench.cold_run``.
+"""Compare fits with `import torch`: ``python -m bench.cold_run [--against CHECKOUT]``.
 
-Prints the largest resident memory of a run (of one that compiles the kernels, where none are cached), then the median
-CPU time of whole processes over that of `python -c "import torch"`, in turns, one thread each, and that of a worker's
-second job. With ``--worker``, only the CPU seconds of one worker's process until it is ready, and those of the start,
-the steps and the end of its first and second job of five steps on an asset whose front is searched.
+Prints the largest resident memory of `meshdeform run`, from shell to file, and medians of CPU time over that of
+`python -c "import torch"`, in turns, one thread each: of the whole process, and, in a process like a worker's, of a
+second job with another prompt and of the same once more. `--against`: of another checkout too, in the same turns.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections import defaultdict
+from pathlib import Path
 from statistics import median
 from time import process_time
 
 from bench.jobs import EXAMPLES, ROOT
-from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import job_input
-from meshdeform.settings import Settings
-from worker.process import torch_engine
 
 TURNS = 4
-WARM = "from bench.cold_run import jobs; print(sum(list(jobs())[2]))"
+FIRST, PROMPT = "a cat", "a mushroom"
+WARM = f"from runpy import run_path; print(*run_path({str(Path(__file__))!r})['jobs']())"
+TORCH = (sys.executable, "-c", "import torch")
 
 
-def jobs(asset: str = "sphere.glb", **params: int) -> Iterator[list[float]]:
-    """Start as a worker, run two jobs on one asset, and yield the CPU time before them, then of each part of a job."""
-    engine = torch_engine(Settings())
-    yield [process_time()]
+def jobs() -> list[float]:
+    """Run jobs in this process, which may be of another checkout, and return the CPU seconds of all but the first."""
+    from meshdeform.requests.document import JobRequest
     from meshdeform.runs import text_deform
+    from meshdeform.runs.base import job_input
+    from meshdeform.runs.kept_readings import FolderReadings
+    from meshdeform.settings import Settings
+    from worker.process import torch_engine
 
-    request = JobRequest.model_validate({"prompt": "a mushroom", "params": {"preset": "preview", **params}})
-    content = (EXAMPLES / asset).read_bytes()
-    for _ in range(2):
-        times = [process_time()]
-        run = text_deform.start(job_input(content, asset, request, prior=engine.load_prior("builtin")))
-        times.append(process_time())
-        times += [process_time() for _ in run]
+    torch_engine(Settings())
+    content, readings, times = (EXAMPLES / "sphere.glb").read_bytes(), FolderReadings(Settings().cache_folder), []
+    for prompt in (FIRST, PROMPT, PROMPT):
+        request = JobRequest.model_validate({"prompt": prompt, "params": {"guidance": {"kind": "exemplar"}}})
+        begun = process_time()
+        run = text_deform.start(job_input(content, "sphere.glb", request, readings=readings))
+        for _ in run:
+            pass
         run.finish()
-        yield [times[1] - times[0], times[2] - times[1], times[-1] - times[2], process_time() - times[-1]]
+        times.append(process_time() - begun)
+    return times[1:]
 
 
-def cpu_s(command: list[str], environment: dict[str, str]) -> float:
+def cpu_s(command: tuple[str, ...], environment: dict[str, str]) -> float:
     """Return the CPU time of a process."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
@@ -52,29 +56,36 @@ def cpu_s(command: list[str], environment: dict[str, str]) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def compare() -> None:
+def main() -> None:
     """Print the ratios."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages have theirs
-    times: dict[str, list[float]] = {"torch": [], "run": [], "warm": []}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--against", type=Path, help="another checkout")
+    parser.add_argument("--turns", type=int, default=TURNS)
+    options = parser.parse_args()
+    times: dict[str, list[float]] = defaultdict(list)
+    environments = {}
+    for root in (ROOT, *([options.against.absolute()] if options.against else [])):
+        environments[root.name] = {**os.environ, "PYTHONPATH": str(root), "OMP_NUM_THREADS": "1"}
+        environments[root.name].pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages have theirs
     with tempfile.TemporaryDirectory() as folder:
-        run = [sys.executable, "-P", "-m", "meshdeform", "run", str(EXAMPLES / "sphere.glb"), "a mushroom"]
-        run += ["--preset", "preview", "--quiet", "--force", "-o", f"{folder}/result.glb"]
-        cpu_s(run, environment)
-        most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
-        print(f"run: at most {most:.2f} GB of resident memory", flush=True)
-        for _ in range(TURNS):
-            warm = subprocess.check_output([sys.executable, "-P", "-c", WARM], env=environment).splitlines()[-1]
-            torch = cpu_s([sys.executable, "-c", "import torch"], environment)
-            for name, seconds in (("torch", torch), ("run", cpu_s(run, environment)), ("warm", float(warm))):
-                times[name].append(seconds)
-    for name in ("run", "warm"):
-        print(f"{name}: {median(times[name]) / median(times['torch']):.2f} times the CPU time of import torch")
+        run = (sys.executable, "-P", "-m", "meshdeform", "run", str(EXAMPLES / "sphere.glb"), PROMPT)
+        run += ("--quiet", "--force", "-o", f"{folder}/result.glb")
+        for name, environment in environments.items():  # which compiles the kernels, and draws members, the first time
+            cpu_s(run, environment)
+            most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
+            print(f"{name}: at most {most:.2f} GB of resident memory", flush=True)
+        for _ in range(options.turns):
+            times["torch"].append(cpu_s(TORCH, dict(os.environ)))
+            for name, environment in environments.items():
+                times[f"{name}: run"].append(cpu_s(run, environment))
+                told = subprocess.check_output([sys.executable, "-P", "-c", WARM], env=environment).split()[-2:]
+                times[f"{name}: a job with another prompt"].append(float(told[0]))
+                times[f"{name}: the same again"].append(float(told[1]))
+    torch = median(times.pop("torch"))
+    print(f"import torch: {torch:.2f} s")
+    for name, seconds in times.items():
+        print(f"{name}: {median(seconds):.2f} s, {median(seconds) / torch:.2f} times import torch")
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--worker"]:
-        for what, parts in zip(("ready", "first job", "second job"), jobs("capsule.glb", steps=5), strict=True):
-            print(f"{what} {sum(parts):.2f} s", *(f"{part:.2f}" for part in parts))
-    else:
-        compare()
+    main()

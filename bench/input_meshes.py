@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from meshdeform.geometry.shapes import icosphere, join
 from training.evaluation.relaxed import geodesic_sphere
 from training.shapes import box, cylinder, grid, lathe, torus, uv_sphere
 
-__all__ = ["INPUTS", "Input"]
+__all__ = ["BAD", "INPUTS", "Input"]
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
@@ -282,6 +284,104 @@ _PACKED = {
     "obj-zip": "a ZIP of an OBJ of two materials, its MTL and a texture",
 }
 
+
+def _tubes(size: float, special: str, change: Callable[[TriangleMesh], TriangleMesh]) -> Input:
+    """Return an upright bottle with something done to it."""
+    heights = np.linspace(0.0, 1.0, _count(size, 25))
+    radii = np.interp(heights, [0.0, 0.3, 0.6, 0.7, 1.0], [0.3, 0.35, 0.3, 0.12, 0.12])
+    outline = [(0.0, 0.0), *zip(radii.tolist(), heights.tolist(), strict=True), (0.0, 1.0)]
+    bottle = lathe(outline, _count(size, 32))
+    return _of(special, change(bottle), meets=True)
+
+
+def _added(mesh: TriangleMesh, verts: Any, faces: Any) -> TriangleMesh:
+    """Return a mesh with more vertices, and faces whose negative corners are among these."""
+    more, own = np.asarray(verts, float).reshape(-1, 3), np.asarray(faces)
+    own = np.where(own < 0, len(mesh.verts) - 1 - own, own)
+    return TriangleMesh(np.concatenate([mesh.verts, more]), np.concatenate([mesh.faces, own]))
+
+
+def _middles(mesh: TriangleMesh, count: int) -> tuple[_Floats, _Faces]:
+    """Return the middles of the first edges of some faces, and these faces split there, as their neighbours are not."""
+    chosen = np.linspace(0, len(mesh.faces) - 1, count).astype(int)
+    a, b, c = mesh.faces[chosen].T
+    new = -1 - np.arange(count)
+    return (mesh.verts[a] + mesh.verts[b]) / 2, np.concatenate([np.stack([a, new, c], 1), np.stack([new, b, c], 1)])
+
+
+def _t_junctions(mesh: TriangleMesh) -> TriangleMesh:
+    verts, faces = _middles(mesh, 12)
+    chosen = np.linspace(0, len(mesh.faces) - 1, 12).astype(int)
+    return _added(TriangleMesh(mesh.verts, np.delete(mesh.faces, chosen, 0)), verts, faces)
+
+
+def _fins(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh with a third face at some edges."""
+    a, b, _ = mesh.faces[:: max(1, len(mesh.faces) // 12)].T
+    tips = (mesh.verts[a] + mesh.verts[b]) / 2 * [1.4, 1.0, 1.4]
+    return _added(mesh, tips, np.stack([a, b, -1 - np.arange(len(a))], 1))
+
+
+def _islands(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh with triangles of their own near it."""
+    corners = mesh.verts[mesh.faces[:: max(1, len(mesh.faces) // 20)]] * [1.2, 1.0, 1.2]
+    return _added(mesh, corners, -1 - np.arange(3 * len(corners)).reshape(-1, 3))
+
+
+def _shared_corner(mesh: TriangleMesh) -> TriangleMesh:
+    """Return a mesh whose vertex is the tip of a cone as well."""
+    tip = mesh.verts[len(mesh.verts) // 2]
+    ring = tip + 0.1 * np.array([[1, 1, 0], [1, 0, 1], [1, -1, 0], [1, 0, -1]])
+    at = len(mesh.verts) // 2
+    return _added(mesh, ring, [[at, -1, -2], [at, -2, -3], [at, -3, -4], [at, -4, -1]])
+
+
+def _without(mesh: TriangleMesh, share: float) -> TriangleMesh:
+    kept = np.random.default_rng(3).random(len(mesh.faces)) >= share
+    return TriangleMesh(mesh.verts, mesh.faces[kept])
+
+
+def _narrow(mesh: TriangleMesh, width: float) -> TriangleMesh:
+    """Return a mesh with a needle of that width beside the first edge of some faces, which closes it again."""
+    chosen = np.arange(0, len(mesh.faces), max(1, len(mesh.faces) // 16))
+    a, b, c = mesh.faces[chosen].T
+    inner = (1 - width) * (mesh.verts[a] + mesh.verts[b]) / 2 + width * mesh.verts[c]
+    new = -1 - np.arange(len(chosen))
+    parts = [np.stack(corners, 1) for corners in ((a, b, new), (b, c, new), (c, a, new))]
+    return _added(TriangleMesh(mesh.verts, np.delete(mesh.faces, chosen, 0)), inner, np.concatenate(parts))
+
+
+_BAD: dict[str, tuple[str, Callable[[TriangleMesh], TriangleMesh]]] = {
+    "needles-thin": ("needles a thousandth as wide as long", lambda mesh: _narrow(mesh, 1e-3)),
+    "needles-hair": ("needles a millionth as wide as long", lambda mesh: _narrow(mesh, 1e-6)),
+    "needles-flat": ("faces without area inside others", lambda mesh: _narrow(mesh, 0.0)),
+    "t-junctions": ("vertices in the middle of edges of others", _t_junctions),
+    "fins": ("a third face at some edges", _fins),
+    "fans": ("five faces at some edges", lambda mesh: _fins(_fins(_fins(mesh)))),
+    "islands": ("triangles of their own beside it", _islands),
+    "shared-corner": ("a cone and the surface share a vertex", _shared_corner),
+    "duplicates": ("every face twice", lambda mesh: TriangleMesh(mesh.verts, np.tile(mesh.faces, (2, 1)))),
+    "some-duplicates": (
+        "every tenth face three times",
+        lambda mesh: TriangleMesh(mesh.verts, np.concatenate([mesh.faces, mesh.faces[::10], mesh.faces[::10]])),
+    ),
+    "opposites": (
+        "every face from both sides",
+        lambda mesh: TriangleMesh(mesh.verts, np.concatenate([mesh.faces, mesh.faces[:, ::-1]])),
+    ),
+    "some-opposites": (
+        "every tenth face from both sides",
+        lambda mesh: TriangleMesh(mesh.verts, np.concatenate([mesh.faces, mesh.faces[::10, ::-1]])),
+    ),
+    "inside-out": ("wound inside out", lambda mesh: TriangleMesh(mesh.verts, mesh.faces[:, ::-1])),
+    "gaps": ("a tenth of the faces missing", lambda mesh: _without(mesh, 0.1)),
+    "rags": ("half of the faces missing", lambda mesh: _without(mesh, 0.5)),
+    "unwelded": (
+        "no two faces share a vertex",
+        lambda mesh: TriangleMesh(mesh.verts[mesh.faces].reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3)),
+    ),
+}
+
 INPUTS: dict[str, Callable[[float], Input]] = {
     "sphere": lambda size: _of("plain: the reference of the ratios", _sphere(size)),
     "parts": _parts,
@@ -320,3 +420,13 @@ INPUTS: dict[str, Callable[[float], Input]] = {
     "large": _large,
 }
 """Every input by name, as a function of its size: 1 in the benchmark, less for a coarser mesh of the same kind."""
+
+BAD: dict[str, Callable[[float], Input]] = {
+    **{
+        name: made
+        for name, made in INPUTS.items()
+        if name not in _PACKED and name not in ("sphere", "large", "far-node")
+    },
+    **{name: partial(_tubes, special=special, change=change) for name, (special, change) in _BAD.items()},
+}
+"""What modelling, scanning and conversion leave behind: those of `INPUTS`, and bottles, for `bench.bad_meshes`."""

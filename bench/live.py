@@ -1,10 +1,10 @@
 """Time previews of a real service, as somebody types: ``python -m bench.live [--browser] [--turns N] [--faces N]``.
 
 Starts a service in a temporary folder, reads an asset (the painted animal with 10,000 faces), and asks for prompts one
-after the other, whose nouns were drawn before: how long the first takes, the next ones, five more seeds of each, and
-the file of one that was seen. `import torch` is timed between them, by the clock and by the processor, which counts on
-a busy machine. With ``--browser``, Chromium types on the page: from the end of its pause of .3 s to the frame after
-the shape has come.
+after the other, whose nouns were drawn before: how long the first takes, the next ones, of a large asset after a draft,
+five more seeds of each, and the file of one that was seen. `import torch` is timed between them, by the clock and by
+the processor, which counts on a busy machine. With ``--browser``, Chromium types on the page: from the end of its pause
+of .3 s to the frame after the shape has come.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ from tests.servers import free_port
 
 PROMPTS = ("a giraffe", "a dog", "a horse", "an elephant", "a pig", "a rhino", "a cow", "a camel", "a sheep", "a lion")
 PAUSE_S, READY_S = 0.3, 300.0
+LARGE = 20_000
+"""Faces above which previews have drafts."""
 
 
 def asset_of(faces: int) -> bytes:
@@ -51,11 +53,11 @@ def asset_of(faces: int) -> bytes:
 
 
 @contextmanager
-def service(folder: Path) -> Iterator[str]:
-    """Run a service with one worker, and return its address."""
+def service(folder: Path, **more: str) -> Iterator[str]:
+    """Run a service with one worker, and return its address; `more`: of its environment."""
     url = f"http://127.0.0.1:{free_port()}"
     command = [sys.executable, "-m", "meshdeform", "serve", "--port", url.rpartition(":")[2], "--data-dir", str(folder)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", **more}
     with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             until = time.monotonic() + READY_S
@@ -92,18 +94,16 @@ def used_s() -> float:
     return total / os.sysconf("SC_CLK_TCK")
 
 
-def by_http(url: str, asset: bytes, turns: int) -> dict[str, list[tuple[float, float]]]:
+def by_http(url: str, asset: bytes, turns: int, *, large: bool) -> dict[str, list[tuple[float, float]]]:
     """Return the seconds of what is asked, by what it is: of the clock and of the processor."""
     times: dict[str, list[tuple[float, float]]] = {"import torch": []}
     with httpx.Client(base_url=url, timeout=600) as client:
 
-        def ask(what: str, document: dict[str, object], form: str = "positions") -> None:
+        def ask(what: str, document: dict[str, object], **query: str) -> None:
             begun, used = time.perf_counter(), used_s()
             named = "asset" in document
             sent = {"asset": ("animal.glb", asset), "request": (None, json.dumps(document))}
-            answer = client.post(
-                "/v1/jobs:preview", params={"as": form}, **({"json": document} if named else {"files": sent})
-            )
+            answer = client.post("/v1/jobs:preview", params=query, **({"json": document} if named else {"files": sent}))
             times.setdefault(what, []).append((time.perf_counter() - begun, used_s() - used))
             if answer.status_code != 503:  # it took too long
                 answer.raise_for_status()
@@ -114,8 +114,10 @@ def by_http(url: str, asset: bytes, turns: int) -> dict[str, list[tuple[float, f
         for number in range(turns):
             times["import torch"].append(import_torch())
             prompt = PROMPTS[(number + 1) % len(PROMPTS)]
+            if large:
+                ask("next prompt, a draft", {**kept, "prompt": prompt}, draft="true")
             ask("next prompt", {**kept, "prompt": prompt})
-            ask("its file", {**kept, "prompt": prompt}, "glb")
+            ask("its file", {**kept, "prompt": prompt}, **{"as": "glb"})
             ask("five more seeds", {**kept, "prompt": prompt, "seeds": [0, 1, 2, 3, 4, 5]})
             ask("a change", {**kept, "prompt": f"legs longer by {10 + number} %"})
     return times
@@ -175,7 +177,7 @@ def main() -> None:
     for prompt in PROMPTS[: arguments.turns + 1]:  # once a machine, whoever asks first
         bank_of(prompt.split()[1], samples_in(Settings().cache_folder), ())
     with tempfile.TemporaryDirectory() as folder, service(Path(folder) / "data") as url:
-        times = by_http(url, asset, arguments.turns)
+        times = by_http(url, asset, arguments.turns, large=arguments.faces > LARGE)
         clock, used = zip(*times["import torch"], strict=True)
         torch = median(clock), median(used)
         told(times, torch)

@@ -83,7 +83,7 @@ def export(
     up, unit : optional
         Of STL and OBJ, the axis that points up, `y` or `z`, and of these and 3MF the unit of lengths, `m`, `cm` or
         `mm`. Default: y and m, as in glTF; for 3MF millimetres, with +Z up always. Lengths of an asset whose format
-        has no unit (`Asset.in_metres`) are written as they are, and 3MF calls them its unit.
+        has no unit (`Asset.unit`) are written as they are, and 3MF calls them its unit.
 
     Raises
     ------
@@ -112,10 +112,10 @@ def export(
         said = said or list(asset.summary.warnings)
         return Export({name: data}, {"triangles": len(asset.surface.triangles)}, tuple(said))
     printed = ending == ".3mf"
-    frame = Frame(up or ("z" if printed else "y"), unit or ("mm" if printed else "m"), asset.in_metres)
+    frame = Frame(up or ("z" if printed else "y"), unit or ("mm" if printed else "m"), asset.unit)
     scene = Scene(document)
     files, facts = _WRITERS[ending](scene, frame, name)
-    if not asset.in_metres:
+    if asset.unit is None:
         unit_said = {".usdz": ", as m", ".3mf": f", as {frame.unit}"}.get(ending, "")
         said.append(f"The source says no unit: its numbers are written as they are{unit_said}.")
     return Export(files, facts, (*said, *scene.sentences()))

@@ -19,17 +19,17 @@ UNITS: dict[Unit, tuple[str, float]] = {"m": ("meter", 1.0), "cm": ("centimeter"
 class Frame:
     """The axes and the unit of a file; the defaults are those of glTF.
 
-    `up`: the axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y. `scaled`: whether lengths are
-    metres, and are written in `unit`; others are written as they are.
+    `up`: the axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y. `metres`: how long the lengths
+    that are given are, which are written in `unit`; None where nobody knows, and they are written as they are.
     """
 
     up: Up = "y"
     unit: Unit = "m"
-    scaled: bool = True
+    metres: float | None = 1.0
 
     def places(self, points: Floats) -> Floats:
-        """Return points (V, 3) of glTF's world, in metres, in this frame."""
-        return self.directions(points) * (UNITS[self.unit][1] if self.scaled else 1.0)
+        """Return points (V, 3) of glTF's world in this frame."""
+        return self.directions(points) * (1.0 if self.metres is None else self.metres * UNITS[self.unit][1])
 
     def directions(self, vectors: Floats) -> Floats:
         """Return vectors (V, 3) of glTF's world in this frame, with their lengths."""
@@ -40,4 +40,4 @@ class Frame:
     @property
     def words(self) -> str:
         """The frame in words: `mm, +Z up`."""
-        return f"{self.unit if self.scaled else 'the unit of the source'}, +{self.up.upper()} up"
+        return f"{'the unit of the source' if self.metres is None else self.unit}, +{self.up.upper()} up"

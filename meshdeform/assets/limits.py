@@ -12,7 +12,10 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -112,6 +115,7 @@ try:
 finally:
     gc.freeze()
 """
+_POLL_S = 0.1
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # fmt: off
 _PASSED_ON = frozenset({
@@ -131,22 +135,44 @@ class ChildOutcome:
     verdict: dict[str, Any] | None  # what it printed; None if it did not get that far
 
 
+_gone: ContextVar[Callable[[], bool]] = ContextVar("_gone", default=lambda: False)
+
+
+@contextmanager
+def ended_with(gone: Callable[[], bool]) -> Iterator[None]:
+    """End the children that are run within, in this context, once nobody waits for them any more."""
+    token = _gone.set(gone)
+    try:
+        yield
+    finally:
+        _gone.reset(token)
+
+
 def run_child(module: str, arguments: list[str], *, timeout_s: float, temporary: Path | None = None) -> ChildOutcome:
     """Run the function `main` of a module of this package in a child process.
 
     `module`: its full name. `arguments`: its command line; paths must be absolute. `temporary`: the folder for the
-    child's temporary files. Default: the system's.
+    child's temporary files. Default: the system's. Raises TimeoutError, and UnavailableError if nobody waits for it.
     """
-    try:
-        with start_child(module, arguments, temporary=temporary) as child:
-            try:
-                stdout, _ = child.communicate(timeout=timeout_s)
-            except BaseException:
-                child.kill()
-                raise
-    except subprocess.TimeoutExpired as error:
-        raise TimeoutError from error
+    until = time.monotonic() + timeout_s
+    with start_child(module, arguments, temporary=temporary) as child:
+        try:
+            stdout = _printed(child, until)
+        except BaseException:
+            child.kill()
+            raise
     return ChildOutcome(child.returncode, _verdict(stdout))
+
+
+def _printed(child: subprocess.Popen[bytes], until: float) -> bytes:
+    """Return what a child has printed when it ends."""
+    while True:
+        with suppress(subprocess.TimeoutExpired):
+            return child.communicate(timeout=_POLL_S)[0]
+        if time.monotonic() > until:
+            raise TimeoutError
+        if _gone.get()():
+            raise UnavailableError("The caller has gone.")
 
 
 def start_child(

@@ -69,14 +69,11 @@ def service_url(url: str | None) -> str:
     return address
 
 
-def connect(
-    url: str | None, api_key: str | None, api_key_file: Path | None, *, timeout_s: float = 60.0, max_retries: int = 4
-) -> Client:
-    """Return a client of the service, which the caller closes; nothing is sent yet."""
+def connect(url: str | None, api_key: str | None, api_key_file: Path | None, **more: Any) -> Client:
+    """Return a client of the service, which the caller closes; nothing is sent yet. `more`: as of `Client`."""
     from meshdeform.client import Client
 
-    key = read_key(api_key, api_key_file)
-    return Client(service_url(url), api_key=key, timeout_s=timeout_s, max_retries=max_retries)
+    return Client(service_url(url), api_key=read_key(api_key, api_key_file), **more)
 
 
 def command_line(command: str, url: str | None) -> str:

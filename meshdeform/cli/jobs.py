@@ -38,7 +38,7 @@ from meshdeform.cli.options import (
     option,
     output_option,
 )
-from meshdeform.cli.output import ago, duration, emit, note, plain, show_progress, table
+from meshdeform.cli.output import ago, duration, emit, note, plain, show_progress, show_uploads, table
 from meshdeform.cli.report_lines import verdict_line
 from meshdeform.cli.request import make_request, merge_params, parse_labels
 from meshdeform.errors import ConflictError, MeshdeformError, NotFoundError, UnavailableError
@@ -83,11 +83,12 @@ def run_on_service(
     The files are by part. An OutcomeError tells that the job did not succeed, that the time is over, or that Ctrl-C
     came.
     """
-    with place.connect() as client:
+    with show_uploads(quiet=printed.quiet) as show, place.connect(show) as client:
         job = _submitted(client, request, files, idempotency_key)
-        if place.detach:
-            _print_new(job, place, printed)
-            return
+    if place.detach:
+        _print_new(job, place, printed)
+        return
+    with place.connect() as client:
         note(f"{job.id}  (Ctrl-C leaves it running)", quiet=printed.quiet)
         ended = _followed(client, job.id, Deadline(place.timeout), place, printed)
         if failure := outcome_failure(ended):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +13,7 @@ import typer
 from meshdeform.cli.environment import connect
 
 if TYPE_CHECKING:
-    from meshdeform.client import Client
+    from meshdeform.client import Client, UploadProgress
 
 MAX_STRENGTH = 1.5
 """As `meshdeform.runs.strength` has it, which needs torch."""
@@ -140,9 +140,9 @@ class Place:
     ] = None
     api_key_file: Annotated[Path | None, file_option("A file with the API key.", _SERVICE)] = None
 
-    def connect(self) -> Client:
+    def connect(self, on_upload: Callable[[UploadProgress], None] | None = None) -> Client:
         """Return a client of the service, which the caller closes; nothing is sent yet."""
-        return connect(self.url, self.api_key, self.api_key_file)
+        return connect(self.url, self.api_key, self.api_key_file, on_upload=on_upload)
 
 
 @dataclass(frozen=True)

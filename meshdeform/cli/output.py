@@ -17,8 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from meshdeform.errors import readable_size
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+    from meshdeform.client import UploadProgress
 
 _MINUTE, _HOUR, _DAY = 60, 3600, 86_400
 _LINE_EVERY_S = 5.0
@@ -206,6 +210,26 @@ def show_progress(*, quiet: bool = False) -> Iterator[ProgressView]:
     """Yield a view of a job: a bar if standard error is a terminal, else lines; with `quiet`, nothing."""
     with _shown_bars(quiet=quiet) as bars:
         yield ProgressView() if quiet else _JobProgress(bars)
+
+
+@contextmanager
+def show_uploads(*, quiet: bool = False) -> Iterator[Callable[[UploadProgress], None]]:
+    """Yield what a client calls with the progress of its uploads: a bar for each file, without a terminal a line."""
+    with _shown_bars(quiet=quiet) as bars:
+        tasks: dict[str, TaskID] = {}
+        told: set[str] = set()
+
+        def show(progress: UploadProgress) -> None:
+            name, (sent, size) = progress.filename, (math.ceil(n / 1024) for n in progress[1:])
+            if bars is not None:
+                if name not in tasks:
+                    tasks[name] = bars.add("sending")
+                bars.progress.update(tasks[name], completed=sent, total=size, note=f"KiB of {plain(name)}")
+            elif name not in told:
+                note(f"sending {name}, {readable_size(progress.size)}", quiet=quiet)
+            told.add(name)
+
+        yield show
 
 
 @contextmanager

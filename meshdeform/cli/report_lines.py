@@ -225,7 +225,7 @@ def reading_lines(reading: Mapping[str, Any] | None) -> list[str]:
         read = f"Read as: {noun} ({percent(reading['probability'])}{instead}; --source-noun NOUN corrects it)"
     given = ", as given" if reading["front_given"] else ""
     sure = given if given or reading["front_sure"] else ", which is not sure; its azimuth in degrees corrects it"
-    lies = "" if reading["up"] == "+Y" else f" {reading['up']} counts as up: the format leaves that open."
+    lies = "" if reading["up"] == "+Y" else f" {reading['up']} counts as up (--up corrects it)."
     return [f"{read}; front at {front}{sure}.{lies}"]
 
 

@@ -20,6 +20,7 @@ from meshdeform.api.documents import (
     SketchGuesses,
     SketchParameter,
     UploadView,
+    UsageMonth,
     WordDetail,
     WordView,
 )
@@ -29,7 +30,7 @@ from meshdeform.api.documents import VocabularyView as Vocabulary
 from meshdeform.api.jobs import ArtifactView, CheckpointView, EventView, SignedUrl
 from meshdeform.client.asynchronous.client import AsyncClient, AsyncResult
 from meshdeform.client.documents import JobView, Validation
-from meshdeform.client.orders import AssetLike
+from meshdeform.client.orders import AssetLike, UploadProgress
 from meshdeform.client.problems import WaitTimeoutError
 from meshdeform.client.sync.client import Client, Result
 from meshdeform.requests.previews import PreviewShape, PreviewShapes, PrimitivePositions
@@ -61,7 +62,9 @@ __all__ = [
     "SketchGuess",
     "SketchGuesses",
     "SketchParameter",
+    "UploadProgress",
     "UploadView",
+    "UsageMonth",
     "Validation",
     "Vocabulary",
     "WaitTimeoutError",

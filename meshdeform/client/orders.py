@@ -17,7 +17,7 @@ import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, Any, NamedTuple, cast
 
 from pydantic import BaseModel
 
@@ -135,6 +135,14 @@ class LocalFile:
     file: IO[bytes]
     size: int
     sha256: str
+
+
+class UploadProgress(NamedTuple):
+    """How much of a file has arrived at the service, in bytes."""
+
+    filename: str
+    sent: int
+    size: int
 
 
 def open_source(

@@ -34,9 +34,10 @@ class Policy:
     """Seconds for which a stream of events may be silent. The service sends something every 15 seconds."""
     busy_s: float = 150.0
     """Seconds to wait for an earlier request with the same key. After a crash, the service releases the key by then."""
-    upload_above: int = 16 * 2**20
+    upload_above: int = 2**20
     """Files with more bytes are uploaded before their job is posted, in pieces that can be resumed."""
-    piece_bytes: int = 8 * 2**20  # size of these pieces
+    first_piece_bytes: int = 64 * 2**10  # size of the first piece; of a fast line each is twice the one before
+    piece_bytes: int = 8 * 2**20  # largest size of these pieces
     # First and longest pause between retries. Pauses double in between.
     first_pause_s: float = 0.25
     longest_pause_s: float = 8.0

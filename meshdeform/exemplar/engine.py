@@ -17,9 +17,9 @@ With a strength below 1 the asset goes that share of the way, and what breaks on
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +37,9 @@ from meshdeform.exemplar.targets import fitted_to_target
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
+from meshdeform.support.recent import Recent
 from meshdeform.vocabulary.solids import PART_NAMES, part_label
+from meshdeform.words import words_in_use
 
 __all__ = ["ExemplarFit", "Stage"]
 
@@ -48,6 +50,8 @@ _ENOUGH = 0.6
 _STRETCH, _FAULTS = 0.02, 0.02
 _SAMPLES = 2500
 _CHOSEN, _FITTED = 0.2, 0.95
+_MOST, _MOST_BYTES, _COPIES = 64, 128 * 2**20, 3
+"""Wishes whose ways are kept, and what they take: each way also before it was evened, and with its pieces."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class Stage:
 class _Way:
     """Where one exemplar takes the asset: vertices (V, 3) in the frame, before mending, and what it was.
 
-    `last`: what is still to be done to the vertices if the way is taken.
+    `last`: what is still to be done to the vertices if the way is taken; `done`: what they are then, once it was.
     """
 
     verts: Floats
@@ -72,6 +76,10 @@ class _Way:
     matching: Matching | None = None
     merit: float | None = None
     last: Callable[[Floats], Floats] | None = None
+    done: Floats | None = None
+
+
+_recent: Recent[list[_Way]] = Recent(_MOST, _MOST_BYTES)
 
 
 class ExemplarFit:
@@ -120,16 +128,37 @@ class ExemplarFit:
 
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
-        ways = list[_Way]()
-        chosen = self._chosen()
+        known = self._known_ways
+        ways = list[_Way]() if known is None else known
+        chosen = self._chosen() if known is None else []
         yield Stage("choose", _CHOSEN)
         clay = not self._wish.targets and is_clay(self.source)
         for number, exemplar in enumerate(chosen):
             ways += [self._moulded(exemplar)] if clay else self._fitted(exemplar)
             share = _CHOSEN + (_FITTED - _CHOSEN) * (number + 1) / len(chosen)
             yield Stage("fit", share, self.frame.leave(min(ways, key=self._merit).verts))
-        self.result = self._mended(sorted(ways, key=self._merit))
+        ways.sort(key=self._merit)
+        self._keep(ways)
+        self.result = self._mended(ways)
         yield Stage("mend", 1.0, self.frame.leave(self.result.verts))
+
+    @cached_property
+    def _key(self) -> Hashable | None:
+        """What the ways of a source depend on: all of a wish but its strength; None of one for given surfaces."""
+        wish = self._wish
+        if wish.targets or wish.landmarks is not None:
+            return None
+        return self._known.key, replace(wish, strength=1.0), tuple(word.sha256 for word in words_in_use())
+
+    @property
+    def _known_ways(self) -> list[_Way] | None:
+        return None if self._key is None else _recent.get(self._key)
+
+    def _keep(self, ways: list[_Way]) -> None:
+        """Keep where the asset can go, for the same wish with another strength."""
+        if self._key is not None:
+            size = sum(way.verts.nbytes + way.goal.verts.nbytes + way.goal.faces.nbytes for way in ways)
+            _recent.put(self._key, ways, _COPIES * size)
 
     def _chosen(self) -> list[Exemplar]:
         if self._wish.targets:
@@ -222,9 +251,10 @@ class ExemplarFit:
     def _gone(self, way: _Way) -> Mended:
         """Return where the asset has gone that way, as far as it is to go."""
         rest = self.source.verts
-        if self._mends and way.last is not None:
-            way.verts, way.last = way.last(way.verts), None
-        goal = rest + self._wish.strength * (way.verts - rest)
+        if self._mends and way.last is not None and way.done is None:
+            way.done = way.last(way.verts)
+        verts = way.done if self._mends and way.done is not None else way.verts
+        goal = rest + self._wish.strength * (verts - rest)
         if self._mends:
             return mended(rest, goal, self.source.faces)
         found = self._faults.find(goal)

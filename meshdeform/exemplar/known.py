@@ -21,11 +21,11 @@ _BYTES_PER_BYTE, _BYTES_OF_MEMBERS = 12, 8 * 2**20
 class KnownSource:
     """A source, and what its fits have in common; each is made when it is first asked for.
 
-    `source`: a surface in the frame of its fits.
+    `source`: a surface in the frame of its fits; `key`: of all its arrays.
     """
 
-    def __init__(self, source: Shape) -> None:
-        self.source = source
+    def __init__(self, source: Shape, key: bytes) -> None:
+        self.source, self.key = source, key
 
     @cached_property
     def faults(self) -> Faults:
@@ -55,7 +55,7 @@ def known_source(source: Shape) -> KnownSource:
     key = content.digest()
     known = _recent.get(key)
     if known is None:
-        known = KnownSource(source)
+        known = KnownSource(source, key)
         size = source.verts.nbytes + source.faces.nbytes
         _recent.put(key, known, _BYTES_PER_BYTE * size + _BYTES_OF_MEMBERS)
     return known

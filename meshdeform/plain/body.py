@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
+from meshdeform.geometry.folds import FaceNeighbours
 from meshdeform.plain.names import sides_of, tokens
 from meshdeform.plain.reader import Reader
 from meshdeform.reading.result import UP_TURNS
@@ -137,6 +138,11 @@ class Body:
         a, b, c = points[self.faces].transpose(1, 0, 2)
         thick = np.linalg.norm(self.crosses, axis=1) > 1e-9 * self.diagonal**2
         return np.asarray(thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), self.crosses) < 0))
+
+    @cached_property
+    def neighbours(self) -> FaceNeighbours:
+        """The neighbours of its faces, which tell folds."""
+        return FaceNeighbours(self.faces, self.points)
 
     @cached_property
     def edges(self) -> sparse.csr_matrix:

@@ -15,6 +15,7 @@ import numpy as np
 
 from meshdeform.errors import PromptError
 from meshdeform.geometry.junctions import Junctions
+from meshdeform.geometry.slivers import along_slivers
 from meshdeform.plain import effect, table
 from meshdeform.plain.body import UP, Body, Flags, Floats
 from meshdeform.plain.effect import Effect
@@ -219,7 +220,7 @@ class _Attempt:
             kept_above = points is not settled
             points = junctions.closed(body.points, points)
             points, flipped = _relaxed(body, points, _flipped(body, points, change), change, junctions)
-            if not flipped.any():
+            if not flipped.any() or change.operation in _TURNING:
                 break
         return cls(moved, points, flipped, share, kept_above)
 
@@ -332,14 +333,20 @@ def _above_ground(parts: Parts, change: Change, moved: Moved, points: Floats) ->
 
 
 def _flipped(body: Body, points: Floats, change: Change) -> Flags:
-    """Return which faces (F,) turned over; those of a turning map turn with it."""
-    if change.operation in _TURNING:
-        return np.zeros(len(body.faces), bool)
-    return body.flipped(points)
+    """Return which faces (F,) turned over; under a map that turns them, those that fold against their neighbours."""
+    return body.neighbours.folded(points) if change.operation in _TURNING else body.flipped(points)
 
 
 def _relaxed(body: Body, points: Floats, flipped: Flags, change: Change, junctions: Junctions) -> tuple[Floats, Flags]:
-    """Return the points with displacements smoothed around flipped faces, and which are still flipped."""
+    """Return the points with slivers on their edges and displacements smoothed around faces that are still flipped.
+
+    Only where faces are flipped; what is turned is not smoothed. Also returns which are flipped then.
+    """
+    if flipped.any():
+        points = junctions.closed(body.points, along_slivers(body.points, body.faces, points))
+        flipped = _flipped(body, points, change)
+    if change.operation in _TURNING:
+        return points, flipped
     degree = np.maximum(np.asarray(body.edges.sum(1)).ravel(), 1)
     moved = points - body.points
     for _ in range(_ROUNDS):

@@ -56,7 +56,7 @@ _BASE_BYTES = {
 _APPLIED = {STRENGTH: "strength", ALIKE: "map", POSED: "pose"}
 """What is applied to make those that are no artifacts."""
 
-_WITHOUT_UNIT = (".obj", ".ply", ".stl")
+_WITHOUT_UNIT = (".3mf", ".obj", ".ply", ".stl")
 """Endings of assets whose unit nobody knows."""
 
 _SECONDS = 2.0
@@ -220,7 +220,8 @@ def _exported(name: str, result: Path, options: dict[str, Any]) -> Export:
     from meshdeform.assets.pose import Pose
 
     asset = load_asset(result.read_bytes(), limits=Limits.unlimited())
-    asset.in_metres = not options["filename"].endswith(_WITHOUT_UNIT)
+    if options["filename"].endswith(_WITHOUT_UNIT):
+        asset.unit = None
     return export(asset, name, pose=Pose.parse(options["pose"]) if options["pose"] else None)
 
 

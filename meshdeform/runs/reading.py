@@ -70,9 +70,11 @@ _UNLIKELY, _UNJUDGED = 0.001, 0.02
 """What counts as the judge's probability of a noun besides, and in place of it where it does not know the noun."""
 _CLEARLY = 0.5
 """Probability from which a figure is another than a person."""
+_MOST, _MOST_BYTES = 64, 64 * 2**20
+"""Readings that this process keeps, and the bytes of their labels."""
 
 _log = logging.getLogger(__name__)
-_last: Recent[Reading] = Recent(8)
+_last: Recent[Reading] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
@@ -164,12 +166,12 @@ def read_source(
     key = "" if source is None or not source.digest else source.key(params)
     if key and (known := _last.get(key) or _unpacked(source.kept.get(key) if source else None)) is not None:
         if len(known.labels) == len(body.faces):
-            _last.put(key, known)
+            _last.put(key, known, known.labels.nbytes)
             return known
         _log.warning("a kept reading is of another mesh; it is read anew")
     reading = _read(body, params, source, fitted)
     if reading is not None and key and source is not None:
-        _last.put(key, reading)
+        _last.put(key, reading, reading.labels.nbytes)
         source.kept.put(key, _head() + reading.to_bytes())
     return reading
 

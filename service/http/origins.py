@@ -13,6 +13,8 @@ from starlette.datastructures import Headers
 from starlette.middleware.cors import CORSMiddleware
 from starlette.routing import Match, Router
 
+from service.http.middleware import add_header
+
 if TYPE_CHECKING:
     from fastapi import FastAPI
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -66,8 +68,11 @@ class CrossOrigin:
             return None
         wanted = Headers(scope=scope).get("access-control-request-method") if scope["method"] == "OPTIONS" else None
         method = wanted or scope["method"]
-        found = (app for path, methods, app in self._signed if method in methods and path.fullmatch(scope["path"]))
-        return next(found, None)
+        for path, methods, app in self._signed:
+            if method in methods and path.fullmatch(scope["path"]):
+                add_header(scope, "Access-Control-Allow-Origin", "*")  # also for caches, which do not say for whom
+                return app
+        return None
 
     def _for_listed(self) -> ASGIApp | None:
         # The settings are read when the application starts, which is after it was built.

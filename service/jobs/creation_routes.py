@@ -42,6 +42,7 @@ from service.documentation.responses import (
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document, receive_form
+from service.http.callers import while_waited_for
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Answer, Caller, IdempotencyKey
 from service.jobs.arrivals import Arrivals, arriving, go_on, taken_along
@@ -252,7 +253,7 @@ async def list_job_parts(
     takes a second, in a process of its own on the API's machine, which needs the extra `deform`.
     """
     app.previews.prepare()  # whoever asks for parts is about to type
-    async with submitted(request, app, principal.owner_id) as submission:
+    async with submitted(request, app, principal.owner_id) as submission, while_waited_for(request):
         parts = await list_parts(app, principal.owner_id, submission, glb)
     return Response(parts.model_dump_json(), media_type="application/json")
 

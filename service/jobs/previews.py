@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from anyio import CancelScope, to_thread
+from anyio import to_thread
 from fastapi import Request
 
 from meshdeform.api.states import PREVIEW_S
@@ -22,6 +21,7 @@ from meshdeform.runs.kept_readings import FolderReadings, key_of
 from meshdeform.runs.warm_processes import Asked, StoppedError
 from meshdeform.words import in_use
 from service.http.bodies import ReceivedFile
+from service.http.callers import while_waited_for
 from service.jobs.documents import PreviewDocument
 from service.jobs.intake import Submission, check_files, check_params, ready
 from service.state import AppState
@@ -52,24 +52,9 @@ async def preview(
     task, asset = await app.take_in(owner_id, _task, app, owner_id, submission, form)
     task["draft"] = draft
     app.previews.prepare()
-    asked = Asked()
-    with CancelScope() as waiting:
-        watching = asyncio.create_task(_stop_when_gone(request, asked, waiting))
-        try:
-            async with app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
-                found = await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
-        finally:
-            watching.cancel()
-    if asked.stopped:
-        raise UnavailableError("The caller has gone.")
+    async with while_waited_for(request) as asked, app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
+        found = await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
     return Preview(Path(task["result"]), asset[0].sha256, found["draft"])
-
-
-async def _stop_when_gone(request: Request, asked: Asked, waiting: CancelScope) -> None:
-    while (await request.receive())["type"] != "http.disconnect":
-        pass
-    asked.stop()
-    waiting.cancel()  # where it waits for its turn
 
 
 def _task(

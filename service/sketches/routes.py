@@ -23,6 +23,7 @@ from meshdeform.runs.sketch_process import guesses_of, shape_of
 from service.documentation.responses import CALLER_ERRORS, json_body
 from service.http.auth import PrincipalDep
 from service.http.bodies import parse_document, receive_document, receive_file
+from service.http.callers import while_waited_for
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.state import AppStateDep
 
@@ -79,7 +80,7 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
             drawing = folder / "drawing"
             too_large = DrawingError(f"The drawing's file is larger than {readable_size(_MAX_BYTES)}.")
             await receive_file(request, drawing, _MAX_BYTES, too_large)
-            async with app.sketching.slot(principal.owner_id):
+            async with while_waited_for(request), app.sketching.slot(principal.owner_id):
                 guesses = await to_thread.run_sync(_guessed, drawing, family or "")
     return Response(guesses.model_dump_json(), media_type="application/json")
 
@@ -102,7 +103,7 @@ async def make_sketch_mesh(request: Request, app: AppStateDep, principal: Princi
     """A mesh of these parameters, which a job can take as its target."""
     sketch = parse_document(Sketch, await receive_document(request))
     with app.workspace.temporary_folder() as folder:
-        async with app.sketching.slot(principal.owner_id):
+        async with while_waited_for(request), app.sketching.slot(principal.owner_id):
             data = await to_thread.run_sync(_shaped, sketch, folder)
     # As described: code generators know no other media type for bytes.
     return Response(data, media_type="application/octet-stream")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import threading
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.assets.limits import ChildOutcome
+from meshdeform.assets.limits import ChildOutcome, run_child
 from meshdeform.assets.parted import PartsAs, parts_of
 from meshdeform.client import Client
 from meshdeform.errors import PartNotFoundError
@@ -26,6 +29,7 @@ from tests.integration.conftest import Api
 from tests.integration.http_calls import check_document, check_problem
 from tests.unit.plain.shapes import chair, dog, plain_glb, rigged_dog
 from tests.unit.plain.test_change import two_nodes
+from tests.waiting import until
 
 DOG = plain_glb(join(*dog().values()))
 CHAIR = plain_glb(chair())
@@ -200,6 +204,32 @@ def test_a_broken_asset_is_refused_before_the_search(api: Api, monkeypatch: pyte
     answer = parts(api, b"no asset")
     assert answer.status_code in (415, 422)
     assert answer.json()["code"].startswith("asset_")
+
+
+def test_the_search_ends_when_the_caller_goes(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, ended = threading.Event(), list[BaseException]()
+
+    def search(*_arguments: Any, **_more: Any) -> ChildOutcome:
+        asked.set()
+        try:
+            return run_child("tests.sleeping_child", [], timeout_s=240)
+        except BaseException as error:
+            ended.append(error)
+            raise
+
+    monkeypatch.setattr(questions, "run_child", search)
+
+    async def give_up() -> None:
+        async with httpx.AsyncClient(base_url=api.url, timeout=30) as client:
+            form = {"asset": ("a.glb", DOG), "request": (None, "{}")}
+            call = asyncio.create_task(client.post("/v1/jobs:parts", files=form))
+            while not asked.is_set():
+                await asyncio.sleep(0.01)
+            call.cancel()
+
+    asyncio.run(give_up())
+    until(lambda: bool(ended))
+    assert "has gone" in str(ended[0])
 
 
 def test_a_server_that_cannot_find_parts_says_so(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:

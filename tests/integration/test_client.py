@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -13,7 +15,8 @@ import httpx
 import pytest
 
 from meshdeform.api.jobs import JobView
-from meshdeform.client import Client
+from meshdeform.client import Client, UploadProgress
+from meshdeform.client.sync import transfers
 from meshdeform.errors import (
     AssetFormatError,
     ConflictError,
@@ -190,3 +193,31 @@ def test_a_file_that_changed_meanwhile_is_taken_from_its_beginning(tmp_path: Pat
     )
     client.download("x", "result.glb", tmp_path / "a.glb")
     assert (tmp_path / "a.glb").read_bytes() == b"new"
+
+
+def test_a_file_is_sent_once_and_its_progress_is_told(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transfers, "_PIECE_S", math.inf)  # however busy this machine is
+    data, sent, told = os.urandom(300 * 1024), list[str](), list[UploadProgress]()
+
+    def upload(filename: str = "big.glb") -> str:
+        hooks = {"request": [lambda request: sent.append(request.method)]}
+        with (
+            httpx.Client(base_url=api.url, event_hooks=hooks, timeout=60) as http,
+            Client(http=http, on_upload=told.append) as client,
+        ):
+            return client.upload(data, filename=filename).id
+
+    first = upload()
+    assert [progress.sent for progress in told] == [0, 64 << 10, 192 << 10, 300 << 10]
+    assert told[-1] == UploadProgress("big.glb", len(data), len(data))
+    assert sent.count("PUT") == 3
+    sent.clear()
+    told.clear()
+    assert upload() == first, "another client, as of another process"
+    assert (sent.count("PUT"), told) == (0, [])
+    assert upload("other.glb") != first
+    # What the service has deleted since is sent again.
+    api.http.delete(f"/v1/uploads/{first}").raise_for_status()
+    sent.clear()
+    assert upload() != first
+    assert sent.count("PUT") == 3

@@ -1,9 +1,8 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
+import { curlOf, matches, members, resolved, sections, typeOf } from "../../service/web/app/api/model.js";
 
-Object.assign(globalThis, { document: Object.assign(new EventTarget(), { baseURI: "https://host.example/below/?job=job_1#/jobs" }), window: {} });
-const { curlOf, matches, members, resolved, sections, typeOf } = await import("../../service/web/app/api/model.js");
 const spec = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 const all = sections(spec).flatMap(({ operations }) => operations);
 const find = (/** @type {string} */ id) => /** @type {any} */ (all.find((each) => each.id === id));

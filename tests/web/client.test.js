@@ -161,7 +161,7 @@ test("a pause after no answer ends when the browser is online again, and one tha
 });
 
 test("a large file goes with its job where uploads go to another host and that is forbidden", async () => {
-  const file = new File([new Uint8Array((16 << 20) + 1)], "large.glb");
+  const file = new File([new Uint8Array((1 << 20) + 1)], "large.glb");
   const made = { id: "upl_1", state: "waiting", resumable: false, url: "https://bucket.example/x", method: "PUT", headers: {} };
   const { client, asked } = scripted([answer(made), answer({ id: "job_1" }), answer(made)], { directUploads: false });
   await client.submit(file, { prompt: "a vase" });
@@ -171,15 +171,16 @@ test("a large file goes with its job where uploads go to another host and that i
 });
 
 test("an upload tells what the service has: from before, and after every piece", async () => {
-  const size = (8 << 20) + 3;
+  const size = (192 << 10) + 3;
   const made = { id: "upl_1", state: "waiting", resumable: true, offset: 3, url: "/v1/uploads/upl_1/content?signature=x", method: "PUT", headers: {} };
-  const { client, asked } = scripted([answer(made), answer({}), answer({ ...made, state: "complete" })], { apiKey: "the-key" });
+  const { client, asked } = scripted([answer(made), answer({}), answer({}), answer({ ...made, state: "complete" })], { apiKey: "the-key" });
   /** @type {number[]} */
   const told = [];
   assert.equal((await client.upload(new Uint8Array(size), { onProgress: (bytes) => told.push(bytes) })).state, "complete");
-  assert.deepEqual(told, [3, size]);
+  assert.deepEqual(told, [3, (64 << 10) + 3, size]);
   assert.deepEqual(asked.map(({ method, url, key }) => [method, url.slice(BASE.length), key]), [
     ["POST", "v1/uploads", "Bearer the-key"],
+    ["PUT", "v1/uploads/upl_1/content?signature=x", null],
     ["PUT", "v1/uploads/upl_1/content?signature=x", null],
     ["POST", "v1/uploads/upl_1/complete", "Bearer the-key"],
   ]);

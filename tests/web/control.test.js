@@ -5,7 +5,7 @@ import { documentOf, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
 import { keptFaces, Neighbours, rangesOf, selectedFaces, unionOf } from "../../service/web/viewer/control/selecting.js";
 
-const FORM = { fields: [], groups: { input: {}, control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} }, unused: {} } };
+const FORM = { fields: [], groups: { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} }, unused: {}, input: {} } };
 const ASKED = {
   regions: [{ faces: [0, [4, 9]], action: "keep" }, { box: { min: [0, 0, 0], max: [1, 2, 1] }, action: "only" }],
   handles: [{ position: [0, 1, 0], to: [0, 1.5, 0] }],

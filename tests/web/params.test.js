@@ -60,19 +60,19 @@ test("a whole number is not rounded, cut or guessed", () => {
 test("a job's own parameters fill the form again, and what it has no field for is kept", () => {
   const job = {
     prompt: "a vase",
-    params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] }, checkpoint_every_steps: 7 },
+    params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] }, input: { up: "z" }, checkpoint_every_steps: 7 },
     output: { morph: true, subdivide: true, other: 1 },
   };
-  const kept = { params: { timestep_min: 0.5, exclude: ["Ground"] }, output: { morph: true, other: 1 } };
+  const kept = { params: { timestep_min: 0.5, exclude: ["Ground"], up: "z" }, output: { morph: true, other: 1 } };
   const wish = wishOf(job, FIELDS);
   const control = { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], of: "" };
   const guide = { align: "", landmarks: [], pictures: [], targets: 0 };
   assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
   const document = documentOf(wish, null, FORM);
   assert.deepEqual(document, {
-    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { kind: "sds", timestep_min: 0.5 }, control: { exclude: ["Ground"] } }, output: { morph: true, subdivide: true, other: 1 },
+    prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { kind: "sds", timestep_min: 0.5 }, control: { exclude: ["Ground"] }, input: { up: "z" } }, output: { morph: true, subdivide: true, other: 1 },
   });
-  assert.equal(keptText(kept), 'timestep_min 0.5, exclude ["Ground"], output.morph true, output.other 1');
+  assert.equal(keptText(kept), 'timestep_min 0.5, exclude ["Ground"], up z, output.morph true, output.other 1');
   // What every job has is not kept, in whatever order its members are.
   const paths = { morph_path: { seconds: 1, frames: 8 }, other: { frames: 8 } };
   assert.deepEqual(wishOf({ output: paths }, FIELDS, { morph_path: { frames: 8, seconds: 1 }, other: { frames: 4 } }).kept.output, { other: { frames: 8 } });

@@ -91,7 +91,7 @@ test("corrections are sent as documented, kept for the next job, and said", () =
   assert.deepEqual(controlWords(control), ["The asset: elephant", "Part: horns and crest together are “ears”", "Part “trunk”: Painted, 9 triangles", "Keep: Node Foot"]);
   const wish = wishOf({ prompt: "longer legs", params: { guidance: { source_noun: "elephant" }, control: { parts: asked.parts } } }, []);
   assert.deepEqual(wish.kept.params, {});
-  const form = { fields: [], groups: { input: {}, control: { parts: {}, regions: {} }, guidance: { sds: { source_noun: {} }, target: {} }, unused: {} } };
+  const form = { fields: [], groups: { control: { parts: {}, regions: {} }, guidance: { sds: { source_noun: {} }, target: {} }, unused: {}, input: {} } };
   const { guidance, control: sent } = documentOf(wish, null, form).params;
   assert.deepEqual(guidance, { kind: "sds", source_noun: "elephant" });
   assert.deepEqual(sent.parts[1], { name: "trunk", faces: [[0, 8]] });

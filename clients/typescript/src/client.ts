@@ -55,7 +55,7 @@ export interface WaitOptions {
 }
 
 /** Larger files are uploaded before their job, in pieces. */
-const UPLOAD_ABOVE = 16 << 20;
+const UPLOAD_ABOVE = 1 << 20;
 const LONGEST_HOLD_S = 30;
 
 /**

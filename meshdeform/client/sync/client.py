@@ -60,6 +60,7 @@ from meshdeform.client.orders import (
     Order,
     Output,
     Params,
+    UploadProgress,
     checked_key,
     open_source,
     parts_of,
@@ -121,6 +122,8 @@ class Client:
         How often to retry a request that got no response, or 408, 429, 502, 503 or 504. 0: never.
     http : httpx.Client, optional
         Used instead of a new one (for proxies, certificates, tests), and not closed.
+    on_upload : callable, optional
+        Called with the `UploadProgress` of a file that is uploaded, whenever a piece has arrived.
 
     Raises
     ------
@@ -139,6 +142,7 @@ class Client:
         timeout_s: float = 60.0,
         max_retries: int = 4,
         http: httpx.Client | None = None,
+        on_upload: Callable[[UploadProgress], Any] | None = None,
     ) -> None:
         if base_url is None and http is not None:
             base_url = str(http.base_url) or None
@@ -147,7 +151,7 @@ class Client:
         self._owned = http is None
         # No limit on connections: each thread that follows events keeps one open.
         self._http = http or httpx.Client(limits=httpx.Limits(max_connections=None))
-        self._connection = Connection(self._http, self._endpoint, policy)
+        self._connection = Connection(self._http, self._endpoint, policy, on_upload)
         self._kept: set[str] = set()  # SHA-256 of the assets of previews, which the service may still have
 
     def __repr__(self) -> str:
@@ -282,7 +286,8 @@ class Client:
         filename : str, optional
             The file name to send with bytes or a stream; its extension identifies OBJ, PLY and STL.
         upload : bool, optional
-            Whether to upload files in pieces before posting the job. Default: only files above 16 MiB.
+            Whether to upload files in pieces before posting the job; each is sent once within a day, however many jobs
+            have it. Default: only files above 1 MiB.
         idempotency_key : str, optional
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
@@ -452,7 +457,7 @@ class Client:
             source = work(open_source, asset, opened, filename)
             if not isinstance(source, LocalFile):
                 raise ValueError("The service already has this file: use the reference.")  # noqa: TRY004
-            return uploaded(self._connection, source, checked_key(idempotency_key))
+            return uploaded(self._connection, source, checked_key(idempotency_key) if idempotency_key else "")
 
     def retry(self, job: JobLike, *, max_run_s: float | None = None, idempotency_key: str | None = None) -> JobView:
         """Retry a job that did not succeed, as a new job that continues from its last checkpoint.
@@ -491,7 +496,7 @@ class Client:
                 source = work(open_source, file, opened)
                 if isinstance(source, LocalFile):
                     # The route takes no form, so that files must be uploaded first.
-                    upload = uploaded(self._connection, source, f"{key}/{name}")
+                    upload = uploaded(self._connection, source)
                     source = {"upload_id": upload.id}
                 refer(document, name, source)
         path = job_path(job, "checkpoints", step, "branch")

@@ -12,6 +12,7 @@ import httpx
 from pydantic import BaseModel
 
 from meshdeform.client.documents import read
+from meshdeform.client.orders import UploadProgress
 from meshdeform.client.problems import error_of
 from meshdeform.client.requests import Answer, Call, Endpoint
 from meshdeform.client.retries import Patience, Policy, unanswered, worth_a_retry
@@ -24,8 +25,14 @@ T = TypeVar("T")
 class Connection:
     """The connections to one service, which threads may share."""
 
-    def __init__(self, http: httpx.Client, endpoint: Endpoint, policy: Policy) -> None:
-        self._http, self._endpoint, self.policy = http, endpoint, policy
+    def __init__(
+        self,
+        http: httpx.Client,
+        endpoint: Endpoint,
+        policy: Policy,
+        on_upload: Callable[[UploadProgress], Any] | None = None,
+    ) -> None:
+        self._http, self._endpoint, self.policy, self.on_upload = http, endpoint, policy, on_upload
 
     def send(self, call: Call) -> Answer:
         """Send a request once, and return the response with its body."""

@@ -19,11 +19,11 @@ from meshdeform.api.jobs import EventView
 from meshdeform.api.states import MAX_FILENAME
 from meshdeform.client.documents import PartialFile, read, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call
-from meshdeform.client.orders import AssetLike, Files, LocalFile, Order, open_source, refer
+from meshdeform.client.orders import AssetLike, Files, LocalFile, Order, UploadProgress, open_source, refer
 from meshdeform.client.problems import error_of
 from meshdeform.client.requests import Call, Part, Piece, job_path
 from meshdeform.client.retries import Patience, left_s, unanswered, worth_a_retry
-from meshdeform.client.sync.connection import Connection, pause, work
+from meshdeform.client.sync.connection import Connection, pause, tell, work
 from meshdeform.errors import (
     ConflictError,
     ForbiddenError,
@@ -36,6 +36,7 @@ from meshdeform.errors import (
 _LIVED_S = 5.0  # a connection that lasted this long does not count as a failure
 _STALE = 0.75
 _WORD_S = 660.0
+_PIECE_S = 1.0  # the next piece is larger if one took less, so that progress is told on slow lines too
 
 
 def prepared(
@@ -54,7 +55,7 @@ def prepared(
         local_files[name] = source
         large = source.size > connection.policy.upload_above if files.upload is None else files.upload
         try:
-            upload = uploaded(connection, source, f"{files.key}/{name}") if large and source.size else None
+            upload = uploaded(connection, source) if large and source.size else None
         except NotFoundError:
             if files.upload:
                 raise
@@ -76,12 +77,12 @@ def prepared_word(
 ) -> Call:
     """Return the request that makes a word, after uploading the meshes that make its form large."""
     parts, stored, size = list[Part](), list[Mapping[str, str]](), 0
-    for number, mesh in enumerate(meshes):
+    for mesh in meshes:
         source = work(open_source, mesh, opened)
         if not isinstance(source, LocalFile):
             stored.append(source)
         elif size + source.size > connection.policy.upload_above:
-            stored.append({"upload_id": (uploaded(connection, source, f"{key}/{number}")).id})
+            stored.append({"upload_id": (uploaded(connection, source)).id})
         else:
             parts.append(Part("meshes", source.filename, source.file))
             size += source.size
@@ -92,34 +93,51 @@ def prepared_word(
 # Uploads
 
 
-def uploaded(connection: Connection, file: LocalFile, key: str) -> UploadView:
+def uploaded(connection: Connection, file: LocalFile, key: str = "") -> UploadView:
     """Upload a file completely, with its SHA-256 verified by the service, and return the upload.
 
-    The same file with the same key resumes where it stopped, also in another process.
+    The same file with the same key is sent once within a day, and resumes where it stopped, also in another process.
     """
-    about = {"filename": file.filename[-MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
-    headers = {"Idempotency-Key": hashlib.sha256(f"{key}/{file.sha256}".encode()).hexdigest()}
-    answer = connection.answered(Call("POST", "/v1/uploads", headers=headers, document=about))
-    upload = read(UploadView, answer.json(), answer.url)
-    if "idempotency-replayed" in answer.headers:
-        # This is the upload's first state: bytes may have arrived since, and its URL may have expired.
-        upload = connection.document(UploadView, Call("GET", f"/v1/uploads/{upload.id}"))
+    upload = _announced(connection, file, key)
     if upload.state == "complete":
         return upload
     if upload.resumable:
         _send_pieces(connection, file, upload)
     else:
         connection.answered(_put(upload, Piece(file.file, 0, file.size)))
+        _told(connection, file, file.size)
     completion = Call("POST", f"/v1/uploads/{upload.id}/complete", document={"sha256": file.sha256})
     return connection.document(UploadView, completion)
+
+
+def _announced(connection: Connection, file: LocalFile, key: str) -> UploadView:
+    """Return the upload of a file as it is now: the one that was made for it before, or a new one."""
+    about = {"filename": file.filename[-MAX_FILENAME:], "size": file.size, "sha256": file.sha256}
+    name = f"{key}/{about['filename']}/{file.sha256}"
+    for again in ("", f"/{uuid.uuid4().hex}"):
+        headers = {"Idempotency-Key": hashlib.sha256(f"{name}{again}".encode()).hexdigest()}
+        answer = connection.answered(Call("POST", "/v1/uploads", headers=headers, document=about))
+        upload = read(UploadView, answer.json(), answer.url)
+        if "idempotency-replayed" not in answer.headers:
+            break
+        # This is the upload's first state: bytes may have arrived since, its URL may have expired, or it was deleted.
+        with contextlib.suppress(NotFoundError):
+            return connection.document(UploadView, Call("GET", f"/v1/uploads/{upload.id}"))
+    return upload
+
+
+def _told(connection: Connection, file: LocalFile, sent: int) -> None:
+    if connection.on_upload is not None:
+        tell(connection.on_upload, UploadProgress(file.filename, sent, file.size))
 
 
 def _send_pieces(connection: Connection, file: LocalFile, upload: UploadView) -> None:
     policy = connection.policy
     patience = Patience(policy, retries=policy.max_retries, seconds=policy.timeout_s)
-    offset = upload.offset
+    offset, size = upload.offset, min(policy.first_piece_bytes, policy.piece_bytes)
     while offset < file.size:
-        piece = Piece(file.file, offset, min(policy.piece_bytes, file.size - offset))
+        _told(connection, file, offset)
+        piece, began = Piece(file.file, offset, min(size, file.size - offset)), time.monotonic()
         error: MeshdeformError
         try:
             answer = connection.send(_put(upload, piece, file.size))
@@ -129,6 +147,8 @@ def _send_pieces(connection: Connection, file: LocalFile, upload: UploadView) ->
             if answer.ok:
                 offset = int(answer.headers.get("upload-offset", offset + piece.size))
                 patience.renew()
+                if time.monotonic() - began < _PIECE_S:
+                    size = min(2 * size, policy.piece_bytes)
                 continue
             error = error_of(answer)
             # The offset is not the one expected, or the URL has expired.
@@ -138,10 +158,11 @@ def _send_pieces(connection: Connection, file: LocalFile, upload: UploadView) ->
         pause(patience.pause(error))
         upload = connection.document(UploadView, Call("GET", f"/v1/uploads/{upload.id}"))
         if upload.state == "complete":
-            return
+            break
         if upload.offset > offset:
             patience.renew()
         offset = upload.offset
+    _told(connection, file, file.size)
 
 
 def _put(upload: UploadView, piece: Piece, size: int | None = None) -> Call:

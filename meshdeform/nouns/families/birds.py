@@ -207,8 +207,8 @@ crow = bird_kind("crow", Build(girth=0.26, lean_deg=26, beak=0.29, bill=(0.5, 0.
     wings=0.71))  # fmt: skip
 """A crow: a strong straight beak, a sleek body, a long tail."""
 
-pigeon = bird_kind("pigeon", Build(girth=0.3, length=0.68, lean_deg=20, legs=0.13, neck=0.24, neck_deg=74, head=0.135,
-    beak=0.1, bill=(0.34, 0.34), tail=0.5, fan_deg=15, tail_deg=-6, wings=0.78))  # fmt: skip
+pigeon = bird_kind("pigeon", Build(girth=0.33, length=0.62, lean_deg=24, legs=0.13, neck=0.2, neck_deg=76, head=0.14,
+    beak=0.085, bill=(0.32, 0.32), tail=0.48, fan_deg=14, wings=0.72))  # fmt: skip
 """A pigeon: a full breast, a small round head, a tiny beak."""
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from meshdeform.nouns.families.bodies import Animal, FourLegged, Upright, breed, of, strand
 from meshdeform.nouns.families.parts import disc, ellipsoid, limb, moved, turned
-from meshdeform.nouns.families.wildlife import CATTLE, DEER, HORSE, SMALL, patched
+from meshdeform.nouns.families.wildlife import CATTLE, DEER, HORSE, SMALL, patched, upright_hamster
 
 _DOG = FourLegged(
     length=0.75, girth=0.21, waist=0.85, leg=0.42, thick=0.065, neck=0.26, tilt=52, head=0.19, muzzle=1.1, tails="up",
@@ -131,6 +131,7 @@ KINDS = {
               head=0.15, muzzle=1.6, ears="hanging", ear=0.14, tails="hanging", tail=0.6),
         breed("puppy", _DOG, length=0.55, leg=0.24, head=0.25, muzzle=0.8, ears="hanging", ear=0.26, cartoon=0.9),
     ),
+    "hamster": (upright_hamster,),
     "horse": (
         breed("maned_horse", HORSE, neck=0.46, mane=0.18, brush=(0.05, 0.11, 0.13, 0.04)),
         breed("draught_horse", HORSE, girth=0.31, leg=0.5, thick=0.11, nape=0.9, head=0.18),

@@ -153,13 +153,25 @@ def raccoon(animal: Animal) -> None:
     animal.add("tail", strand(animal.rump, steps, rings, segments=10))
 
 
-@of(Upright(trunk=0.36, hips=0.39, belly=0.43, chest=0.36, leg=0.03, thick=0.05, foot=0.16, reach=0.17, lift=12,
-            hold=2.8, head=0.33, muzzle=0.12, snout=(0.5, 0.36), broad=1.15, ears="round", ear=0.17,
-            eyes=(0.55, 0.3, 0.78, 0.17)))  # fmt: skip
-def hamster(animal: Animal) -> None:
-    """Draw a hamster that sits up: a ball hardly apart from its head, full cheeks, tiny paws before its chest."""
-    animal.ball("cheek", animal.on_head(0.72, -0.42, 0.35), 0.5 * animal.head, two=True)
+def _cheeks(animal: Animal) -> None:
+    """Add full cheeks and a stump of a tail."""
+    animal.ball("cheek", animal.on_head(0.7, -0.4, 0.4), 0.48 * animal.head, two=True)
     animal.ball("tail", animal.rump + [0, -0.15, -0.1], 0.07)
+
+
+@of(SMALL, length=0.34, girth=0.3, deep=1.0, leg=0.05, neck=0, tilt=16, head=0.3, muzzle=0.12, snout=(0.5, 0.36),
+    broad=1.12, ear=0.17, tail=0, paw=1.6, cartoon=0.0, eyes=(0.55, 0.3, 0.78, 0.17))  # fmt: skip
+def hamster(animal: Animal) -> None:
+    """Draw a hamster: a ball of a body that is hardly apart from its head, full cheeks, tiny feet, round ears."""
+    bulk = animal.girth * np.array([1.15, 1.08, 1.0]) + [0, 0, 0.8 * animal.half]
+    animal.parts["body"] = [ellipsoid([0, animal.height, 0], bulk, rings=10)]
+    _cheeks(animal)
+
+
+upright_hamster = breed("upright_hamster", Upright(
+    trunk=0.36, hips=0.39, belly=0.43, chest=0.36, leg=0.03, thick=0.05, foot=0.16, reach=0.17, lift=12, hold=2.8,
+    head=0.33, muzzle=0.12, snout=(0.5, 0.36), broad=1.15, ears="round", ear=0.17, eyes=(0.55, 0.3, 0.78, 0.17)),
+    _cheeks)  # fmt: skip
 
 
 def _patches(animal: Animal, wide: float, high: float, slant: float) -> None:

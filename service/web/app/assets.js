@@ -3,12 +3,12 @@
 import { client, MeshdeformError } from "./client.js";
 
 // Smaller files go along with each request; larger ones are uploaded once and then named.
-const SMALL_BYTES = 1 << 20;
+const SMALL_BYTES = 64 << 10;
 // Without TLS, except on this machine, browsers have no SHA-256; and a bucket is another host.
 const NO_UPLOAD = ["checksum_unavailable", "upload_elsewhere"];
 export const FORMATS = ["glb", "obj", "ply", "stl", "zip"];
-/** What describes a surface: also points, grids and networks. */
-export const SURFACE_FORMATS = [...FORMATS, "xyz", "npz", "safetensors"];
+/** What describes a surface: also 3MF, which is not drawn here, points, grids and networks. */
+export const SURFACE_FORMATS = [...FORMATS, "3mf", "xyz", "npz", "safetensors"];
 
 /** @param {string} name @param {string[]} [formats] */
 export function formatOf(name, formats = FORMATS) {

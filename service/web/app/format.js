@@ -139,3 +139,8 @@ export function estimateWords(found) {
   const wait = queue && queue > 1 ? `, after about ${duration(Math.round(queue))} in the queue` : "";
   return `${steps}, about ${roughly(run)}${wait}.`;
 }
+
+/** A word of the shell, quoted where it must be. @param {string} text */
+export function quoted(text) {
+  return /^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", `'\\''`)}'`;
+}

@@ -15,6 +15,7 @@
  */
 import { toast } from "./announce.js";
 import { button, fill, h, uniqueId } from "./dom.js";
+import { quoted } from "./format.js";
 import { currentKey } from "./key.js";
 
 const CHOSEN = "meshdeform.language";
@@ -97,11 +98,6 @@ function localStorageOf() {
   } catch {
     return null; // a browser that keeps nothing
   }
-}
-
-/** A word of the shell, quoted where it must be. @param {string} text */
-export function quoted(text) {
-  return /^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", `'\\''`)}'`;
 }
 
 /** A file as `curl -F` reads it. @param {string} part @param {string} name */

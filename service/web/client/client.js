@@ -5,7 +5,7 @@ import { isTerminal, } from "./types.js";
 import { canUpload, upload } from "./uploads.js";
 import { readVerdict } from "./verdicts.js";
 /** Larger files are uploaded before their job, in pieces. */
-const UPLOAD_ABOVE = 16 << 20;
+const UPLOAD_ABOVE = 1 << 20;
 const LONGEST_HOLD_S = 30;
 /**
  * A client of one service, for browsers and Node.js. Every method throws a `MeshdeformError`, or the reason of its `signal`.

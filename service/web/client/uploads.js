@@ -1,18 +1,15 @@
 /** Files that are sent ahead of their jobs, in pieces that can be resumed. */
 import { MeshdeformError } from "./errors.js";
 import { newKey, worthRetrying } from "./transport.js";
+/** The first piece and the largest one; on a fast line each is twice the one before, so that progress is told on slow ones. */
+const FIRST_PIECE_BYTES = 64 << 10;
 const PIECE_BYTES = 8 << 20;
-/** Upload a file completely; the service verifies its SHA-256. */
+const PIECE_MS = 1000;
+/** Upload a file completely; the service verifies its SHA-256. A file that it has from the last day is not sent again. */
 export async function upload(transport, file, filename, options) {
     const { signal } = options;
     const sha256 = await digest(file);
-    const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
-    const json = { filename, size: file.size, sha256 };
-    const response = await transport.request("v1/uploads", { method: "POST", json, headers, signal });
-    let made = (await response.json());
-    // The first answer again: bytes may have come since, and its URL may have expired.
-    if (response.headers.has("Idempotency-Replayed"))
-        made = await current(transport, made.id, signal);
+    const made = await announced(transport, { filename, size: file.size, sha256 }, options);
     if (made.state === "complete")
         return made;
     if (!transport.directUploads && !transport.isOwn(made.url ?? "")) {
@@ -27,17 +24,40 @@ export async function upload(transport, file, filename, options) {
     }
     return transport.json(`v1/uploads/${made.id}/complete`, { method: "POST", json: { sha256 }, signal });
 }
+/** The upload of a file as it is now: the one that was made for it before, or a new one. */
+async function announced(transport, json, { signal, idempotencyKey }) {
+    const key = idempotencyKey ?? `${json.sha256}/${encodeURIComponent(json.filename).slice(0, 150)}`;
+    for (const name of [key, newKey()]) {
+        const response = await transport.request("v1/uploads", { method: "POST", json, headers: { "Idempotency-Key": name }, signal });
+        const made = (await response.json());
+        if (!response.headers.has("Idempotency-Replayed"))
+            return made;
+        // The first answer again: bytes may have come since, its URL may have expired, or it was deleted.
+        const now = await current(transport, made.id, signal).catch((failure) => {
+            if (failure instanceof MeshdeformError && failure.status === 404)
+                return null;
+            throw failure;
+        });
+        if (now)
+            return now;
+    }
+    throw new MeshdeformError(0, { code: "unavailable", detail: "The service has forgotten the upload." });
+}
 async function pieces(transport, file, made, { signal, onProgress }) {
     const patience = transport.patience();
     let offset = made.offset;
+    let size = FIRST_PIECE_BYTES;
     onProgress?.(offset);
     while (offset < file.size) {
-        const end = Math.min(offset + PIECE_BYTES, file.size);
+        const end = Math.min(offset + size, file.size);
+        const began = performance.now();
         const headers = { ...made.headers, "Content-Range": `bytes ${offset}-${end - 1}/${file.size}` };
         const body = file.slice(offset, end);
         try {
             await transport.request(made.url ?? "", { method: made.method ?? "PUT", headers, body, signal, signed: true, once: true });
             offset = end;
+            if (performance.now() - began < PIECE_MS)
+                size = Math.min(2 * size, PIECE_BYTES);
             patience.renew();
         }
         catch (failure) {

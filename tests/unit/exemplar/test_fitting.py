@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from bench.keep.cost import split
+from meshdeform.exemplar import engine
+from meshdeform.exemplar.choosing import Exemplar
 from meshdeform.exemplar.distances import between, stretch
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.fitting import fit
@@ -15,6 +17,7 @@ from meshdeform.nouns.families.parts import Part, box, ellipsoid, join
 from meshdeform.nouns.labels import Floats, labelled_member
 from meshdeform.reading.result import GROUND, NO_PART
 from meshdeform.reading.samples import spread
+from meshdeform.support.recent import Recent
 
 
 def shape_of(noun: str, seed: int = 1) -> Shape:
@@ -125,6 +128,27 @@ def test_strength_goes_part_of_the_way() -> None:
         list(run)
         ends.append(run.result.verts - run.source.verts)
     np.testing.assert_allclose(ends[1], ends[0] / 2, atol=1e-3)
+
+
+def test_another_strength_of_a_wish_goes_the_way_that_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    ball, seeds = ellipsoid([0, 0, 0], [0.3, 0.3, 0.3]), list[int]()
+
+    def chosen(source: Shape, wish: Wish, *_: object, **__: object) -> list[Exemplar]:
+        seeds.append(wish.seed)
+        return [Exemplar(source.moved(source.verts * [1, 1.5, 1]), 0.1, 0.1)]
+
+    monkeypatch.setattr(engine, "_recent", Recent(4))
+    monkeypatch.setattr(engine, "exemplars", chosen)
+    monkeypatch.setattr(engine, "moulded", lambda _, goal: goal.verts)
+    gone = {}
+    for seed, strength in ((0, 1.0), (0, 0.5), (1, 0.5)):
+        wish = Wish("vase", seed=seed, strength=strength)
+        run = ExemplarFit(ball.verts, ball.faces, None, wish)
+        assert list(run)[-1].verts is not None
+        gone[seed, strength] = run.result.verts - run.source.verts
+    assert seeds == [0, 1]
+    np.testing.assert_allclose(gone[0, 0.5], gone[0, 1.0] / 2, atol=1e-12)
+    np.testing.assert_array_equal(gone[1, 0.5], gone[0, 0.5])
 
 
 def test_the_stretch_of_a_surface_does_not_count_its_scale() -> None:

@@ -225,11 +225,18 @@ def test_a_correction_that_selects_nothing_is_refused() -> None:
 
 
 @each_case(
-    "filename, unit, expected",
-    [("a.glb", 1.0, (None, 0.1)), ("a.obj", None, ({"dog": 1.0}, 0.1)), ("a.STL", None, ({"dog": 1.0}, 0.8))],
+    "filename, up, said, expected",
+    [
+        ("a.glb", "y", "auto", (None, 0.1)),
+        ("a.obj", None, "auto", ({"dog": 1.0}, 0.1)),
+        ("a.STL", None, "auto", ({"dog": 1.0}, 0.8)),
+        ("a.3mf", "z", "auto", ({"dog": 1.0}, 1.0)),
+        ("a.glb", "y", "z", ({"dog": 1.0}, 1.0)),
+        ("a.stl", None, "y", (None, 0.8)),
+    ],
 )
 def test_what_is_up_is_asked_of_formats_that_leave_it_open(
-    filename: str, unit: float | None, expected: object, monkeypatch: pytest.MonkeyPatch, read_dog: Reading
+    filename: str, up: str | None, said: str, expected: object, monkeypatch: pytest.MonkeyPatch, read_dog: Reading
 ) -> None:
     asked: list[object] = []
 
@@ -239,5 +246,18 @@ def test_what_is_up_is_asked_of_formats_that_leave_it_open(
 
     monkeypatch.setattr(reading, "read_body", read)
     monkeypatch.setattr(reading, "_last", Recent(8))
-    read_source(replace(BODY, unit=unit), params(), Source("ab", filename))
+    given = params(input={"up": said})
+    body = corrected(replace(BODY, up=up), ASSET, given)
+    read_source(body, given, Source("ab", filename))
     assert asked == [expected]
+
+
+def test_a_request_says_the_unit_and_the_axis_of_a_file() -> None:
+    assert corrected(replace(BODY, unit=None), ASSET, params(input={"unit": "in"})).unit == 0.0254
+    assert corrected(replace(BODY, unit=1.0), ASSET, params()).unit == 1.0
+    lying = corrected(BODY, ASSET, params(input={"up": "z"}))
+    standing = lying.upright()
+    np.testing.assert_allclose(standing.points, BODY.points[:, [0, 2, 1]] * [1, 1, -1])
+    assert corrected(BODY, ASSET, params()).upright() is not standing
+    key = Source("ab", "a.stl").key
+    assert len({key(params()), key(params(input={"up": "z"})), key(params(input={"up": "y"}))}) == 3

@@ -16,7 +16,7 @@
  * @typedef {{name: string, type: string, required: boolean, about: string, schema: any}} Member `schema`: of what it has
  *   inside; null where it is a word or a number.
  */
-import { quoted } from "../snippets.js";
+import { quoted } from "../format.js";
 
 /** @param {any} spec @returns {{tag: string, about: string, operations: Operation[]}[]} */
 export function sections(spec) {

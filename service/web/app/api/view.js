@@ -15,17 +15,24 @@ export async function showReference(root, scope) {
   fill(root, h("p", { class: "loading" }, "Loading…"));
   try {
     const spec = await client.json("openapi.json", { signal: scope.signal });
-    if (scope.signal.aborted) return;
-    new Reference(root, spec);
+    const keyed = await needsKey(scope.signal);
+    if (!scope.signal.aborted) new Reference(root, spec, keyed);
   } catch (error) {
     if (!scope.signal.aborted) fill(root, h("h1", null, "API"), problemBox(error));
   }
 }
 
+/** Whether programs need a key; nobody is asked for one to read about it. @param {AbortSignal} signal */
+async function needsKey(signal) {
+  if (currentKey()) return true;
+  return (await fetch(new URL("v1/limits", document.baseURI), { signal })).status === 401;
+}
+
 class Reference {
-  /** @param {HTMLElement} root @param {any} spec */
-  constructor(root, spec) {
+  /** @param {HTMLElement} root @param {any} spec @param {boolean} keyed */
+  constructor(root, spec, keyed) {
     this.spec = spec;
+    this.keyed = keyed;
     this.sections = sections(spec);
     const search = h("input", { id: "api-search", type: "search", maxlength: 100, placeholder: "artifacts, POST, words…", on: { input: () => this.list(search.value) } });
     this.found = h("div", { class: "api-list" });
@@ -33,10 +40,10 @@ class Reference {
     fill(
       root,
       h("h1", null, "API"),
-      h("p", { class: "lead" }, "Everything that this page does, your programs can do. ", currentKey() ? "Requests carry your key. " : "Where a key is needed, requests carry it as a bearer token. ",
+      h("p", { class: "lead" }, "Everything that this page does, your programs can do. ", keyed ? "Requests carry a key, as a bearer token. " : "This server needs no key. ",
         h("a", { href: "openapi.json" }, "The OpenAPI document"), ", ", h("a", { href: "#/usage" }, "what you have used"), "."),
-      h("section", { class: "panel", "aria-labelledby": "api-job" }, h("h2", { id: "api-job" }, "A job, from the file to the result"), snippetsBlock(FIRST)),
-      h("section", { class: "panel", "aria-labelledby": "api-preview" }, h("h2", { id: "api-preview" }, "A preview, in seconds"), snippetsBlock({ ...FIRST, preview: true })),
+      h("section", { class: "panel", "aria-labelledby": "api-job" }, h("h2", { id: "api-job" }, "A job, from the file to the result"), snippetsBlock({ ...FIRST, keyed })),
+      h("section", { class: "panel", "aria-labelledby": "api-preview" }, h("h2", { id: "api-preview" }, "A preview, in seconds"), snippetsBlock({ ...FIRST, keyed, preview: true })),
       h("div", { class: "api-search" }, labelled("api-search", "Find a request", search), this.count),
       this.found,
     );
@@ -66,7 +73,7 @@ class Reference {
   /** @param {import("./model.js").Operation} operation */
   details(operation) {
     const { parameters, body, answers } = operation;
-    const curl = curlOf(this.spec, operation, new URL(".", document.baseURI).href, Boolean(currentKey()));
+    const curl = curlOf(this.spec, operation, new URL(".", document.baseURI).href, this.keyed);
     return [
       operation.about ? operation.about.split(/\n\n+/).map((text) => h("p", null, prose(text))) : null,
       parameters.length ? [h("h3", null, "Parameters"), h("dl", { class: "api-members" }, parameters.flatMap((each) => this.row({ name: each.name, type: `${typeOf(this.spec, each.schema)}, in ${each.in}`, required: each.required, about: each.description ?? "", schema: null })))] : null,

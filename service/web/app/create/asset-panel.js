@@ -146,7 +146,11 @@ export class AssetPanel {
   async _undrawn() {
     await this.box.ready;
     this.box.viewer?.clear();
-    if (!this.box.failed) this.box.say("No triangles to show", "Points, grids and networks are seen once they are fitted.", "info");
+    const [title, text] =
+      this.asset?.format === "3mf"
+        ? ["A 3MF is not shown here", "You see it once it is deformed."]
+        : ["No triangles to show", "Points, grids and networks are seen once they are fitted."];
+    if (!this.box.failed) this.box.say(title, text, "info");
     return null;
   }
 
