@@ -13,7 +13,6 @@ import { linkProblem, problemBox, temporary } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { verdictBadge, verdictWords } from "../verdict.js";
 import { JobActions } from "./actions.js";
-import { askedPanel } from "./asked.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, parametersPanel, qualityPanel } from "./results.js";
 
@@ -133,7 +132,7 @@ export class JobPanel {
       if (this.scope.over) return;
       this._judge();
       const measured = this.report?.quality || this.report?.levels;
-      fill(this.results, measured ? qualityPanel(this.report, this.job.files) : null, currentLink() ? askedPanel(this.job) : null, filesPanel(this.job, artifacts, this.scope));
+      fill(this.results, measured ? qualityPanel(this.report, this.job.files) : null, filesPanel(this.job, artifacts, this.scope));
       if (this.report) fill(this.settings, parametersPanel(this.job, this.report));
       await this.hooks.finished(this.report, artifacts);
     } catch (error) {
