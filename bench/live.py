@@ -140,8 +140,7 @@ def by_browser(url: str, asset: Path, turns: int) -> dict[str, list[tuple[float,
         page.set_input_files("#asset-file", asset)
         page.locator("#asset-facts", has_text=asset.name).wait_for()
         page.locator(".parts[aria-busy='false']").wait_for(state="attached")
-        for number in range(turns):
-            prompt = PROMPTS[number % len(PROMPTS)]
+        for number, prompt in enumerate(PROMPTS[:turns]):  # what it has shown the page does not ask for again
             with page.expect_response(lambda answer: "as=glb" in answer.url and answer.status == 200) as found:
                 begun, used = time.perf_counter() + PAUSE_S, used_s()
                 page.locator("#prompt").fill(prompt)

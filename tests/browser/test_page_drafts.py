@@ -9,7 +9,7 @@ import pytest
 
 from tests.acceptance.service import until
 from tests.browser.conftest import Watch
-from tests.browser.steps import choose, expect, keep, kept_files, open_form, set_steps
+from tests.browser.steps import choose, expect, keep, kept_files, open_form, open_more, set_steps
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -38,6 +38,7 @@ def test_a_draft_survives_back_a_reload_and_a_closed_tab(page: Page, small_spher
     until("the file is kept", lambda: "sphere.obj" in kept_files(page))
     # What was typed last of all counts, a wrong number too.
     prompt.fill("a tall thin vase")
+    open_more(page)
     page.get_by_label("Variation", exact=True).fill("-5")
     page.reload()
     expect_draft(page, "a tall thin vase", "-5")

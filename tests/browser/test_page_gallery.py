@@ -11,7 +11,7 @@ import pytest
 
 from tests.acceptance.service import Service
 from tests.browser.conftest import Watch
-from tests.browser.steps import badge, difference, expect, open_form, picture, shown_job, until_drawn
+from tests.browser.steps import badge, difference, expect, open_form, open_more, picture, shown_job, until_drawn
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -60,6 +60,7 @@ def test_an_example_is_changed_first(page: Page) -> None:
     page.get_by_role("button", name="Change it first").click()
     expect(page.get_by_label("Prompt", exact=True)).to_have_value("a mushroom")
     expect(page.locator("#asset-facts")).to_contain_text("vase.glb")
+    open_more(page)
     expect(page.get_by_role("list", name="Regions and handles").get_by_role("listitem")).to_have_count(1)
     page.get_by_label("Prompt", exact=True).fill("a lamp")
     page.reload()  # the draft counts from then on

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
@@ -42,10 +43,14 @@ class Previews:
         self._asset = load_asset(asset.read_bytes(), asset.name)
         self.asked: list[tuple[str, str, list[int]]] = []
         self.status = 200
+        self.drafts = False
+        """Whether exact shapes are held back, and drafts come before them."""
+        self.held: list[Callable[[], None]] = []
         page.route("**/v1/jobs:preview*", self._answer)
 
     def _answer(self, route: Route) -> None:
-        form = parse_qs(urlsplit(route.request.url).query)["as"][0]
+        query = parse_qs(urlsplit(route.request.url).query)
+        form, draft = query["as"][0], self.drafts and query.get("draft") == ["true"]
         sent = (route.request.post_data_buffer or b"").decode("latin-1")
         found = re.search(r'\{"prompt".*"seeds":\[\d+\].*\}', sent)
         assert found, sent[:500]
@@ -60,7 +65,12 @@ class Previews:
         glb = self.result(document["seeds"][0])
         shape = PreviewShape(document["seeds"][0], positions_of(glb), {"form": "mushroom", "pose": ""})
         body = glb if form == "glb" else pack(PreviewShapes("0" * 64, False, None, [shape]))
-        route.fulfill(body=body, content_type="application/octet-stream", headers={"Meshdeform-Asset": "0" * 64})
+        headers = {"Meshdeform-Asset": "0" * 64, "Meshdeform-Draft": str(draft).lower()}
+        answer = partial(route.fulfill, body=body, content_type="application/octet-stream", headers=headers)
+        if self.drafts and form == "glb" and not draft:
+            self.held.append(answer)
+        else:
+            answer()
 
     def result(self, seed: int) -> bytes:
         """What the asset becomes with a seed."""
@@ -200,3 +210,21 @@ def test_a_change_in_plain_words_is_made_by_the_server_as_it_is_typed(
     expect(tag(page)).to_have_text("Preview")
     until("the view shows it", lambda: difference(before, picture(viewer(page))) > 0.01)
     expect(members(page)).to_have_count(0)
+
+
+@pytest.mark.without_pictures
+def test_a_draft_of_a_large_asset_gives_way_to_the_exact_shape(page: Page, service: Service, asset: Path) -> None:
+    del service
+    previews = Previews(page, asset)
+    previews.drafts = True
+    open_form(page)
+    choose(page, asset)
+    page.locator("#prompt").fill("a mushroom")
+    expect(members(page)).to_have_count(6)
+    expect(tag(page)).to_have_text("Draft")
+    # The exact shape is asked for once the designs are there: of the one that is taken alone.
+    until_asked(page, "the exact shape is asked for", lambda: previews.held != [])
+    expect(page.get_by_text("A draft; the exact shape follows.")).to_be_visible()
+    previews.held[0]()
+    expect(tag(page)).to_have_text("Preview")
+    assert previews.forms == ["glb", *6 * ["positions"], "glb"]

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { controlOf, controlParams, controlProblem, controlWords, facesOf, facesText, History, isEmpty, noControl } from "../../service/web/app/create/control/model.js";
+import { controlOf, controlParams, controlProblem, facesOf, facesText, History, isEmpty, noControl } from "../../service/web/app/create/control/model.js";
 import { documentOf, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
 import { keptFaces, Neighbours, rangesOf, selectedFaces, unionOf } from "../../service/web/viewer/control/selecting.js";
@@ -54,12 +54,6 @@ test("what cannot be sent is said", () => {
   assert.match(controlProblem(good, true), /numbered as in the file/);
   assert.match(controlProblem({ ...good, falloff: "2" }, false), /from 0 to 1/);
   assert.match(controlProblem({ ...noControl(), regions: [{ box: { min: [0, 3, 0], max: [1, 2, 1] } }] }, false), /along y/);
-});
-
-test("all that was asked is said in words", () => {
-  assert.deepEqual(controlWords(controlOf(ASKED)), [
-    "Keep: Painted, 7 triangles", "Only: Box", "Handle: (0, 1, 0) to (0, 1.5, 0)", "Symmetry: left and right (x)",
-  ]);
 });
 
 test("undo goes back step by step, and the same state is no step", () => {

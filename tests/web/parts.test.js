@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { controlOf, controlParams, controlWords, isEmpty, readingOf } from "../../service/web/app/create/control/model.js";
+import { controlOf, controlParams, isEmpty, readingOf } from "../../service/web/app/create/control/model.js";
 import { joined, moved } from "../../service/web/app/create/parts/naming.js";
 import { doubts, ELSE, frontOptions, isUnsure, nounOptions, originWords, readingSentence } from "../../service/web/app/create/parts/reading.js";
 import { partAt, sentenceOf, sizeOf, withWanted } from "../../service/web/app/create/parts/sentence.js";
@@ -88,7 +88,6 @@ test("corrections are sent as documented, kept for the next job, and said", () =
   assert.deepEqual(controlParams(control), { ...asked, parts: [asked.parts[0], { name: "trunk", faces: [[0, 8]] }] });
   assert.deepEqual(controlParams(readingOf(control)), controlParams(controlOf({ ...asked, regions: [] })));
   assert.equal(isEmpty(readingOf(control)), true, "they say nothing about what may move");
-  assert.deepEqual(controlWords(control), ["The asset: elephant", "Part: horns and crest together are “ears”", "Part “trunk”: Painted, 9 triangles", "Keep: Node Foot"]);
   const wish = wishOf({ prompt: "longer legs", params: { guidance: { source_noun: "elephant" }, control: { parts: asked.parts } } }, []);
   assert.deepEqual(wish.kept.params, {});
   const form = { fields: [], groups: { control: { parts: {}, regions: {} }, guidance: { sds: { source_noun: {} }, target: {} }, unused: {}, input: {} } };

@@ -46,6 +46,8 @@ export const PRESETS = /** @type {[string, string, string][]} */ ([
   ["balanced", "Balanced", "A finished shape"],
   ["paper", "Paper", "As published: 5,000 steps"],
 ]);
+/** As the API and the command line have it. */
+export const USUAL_PRESET = "balanced";
 export const MAX_SEED = Number.MAX_SAFE_INTEGER;
 
 /**
@@ -136,7 +138,7 @@ export function isByShape(job) {
 
 /** At what quality a job was asked for, in words. @param {any} job */
 export function qualityWords(job) {
-  return isByShape(job) ? "By shape" : (PRESETS.find(([name]) => name === (job.params?.preset ?? "balanced"))?.[1] ?? "");
+  return isByShape(job) ? "By shape" : (PRESETS.find(([name]) => name === (job.params?.preset ?? USUAL_PRESET))?.[1] ?? "");
 }
 
 /** Ten shapes on the way to the last one. @param {number} steps */
@@ -179,7 +181,7 @@ export function wishOf(job, fields, defaults = {}) {
   return {
     prompt: String(job.prompt ?? ""),
     model: String(params.model ?? ""),
-    preset: String(params.preset ?? "balanced"),
+    preset: String(params.preset ?? USUAL_PRESET),
     seed: Number(params.seed ?? 0),
     subdivide: Boolean(job.output?.subdivide),
     rig: job.output?.rig ?? "",

@@ -19,25 +19,28 @@ const FORMATS = [["result.glb", "GLB"], ["result.usdz", "USDZ, for iPhones"], ["
  */
 
 export class Downloads {
-  /** @param {import("../scope.js").Scope} scope @param {(signal: AbortSignal) => Promise<ArrayBuffer>} make The shape that no job has. */
-  constructor(scope, make) {
+  /**
+   * @param {import("../scope.js").Scope} scope
+   * @param {(signal: AbortSignal) => Promise<ArrayBuffer>} make The shape that no job has.
+   * @param {() => any} named What names its file, as a job does.
+   */
+  constructor(scope, make, named) {
     this.scope = scope;
     this.make = make;
+    this.named = named;
     /** @type {Shown | null} */
     this.shown = null;
     /** Of the files that the job has. @type {string[]} */
     this.names = [];
-    this.named = /** @type {() => any} */ (() => ({}));
     this.button = button("Download", () => this._save(), { icon: "download" });
     this.format = h("select", { class: "select-small", "aria-label": "Format" }, FORMATS.map(([value, text]) => h("option", { value }, text)));
     this.room = button("View in your room", () => this.shown && viewInRoom(this.shown.job, this.names, this.scope), { icon: "camera", quiet: true });
     this.element = h("div", { class: "joined downloads", hidden: true }, this.button, this.format, this.room);
   }
 
-  /** @param {Shown | null} shown @param {() => any} named What names the file of a shape that no job has. */
-  show(shown, named) {
+  /** @param {Shown | null} shown */
+  show(shown) {
     this.shown = shown;
-    this.named = named;
     this.element.hidden = !shown;
     // The other formats are made of a result as it is stored.
     const whole = Boolean(shown?.result && shown.share === 1);

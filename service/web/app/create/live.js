@@ -115,6 +115,8 @@ export class Live {
     this.asking.abort();
     const { signal } = (this.asking = new AbortController());
     if (this.of !== this.asked.goal) this._designs(false);
+    say(this.note, "");
+    this.element.setAttribute("aria-busy", "false");
     const first = this.shape === null && shape.stored !== undefined;
     if (first) this.box.say("Loading the shape…", "", "", true);
     while (!signal.aborted) {

@@ -4,7 +4,7 @@ import { button, fill, h, labelled } from "../dom.js";
 import { FieldRows, markField } from "./field-rows.js";
 import { figure } from "../format.js";
 import { isUnused } from "../groups.js";
-import { formOf, integerProblem, keptText, MAX_SEED, nothingKept, PRESETS, randomSeed } from "../params.js";
+import { formOf, integerProblem, keptText, MAX_SEED, nothingKept, PRESETS, randomSeed, USUAL_PRESET } from "../params.js";
 import { EXEMPLAR } from "./guide/model.js";
 import { ShareSlider } from "./share-slider.js";
 
@@ -26,6 +26,7 @@ export class SettingsPanel {
     this.model = choice("model", [], () => this._modelChanged());
     this.modelRow = labelled("model", "Model", this.model);
     this.preset = choice("preset", PRESETS.map(([value, label, text]) => [value, `${label}: ${text.toLowerCase()}`]), onChange);
+    this.preset.value = USUAL_PRESET;
     this.presetRow = labelled("preset", "Quality", this.preset);
     this.strength = new ShareSlider("strength", onChange);
     this.seed = integerField("seed", 0, MAX_SEED, onChange);
@@ -197,7 +198,7 @@ export class SettingsPanel {
   }
 
   /** @param {Partial<Omit<import("../params.js").Wish, "seed"> & {seed: number | string}>} wish What it lacks is as at the beginning. */
-  restore({ model, preset = PRESETS[0][0], seed = randomSeed(), subdivide = false, rig = "", advanced = {}, kept = nothingKept(), byShape = false }) {
+  restore({ model, preset = USUAL_PRESET, seed = randomSeed(), subdivide = false, rig = "", advanced = {}, kept = nothingKept(), byShape = false }) {
     // A model that this server no longer runs gives way to its default.
     if (this.catalogue.models.some((found) => found.id === model && found.available)) this.model.value = String(model);
     this.way.value = byShape ? "shape" : "pictures";

@@ -22,6 +22,7 @@ import { learnNames } from "../plain.js";
 import { problemBox } from "../problem-box.js";
 import { isAboutNegative, isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
+import { snippetsBlock } from "../snippets.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { movingControls } from "../viewer-box.js";
@@ -63,7 +64,8 @@ export class Workbench {
   /** @type {Downloads} */ downloads;
   /** @type {JobForm} */ form;
   /** @type {JobPanel | null} */ panel;
-  /** @type {HTMLElement} For the request as code to copy: what fills it asks `request` for it. */ code;
+  /** @type {HTMLDetailsElement} The request as code to copy. */ code;
+  /** @type {HTMLElement} */ program;
   /** @type {HTMLElement} */ inUse;
   /** @type {HTMLDetailsElement} */ more;
 
@@ -97,8 +99,9 @@ export class Workbench {
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     /** What the form asks for where it asks for the job that is shown, as `shapeKey` has it. */
     this.jobKey = "";
-    /** And the strength that it had. */
+    /** And the strength that it had, and all of it. */
     this.jobStrength = 1;
+    this.jobWish = /** @type {any} */ (null);
     /** Shapes that the job has, and those of other versions. */
     this.offered = { steps: /** @type {number[]} */ ([]), finished: false, lastStep: 0 };
     /** @type {Shape[]} */
@@ -168,15 +171,16 @@ export class Workbench {
     const over = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._startOver() } }, "Start over");
     this.restored = h("div", { class: "kept small muted", hidden: true }, h("p", null, "Your draft is back."), over);
     this.starts = h("button", { type: "button", class: "chip chip-small", hidden: true, on: { click: () => this._startFrom(null) } });
-    this.downloads = new Downloads(scope, (signal) => this._exact(signal));
+    this.downloads = new Downloads(scope, (signal) => this._exact(signal), () => this._fakeJob());
     this.form = new JobForm(scope, "New job", "Keep", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._refuse(error) });
     this.form.button.setAttribute("aria-describedby", "estimate");
   }
 
   /** @param {HTMLElement} root @param {any} job */
   _build(root, job) {
-    this.panel = job ? new JobPanel(job, this.scope, { offer: (...shapes) => this._offerShapes(...shapes), finished: (report, names) => this._finished(report, names) }) : null;
-    this.code = h("div", { class: "slot-code" });
+    this.panel = job ? new JobPanel(job, this.scope, { offer: (...shapes) => this._offerShapes(...shapes), finished: (_, artifacts) => this._finished(artifacts) }) : null;
+    this.program = h("div", null);
+    this.code = h("details", { class: "advanced", on: { toggle: () => this._showCode() } }, h("summary", null, "As code"), this.program);
     this.inUse = h("span", { class: "small muted" });
     const making = this.shared ? [] : [this.settings.element, this.control.element, this.code];
     this.more = h("details", { class: "advanced bench-details" }, h("summary", null, "Details ", this.inUse), this.panel?.results, this.comparison.view, making, this.panel?.settings);
@@ -318,6 +322,7 @@ export class Workbench {
   _isOf(key) {
     this.jobKey = key;
     this.jobStrength = this.settings.strength.share;
+    this.jobWish = this._wish();
   }
 
   // The job that is shown.
@@ -380,22 +385,24 @@ export class Workbench {
       strength: name === "" ? this.jobStrength : 1,
       tag: label,
       picture: known?.picture,
+      wish: newest ? this.jobWish : null,
       stored: { path, name, step: name.startsWith("step") ? step : null },
     };
   }
 
-  /** @param {any} report @param {string[]} names Of the files. */
-  async _finished(report, names) {
-    this.downloads.names = names;
+  /** @param {any[]} artifacts Files of the job, which is over. */
+  async _finished(artifacts) {
+    const { job, state } = /** @type {JobPanel} */ (this.panel);
+    if (state === "succeeded") this.downloads.names = artifacts.map((/** @type {any} */ { name }) => name);
     this._suitLive();
     this._offerKeep();
-    if (!this.assets.flat || !names.includes("preview.png")) return;
-    this.assets.showPicture(await client.download(this.panel?.job, "preview.png", { signal: this.scope.signal }));
+    if (!this.assets.flat || !artifacts.some(({ name }) => name === "preview.png")) return;
+    this.assets.showPicture(await client.download(job, "preview.png", { signal: this.scope.signal }));
   }
 
   /** Whether the form asks for the job that is shown, and not for another one. */
   get _isJob() {
-    return this.panel !== null && this.jobKey !== "" && this._key() === this.jobKey && this.start === null;
+    return this.panel !== null && this.jobKey !== "" && (this.shared || (this._key() === this.jobKey && this.start === null));
   }
 
   // What is shown.
@@ -412,17 +419,11 @@ export class Workbench {
   /** Go back to a shape. @param {Shape} shape */
   async _take(shape) {
     if (shape.href) return void (location.hash = shape.href);
-    if (shape.stored && shape.key !== this.jobKey) {
-      this._startFrom(shape.stored.step);
-      return this.live.look(shape);
-    }
-    this._startFrom(null);
+    this._startFrom(shape.stored?.step ?? null);
+    if (!shape.wish || shape.key === this.live.key) return this.live.look(shape);
     this.live.know(shape);
-    const wish = shape.wish ?? null;
-    if (wish && !(shape.key === this.live.key && this.live.settled)) {
-      this._restore(wish, this.guide.parts);
-      this._changed();
-    } else await this.live.look(shape);
+    this._restore(shape.wish, this.guide.parts);
+    this._changed();
   }
 
   /** Let the next job start from a step of the one that is shown. @param {number | null} step */
@@ -449,7 +450,7 @@ export class Workbench {
     this.form.rename(this.start !== null || !this._possible() || !this.live.able ? "Run" : "Keep");
     // Where nothing can be drawn, the result is there all the same.
     const shape = this.live.shape ?? (done && this.assets.flat ? (this.strip.stored.at(-1) ?? null) : null);
-    this.downloads.show(shape && { shape, share: this.live.morphs ? share : 1, job: panel?.job ?? null, result: done && shape.key === this.jobKey }, () => this._fakeJob());
+    this.downloads.show(shape && { shape, share: this.live.morphs ? share : 1, job: panel?.job ?? null, result: done && shape.key === this.jobKey });
   }
 
   /** What names the files of a shape that no job has. */
@@ -486,6 +487,7 @@ export class Workbench {
     this.inUse.textContent = this._usesMore() ? "· in use" : "";
     this._suitLive();
     this._offerKeep();
+    this._showCode();
     if (!this.shared) this.check();
   }
 
@@ -535,8 +537,11 @@ export class Workbench {
     const strength = this.settings.strength.share;
     const there = asset && asset === shown && this.begun;
     const [goal, seed] = this.shared ? [this.panel?.job.id, 0] : JSON.parse(this._key());
-    const waits = this._isJob && this.panel !== null && this.panel.state !== "succeeded" && !isTerminal(this.panel.state);
+    // The shape of the job comes with its events; one that failed is made anew.
+    const state = this._isJob ? (this.panel?.state ?? "") : "";
+    const waits = this._isJob && (state === "succeeded" || !isTerminal(state));
     this.live.suit({ goal: there && !this._aimless(this._wish()) ? goal : "", seed, strength, possible: !waits && this._possible() });
+    if (state === "succeeded" && there && !this.live.shape) this.assets.box.say("Loading the shape…", "", "", true);
   }
 
   /** Whether a shape can be made before a job runs. */
@@ -579,9 +584,11 @@ export class Workbench {
     return { ...this.settings.wish(this.prompt.value), control: this.control.value(), guide: this.guide.value() };
   }
 
-  /** What would be sent now, and the name of its file: for code that does the same. */
-  request() {
-    return { document: documentOf(this._wish(), null, this.settings.offered), filename: this.assets.asset?.name ?? "" };
+  /** Show what would be sent now as programs. */
+  _showCode() {
+    if (!this.code.open) return;
+    const files = Object.entries({ asset: this.assets.asset, ...this.guide.parts }).flatMap(([part, file]) => (file ? [[part, file.name]] : []));
+    fill(this.program, snippetsBlock({ document: documentOf(this._wish(), null, this.settings.offered), files: Object.fromEntries(files) }));
   }
 
   /** Whether nothing says yet what the asset should become. @param {import("../params.js").Wish} wish */

@@ -13,7 +13,6 @@ import { linkProblem, problemBox, temporary } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { verdictBadge, verdictWords } from "../verdict.js";
 import { JobActions } from "./actions.js";
-import { askedPanel } from "./asked.js";
 import { ProgressPanel } from "./progress.js";
 import { filesPanel, parametersPanel, qualityPanel } from "./results.js";
 
@@ -22,7 +21,7 @@ const AGAIN_MS = 3000;
 /**
  * @typedef {object} Hooks What shows the shapes of a job.
  * @property {(steps: number[], finished: boolean, lastStep: number) => void} offer Steps whose shape is kept, and whether there is a result.
- * @property {(report: any, names: string[]) => unknown} finished What is there of a job that is over: its report, null where there is none, and the names of its files.
+ * @property {(report: any, artifacts: any[]) => unknown} finished What is there of a job that is over: its report, null where there is none, and its files.
  */
 
 export class JobPanel {
@@ -128,15 +127,14 @@ export class JobPanel {
     const succeeded = this.history.state === "succeeded";
     try {
       const artifacts = await client.artifacts(this.job.id, this.scope.signal);
-      const names = artifacts.map((found) => found.name);
       if (succeeded) fill(this.error);
-      this.report = names.includes("report.json") ? await client.json(`v1/jobs/${this.job.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
+      this.report = artifacts.some(({ name }) => name === "report.json") ? await client.json(`v1/jobs/${this.job.id}/artifacts/report.json`, { signal: this.scope.signal }) : null;
       if (this.scope.over) return;
       this._judge();
       const measured = this.report?.quality || this.report?.levels;
-      fill(this.results, measured ? qualityPanel(this.report, this.job.files) : null, currentLink() ? askedPanel(this.job) : null, filesPanel(this.job, artifacts, this.scope));
+      fill(this.results, measured ? qualityPanel(this.report, this.job.files) : null, filesPanel(this.job, artifacts, this.scope));
       if (this.report) fill(this.settings, parametersPanel(this.job, this.report));
-      await this.hooks.finished(this.report, names);
+      await this.hooks.finished(this.report, artifacts);
     } catch (error) {
       if (isAbort(error) || this.scope.over) return;
       if (succeeded) fill(this.error, problemBox(linkProblem(error)));

@@ -19,14 +19,11 @@ export function findingList(findings) {
   return h("ul", { class: "findings" }, findings.map(row));
 }
 
-// What the service can make of a finished job that was not asked for it.
-const AFTERWARDS = ["result.usdz", "result.obj.zip", "result.3mf", "result.stl", "morph.glb", "map.safetensors"];
+// What the service can make of a finished job that was not asked for it, besides the formats of its result.
+const AFTERWARDS = ["map.safetensors"];
 const FILES = /** @type {Record<string, string>} */ ({
   "result.glb": "The asset in its new shape",
   "morph.glb": "The way from before to after, as an animation",
-  "result.usdz": "For iPhone, iPad and Mac, with the rig and one animation",
-  "result.obj.zip": "For any 3D program, with materials and textures",
-  "result.3mf": "For printing in colour: millimetres, Z up",
   "result.stl": "The new shape for printing: metres, Y up",
   "map.safetensors": "Map of the edit, for other files on the command line",
   "surface.ndf": "The surface: base mesh and network",
@@ -44,6 +41,9 @@ const FILES = /** @type {Record<string, string>} */ ({
   "report.json": "Settings, figures, versions",
   "preview.png": "Before and after from four sides",
 });
+
+/** What a job of another kind began with. */
+const SOURCES = /** @type {Record<string, string>} */ ({ family_fit: "The collection", family_synthesize: "The family" });
 
 /** What files of the same name are for other kinds of job. */
 const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
@@ -87,7 +87,7 @@ export function filesPanel(job, artifacts, scope) {
     { class: "files" },
     sorted.map(row),
     mayMake ? AFTERWARDS.filter((name) => !artifacts.some((found) => found.name === name)).map(makeRow) : null,
-    line(filename, `The ${job.kind === "family_fit" ? "collection" : "asset"} as ${shared ? "it was sent" : "you sent it"} · ${bytes(size)}`, button(`Download ${filename}`, () => download(`v1/jobs/${job.id}/asset`, filename, size, false, scope), { icon: "download", quiet: true })),
+    line(filename, `${SOURCES[job.kind] ?? "The asset"} as ${shared ? "it was sent" : "you sent it"} · ${bytes(size)}`, button(`Download ${filename}`, () => download(`v1/jobs/${job.id}/asset`, filename, size, false, scope), { icon: "download", quiet: true })),
     mayMake ? line("Other files", "Levels of detail, clothes, props that lie where the asset does", others, button("Deform other files alike", () => others.click(), { icon: "spark", quiet: true })) : null,
   );
   return panel("files-title", "Files", list);

@@ -14,12 +14,14 @@ export async function openJob(root, scope, id, against = "") {
   fill(root, h("p", { class: "loading", role: "status" }, "Loading the job…"));
   const job = await read(root, scope, id);
   if (!job || scope.over) return;
-  if (isDeformation(job)) {
+  try {
+    if (!isDeformation(job)) return await showOther(root, scope, job);
     const { Workbench } = await import("../create/view.js");
     if (!scope.over) new Workbench(root, scope, { job, against });
-    return;
+  } catch (error) {
+    // A module did not arrive.
+    if (!scope.over) fill(root, h("h1", null, "Job"), problemBox(error, h("button", { type: "button", class: "button", on: { click: () => location.reload() } }, "Reload")));
   }
-  await showOther(root, scope, job);
 }
 
 /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {string} id @returns {Promise<any>} null where it cannot be read, which is said */
@@ -41,7 +43,8 @@ async function read(root, scope, id) {
 async function showOther(root, scope, job) {
   const stage = await stageOf(job, scope);
   if (scope.over) return;
-  const finished = async (/** @type {any} */ report, /** @type {string[]} */ names) => {
+  const finished = async (/** @type {any} */ report, /** @type {any[]} */ artifacts) => {
+    const names = artifacts.map(({ name }) => name);
     stage.job = panel.job;
     if (report && stage.finished) await stage.finished(report, names, panel.results);
     await stage.ready;

@@ -47,7 +47,7 @@ export class JobCard {
     this.state = job.state;
     fill(this.badge, stateBadge(job.state));
     if (job.state === "succeeded") {
-      this._thumbnail();
+      this._thumbnail(job);
       if (isDeformation(job) && job.artifacts?.some((/** @type {any} */ { name }) => name === "report.json")) this._judge();
     } else if (!running) fill(this.picture, h("span", { class: "card-glyph" }, icon(GLYPHS[job.state] ?? "info")));
   }
@@ -69,10 +69,12 @@ export class JobCard {
     }
   }
 
-  async _thumbnail() {
+  /** @param {any} job */
+  async _thumbnail(job) {
     try {
       const url = this.scope.url(await client.download(this.id, "preview.png", { signal: this.scope.signal }));
-      if (!this.scope.over) fill(this.picture, h("img", { src: url, alt: "", loading: "lazy" }));
+      const image = () => h("img", { src: url, alt: "", loading: "lazy" });
+      if (!this.scope.over) fill(this.picture, isDeformation(job) ? [image(), image()].map((each) => h("span", { class: "card-half" }, each)) : image());
     } catch {
       // There is no picture, or the view has gone.
       if (!this.scope.over) fill(this.picture, h("span", { class: "card-glyph" }, icon("check")));

@@ -9,7 +9,7 @@
  * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, noun: string, names: import("../parts/naming.js").Naming[]}} Control `regions`: those of parts, too. `falloff` as it was typed; empty: as the service decides.
  */
 import { counted, figure } from "../../format.js";
-import { namingWords, partOf, partParams, partsAsked } from "../parts/naming.js";
+import { partOf, partParams, partsAsked } from "../parts/naming.js";
 
 /** The parameters that the panel edits. */
 export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "source_noun", "parts"];
@@ -98,23 +98,6 @@ export function regionWords(region) {
   if (component !== undefined) return `Component ${component}`;
   if (node !== undefined) return `Node ${node}`;
   return material !== undefined ? `Material ${material}` : `Mesh ${mesh}`;
-}
-
-/** All that is asked, in sentences for a list. @param {Control} control @returns {string[]} */
-export function controlWords({ regions, handles, symmetry, noun, names }) {
-  return [
-    ...(noun ? [`The asset: ${noun}`] : []),
-    ...names.map((each) => `Part: ${namingWords(each)}`),
-    ...regions.filter(({ action }) => partOf(action) !== null).map((region) => `Part “${partOf(region.action)}”: ${regionWords(region)}`),
-    ...unaimed(regions).map((region) => `${region.action === "only" ? "Only" : "Keep"}: ${regionWords(region)}`),
-    ...handles.map((handle) => `Handle: ${handle.position ? placeWords(handle.position) : `vertex ${handle.vertex}`} to ${placeWords(handle.to)}`),
-    ...(symmetry !== "none" ? [`Symmetry: ${(SYMMETRIES.find(([name]) => name === symmetry) ?? [symmetry, symmetry])[1].toLowerCase()}`] : []),
-  ];
-}
-
-/** @param {number[]} place */
-function placeWords(place) {
-  return `(${place.map(figure).join(", ")})`;
 }
 
 /** @param {(number | [number, number])[]} faces */

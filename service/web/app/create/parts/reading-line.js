@@ -33,6 +33,9 @@ export class ReadingLine {
     this.typed.addEventListener("blur", () => this.typed.value.trim() || this.again());
     this.typed.addEventListener("keydown", (event) => {
       if (event.key === "Escape") this._leave();
+      if (event.key !== "Enter") return;
+      event.preventDefault(); // it sends no form
+      this._take();
     });
   }
 
@@ -75,7 +78,9 @@ export class ReadingLine {
 
   _take() {
     const noun = this.typed.value.trim().toLowerCase().replaceAll(" ", "-");
+    if (!noun) return;
     if (this.nouns.length && !this.nouns.includes(noun)) return this._say("No noun that is known here: choose one of the list.");
+    this.typed.value = ""; // it is taken once
     this._leave();
     this.onNoun(noun);
   }
