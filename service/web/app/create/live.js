@@ -175,6 +175,7 @@ export class Live {
     try {
       const isDraft = await this._make(goal, seed, signal, true);
       if (signal.aborted) return;
+      clearTimeout(slow);
       say(this.note, isDraft ? "A draft; the exact shape follows." : "");
       announce("The preview is shown");
       if (this.of !== goal || !this.members.some((member) => member.seed === seed)) await this._others(goal, seed, signal);
