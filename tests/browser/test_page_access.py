@@ -170,7 +170,7 @@ def test_a_server_that_wants_a_key_is_given_one(
                 download.value.save_as(tmp_path / "shared")
                 assert (tmp_path / "shared").read_bytes() == content
             # Nothing that would change the job, nor the way to others.
-            expect(visitor.locator(".download-menu > summary")).to_be_visible()
+            expect(visitor.get_by_label("Format")).to_be_visible()
             expect(visitor.get_by_role("button", name=re.compile("^(Make|Copy|Delete|Share|Keep|Run)"))).to_have_count(
                 0
             )
