@@ -152,16 +152,16 @@ def _one_torch_thread() -> None:
         torch.set_num_threads(1)
 
 
-_shipped: dict[str, int] = {}
+_shipped: dict[str, dict[str, int]] = {}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Draw and measure less in this process, except in tests that are marked `as_shipped`; fixtures do so, too."""
-    for name, (constant, value) in SMALLER.items():
+    for name, smaller in SMALLER.items():
         if module := sys.modules.get(name):
-            shipped = _shipped.setdefault(name, getattr(module, constant))
-            setattr(module, constant, shipped if item.get_closest_marker("as_shipped") else value)
+            shipped = _shipped.setdefault(name, {constant: getattr(module, constant) for constant in smaller})
+            vars(module).update(shipped if item.get_closest_marker("as_shipped") else smaller)
 
 
 @pytest.fixture(params=["cpu", "cuda"])

@@ -241,10 +241,14 @@ def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = WORDS) -
     return {
         word: match[0]
         for word in unknown
-        if len(word) >= _MIN_LENGTH
-        and not _is_word(word)
-        and (match := difflib.get_close_matches(word, known, 1, _SIMILARITY))
+        if len(word) >= _MIN_LENGTH and not _is_word(word) and (match := _closest(word, tuple(known)))
     }
+
+
+@lru_cache(maxsize=256)
+def _closest(word: str, known: tuple[str, ...]) -> list[str]:
+    """Return the known word that a word looks like, if any: sought for a millisecond, and often for the same word."""
+    return difflib.get_close_matches(word, known, 1, _SIMILARITY)
 
 
 def _is_word(word: str) -> bool:

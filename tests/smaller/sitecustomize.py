@@ -13,17 +13,18 @@ from types import ModuleType
 from typing import Any
 
 SMALLER = {
-    "meshdeform.kinds.surface_fit.oriented_points": ("_MOST", 48),
-    "meshdeform.geometry.quality": ("_FIT_SAMPLES", 2000),
-    "meshdeform.guidance.points": ("SAMPLES", 2000),
-    "meshdeform.rendering.studio": ("_SIZE", 32),
+    "meshdeform.kinds.surface_fit.oriented_points": {"_MOST": 48},
+    "meshdeform.geometry.quality": {"_FIT_SAMPLES": 2000},
+    "meshdeform.guidance.points": {"SAMPLES": 2000},
+    "meshdeform.reading.banks": {"_WISHED": 48, "_WISHED_WITH_ATTRIBUTES": 24},
+    "meshdeform.rendering.studio": {"_SIZE": 32},
 }
-"""What takes a short job longer than its steps: previews, the samples by which it fits and measures fits, and the grid
-that points are made a surface on."""
+"""What takes a short job longer than its steps: previews, the samples by which it fits and measures fits, the members
+that it chooses an exemplar from, and the grid that points are made a surface on."""
 
 
 class _Changing(Loader):
-    """Loads a module and changes its constant."""
+    """Loads a module and changes its constants."""
 
     def __init__(self, loader: Loader) -> None:
         self._loader = loader
@@ -33,9 +34,9 @@ class _Changing(Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         self._loader.exec_module(module)
-        constant, value = SMALLER[module.__name__]
-        assert hasattr(module, constant), f"{module.__name__} has no {constant}"
-        setattr(module, constant, value)
+        for constant, value in SMALLER[module.__name__].items():
+            assert hasattr(module, constant), f"{module.__name__} has no {constant}"
+            setattr(module, constant, value)
 
 
 class _Finder(MetaPathFinder):

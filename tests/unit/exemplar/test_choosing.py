@@ -18,8 +18,6 @@ from meshdeform.reading.result import GROUND, NO_PART
 from meshdeform.vocabulary.grammar import Attribute
 from tests.cases import each_case
 
-pytestmark = pytest.mark.usefixtures("few_members")
-
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -15,8 +15,6 @@ from meshdeform.vocabulary.grammar import parse
 from tests.cases import each_case
 from tests.unit.exemplar.test_choosing import asset, unread
 
-pytestmark = pytest.mark.usefixtures("few_members")
-
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:

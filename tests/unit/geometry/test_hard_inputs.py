@@ -1,5 +1,7 @@
 """What breaks such systems, small: every input of the benchmark goes the whole way and keeps what it must.
 
+Only the hardest are read for their front, each as one noun: what else they might be does not matter here.
+
 Below, what these inputs found in the guard of the surface, each on the smallest mesh that shows it.
 """
 
@@ -55,10 +57,9 @@ def shifted(mesh: TriangleMesh, *by: float) -> TriangleMesh:
     return TriangleMesh(mesh.verts + np.array(by), mesh.faces)
 
 
-@pytest.mark.timeout(900)
 @each_case("name", INPUTS)
 def test_every_input_keeps_what_it_must(name: str) -> None:
-    found = outcome(INPUTS[name](SIZE), FakePrior(), 4)
+    found = outcome(INPUTS[name](SIZE), FakePrior(), 4, orientation="keep")
     assert found.broken == []
 
 
@@ -67,13 +68,14 @@ HARDEST = ["parts", "book", "zero-area", "moebius-narrow", "confetti", "pinched"
 
 @each_case("name", HARDEST)
 def test_the_dirichlet_energy_takes_the_hardest_inputs(name: str) -> None:
-    assert outcome(INPUTS[name](SIZE), FakePrior(), 3, learning_rate=0.05, dirichlet_weight=1.0).broken == []
+    given = {"learning_rate": 0.05, "dirichlet_weight": 1.0, "source_noun": "mushroom"}
+    assert outcome(INPUTS[name](SIZE), FakePrior(), 3, **given).broken == []
 
 
 @each_case("name", HARDEST)
 def test_the_guard_holds_what_a_much_too_great_rate_would_break(name: str) -> None:
     rates = {"learning_rate": 0.1, "jacobian_reg_weight": 0.0, "normal_weight": 0.0, "laplacian_weight": 0.0}
-    found = outcome(INPUTS[name](SIZE), FakePrior(), 10, **rates)
+    found = outcome(INPUTS[name](SIZE), FakePrior(), 10, orientation="keep", **rates)
     assert found.flipped == found.cuts == 0
     assert found.broken == []
 

@@ -36,14 +36,13 @@ def _growth(lesser: LabelledMember, greater: LabelledMember) -> NDArray[np.float
 
 @each_case("noun", FAMILIES)
 def test_every_face_has_a_part_of_the_noun_and_labels_change_nothing(noun: str) -> None:
-    for seed in (0, 7):
-        shape = labelled_member(noun, (), np.random.default_rng(seed))
-        plain = member(noun, (), np.random.default_rng(seed))
-        assert np.array_equal(shape.verts, plain.verts)
-        assert np.array_equal(shape.faces, plain.faces)
-        assert shape.labels.shape == (len(shape.faces),)
-        assert all(name in parts_of(noun) for name in shape.parts)
-        assert np.unique(shape.solids).tolist() == list(range(int(shape.solids.max()) + 1))
+    shape = labelled_member(noun, (), np.random.default_rng(7))
+    plain = member(noun, (), np.random.default_rng(7))
+    assert np.array_equal(shape.verts, plain.verts)
+    assert np.array_equal(shape.faces, plain.faces)
+    assert shape.labels.shape == (len(shape.faces),)
+    assert all(name in parts_of(noun) for name in shape.parts)
+    assert np.unique(shape.solids).tolist() == list(range(int(shape.solids.max()) + 1))
 
 
 @each_case("noun, part", [(noun, part) for noun, parts in NOUNS.items() for part in parts])

@@ -48,27 +48,27 @@ CHAIR, DOG = plain_glb(chair()), plain_glb(join(*dog().values()))
 
 
 @each_case(
-    "glb, text, factors",
+    "glb, noun, text, factors",
     [
-        (ball_with_needles(), "half the size", (0.5, 0.5, 0.5)),
-        (ball_with_needles(), "20 % wider", (1.2, 1.0, 1.0)),
-        (CHAIR, "twice as tall", (1.0, 2.0, 1.0)),
-        (CHAIR, "half as tall", (1.0, 0.5, 1.0)),
-        (CHAIR, "1.2 times as deep", (1.0, 1.0, 1.2)),
-        (CHAIR, "fatter", (1.6, 1.0, 1.6)),
-        (DOG, "twice as big", (2.0, 2.0, 2.0)),
-        (DOG, "half as wide", (0.5, 1.0, 1.0)),
-        (DOG, "half as tall and twice as long", (1.0, 0.5, 2.0)),
-        (bottle(), "fatter", (1.6, 1.0, 1.6)),
-        (bottle(), "slimmer", (1 / 1.5, 1.0, 1 / 1.5)),
-        (bottle(), "1.8 m tall", (1.0, 2.0, 1.0)),
-        (bottle(), "33 cm wider", (1.5, 1.0, 1.0)),
+        (ball_with_needles(), "ball", "half the size", (0.5, 0.5, 0.5)),
+        (ball_with_needles(), "ball", "20 % wider", (1.2, 1.0, 1.0)),
+        (CHAIR, "chair", "twice as tall", (1.0, 2.0, 1.0)),
+        (CHAIR, "chair", "half as tall", (1.0, 0.5, 1.0)),
+        (CHAIR, "chair", "1.2 times as deep", (1.0, 1.0, 1.2)),
+        (CHAIR, "chair", "fatter", (1.6, 1.0, 1.6)),
+        (DOG, "dog", "twice as big", (2.0, 2.0, 2.0)),
+        (DOG, "dog", "half as wide", (0.5, 1.0, 1.0)),
+        (DOG, "dog", "half as tall and twice as long", (1.0, 0.5, 2.0)),
+        (bottle(), "bottle", "fatter", (1.6, 1.0, 1.6)),
+        (bottle(), "bottle", "slimmer", (1 / 1.5, 1.0, 1 / 1.5)),
+        (bottle(), "bottle", "1.8 m tall", (1.0, 2.0, 1.0)),
+        (bottle(), "bottle", "33 cm wider", (1.5, 1.0, 1.0)),
     ],
 )
 def test_every_vertex_goes_where_one_affine_map_has_it(
-    glb: bytes, text: str, factors: tuple[float, float, float]
+    glb: bytes, noun: str, text: str, factors: tuple[float, float, float]
 ) -> None:
-    before, after, report = changed_positions(glb, text)
+    before, after, report = changed_positions(glb, text, noun)
     np.testing.assert_allclose(after, grown(before, factors), atol=2e-6 * np.abs(before).max())
     assert (report["warnings"], report["verdict"]["value"]) == ([], "good")
 
@@ -76,7 +76,7 @@ def test_every_vertex_goes_where_one_affine_map_has_it(
 @each_case("turned", [False, True])
 def test_at_half_the_size_every_frame_of_an_animation_is_half_as_large(turned: bool) -> None:
     glb = rigged_dog(turned=turned)
-    before, after = Player(glb), Player(run(glb, "half the size")[0])
+    before, after = Player(glb), Player(run(glb, "half the size", noun="dog")[0])
     source = before.at(None, 0).verts
     stays = source - 2 * (source - grown(source, (0.5, 0.5, 0.5)))
     for time in (None, 0.0, 0.3, 1.0):
@@ -89,7 +89,7 @@ def test_at_half_the_size_every_frame_of_an_animation_is_half_as_large(turned: b
 @each_case("turned", [False, True])
 def test_a_taller_skin_and_its_joints_are_taller_exactly_in_the_pose_that_is_shown(turned: bool) -> None:
     glb = rigged_dog(turned=turned)
-    before, after = Player(glb), Player(run(glb, "twice as tall")[0])
+    before, after = Player(glb), Player(run(glb, "twice as tall", noun="dog")[0])
     source = before.at(None, 0).verts
     wanted = grown(source, (1.0, 2.0, 1.0))
     np.testing.assert_allclose(after.at(None, 0).verts, wanted, atol=1e-5)
@@ -101,7 +101,7 @@ def test_a_taller_skin_and_its_joints_are_taller_exactly_in_the_pose_that_is_sho
 
 def test_with_keep_vertices_alone_are_moved_and_it_is_said() -> None:
     glb = rigged_dog()
-    result, report = run(glb, "half the size", rig="keep")
+    result, report = run(glb, "half the size", noun="dog", rig="keep")
     assert load_asset(result).rig_digest() == load_asset(glb).rig_digest()
     assert any("which stayed as they were" in text for text in report["warnings"])
     source = Player(glb).at(None, 0).verts
@@ -109,7 +109,7 @@ def test_with_keep_vertices_alone_are_moved_and_it_is_said() -> None:
 
 
 def test_normals_turn_with_what_is_made_wider() -> None:
-    result, _ = run(DOG, "twice as wide")
+    result, _ = run(DOG, "twice as wide", noun="dog")
     before, after = load_asset(DOG).surface, load_asset(result).surface
     wanted = before.normals * [0.5, 1, 1]
     wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
@@ -132,7 +132,7 @@ def test_a_length_is_refused_where_the_format_has_no_unit(name: str) -> None:
         )
         lines = ["solid box", facets, "endsolid"]
     with pytest.raises(PromptError, match="has no unit of length, so 5 m says nothing"):
-        run("\n".join(lines).encode(), "5 m tall", name=name)
+        run("\n".join(lines).encode(), "5 m tall", name=name, noun="can")
 
 
 @each_case("text", ["5 m big", "90 m tall"])

@@ -185,7 +185,7 @@ def test_several_changes_in_one_sentence_are_made_in_order() -> None:
 @each_case("turned", [False, True])
 def test_joints_go_with_what_grows_around_them_in_the_pose_that_is_shown(turned: bool) -> None:
     glb = rigged_dog(turned=turned)
-    before, after = Player(glb), Player(run(glb, "taller")[0])
+    before, after = Player(glb), Player(run(glb, "taller", "dog")[0])
     joints = before.root["skins"][0]["joints"]
     places, verts = (
         [np.c_[rows, np.ones(len(rows))] for rows in each]
@@ -204,7 +204,7 @@ def test_joints_go_with_what_grows_around_them_in_the_pose_that_is_shown(turned:
 @each_case("turned", [False, True])
 def test_the_animation_of_a_rigged_file_plays_as_before_at_the_new_height(turned: bool) -> None:
     glb = rigged_dog(turned=turned)
-    result, report = run(glb, "longer legs")
+    result, report = run(glb, "longer legs", "dog")
     assert report["way"] == "change"
     assert report["rig"]["mode"] == "follow"  # type: ignore[index]
     before, after = Player(glb), Player(result)
@@ -228,13 +228,13 @@ def test_an_animated_node_goes_along_unless_it_is_to_be_kept() -> None:
     channel = {"sampler": 0, "target": {"node": 0, "path": "rotation"}}
     builder.root["animations"] = [{"samplers": [{"input": times, "output": turn}], "channels": [channel]}]
     for rig, told in (("keep", True), ("follow", False)):
-        _, report = run(builder.glb(), "taller", rig=rig)
+        _, report = run(builder.glb(), "taller", "chair", rig=rig)
         assert any("1 animated node, which stayed" in text for text in report["warnings"]) is told  # type: ignore[attr-defined]
 
 
 def test_a_rig_that_is_to_be_kept_is_kept() -> None:
     glb = rigged_dog()
-    result, report = run(glb, "longer legs", rig="keep")
+    result, report = run(glb, "longer legs", "dog", rig="keep")
     assert report["rig"]["mode"] == "keep"  # type: ignore[index]
     assert load_asset(result).rig_digest() == load_asset(glb).rig_digest()
 
@@ -242,7 +242,7 @@ def test_a_rig_that_is_to_be_kept_is_kept() -> None:
 def test_everything_else_in_the_file_stays() -> None:
     mesh = join(*dog().values())
     glb = plain_glb(mesh, name="Rex", extras={"owner": "us"}, translation=[3, 0, 1], scale=[2, 2, 2])
-    result, report = run(glb, "taller")
+    result, report = run(glb, "taller", "dog")
     assert json.dumps(Player(result).root["nodes"]) == json.dumps(Player(glb).root["nodes"])
     assert report["mesh"]["same_faces"] is True  # type: ignore[index]
     assert report["changes"] == [
@@ -295,7 +295,7 @@ def test_morph_targets_follow_and_quantised_positions_are_read() -> None:
     primitive["targets"] = [{"POSITION": builder.accessor(raised, bounds=True)}]
     builder.node(builder.mesh(primitive), scale=[1 / 20_000] * 3)
     builder.root["extensionsUsed"] = builder.root["extensionsRequired"] = ["KHR_mesh_quantization"]
-    result, _ = run(builder.glb(), "taller")
+    result, _ = run(builder.glb(), "taller", "chair")
     np.testing.assert_allclose(np.ptp(load_asset(result).surface.positions, axis=0), [1, 1.4 * 1.5, 1], atol=1e-3)
     player = Player(result)
     target = player.root["meshes"][0]["primitives"][0]["targets"][0]["POSITION"]

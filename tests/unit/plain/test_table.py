@@ -191,7 +191,7 @@ def test_the_chain_that_a_joint_stands_in_says_whether_it_is_a_shoulder(limb: st
 def test_the_back_of_a_body_and_a_node_of_clothes_are_no_parts_of_it() -> None:
     glb = rigged_dog()
     with pytest.raises(PartNotFoundError, match="The back of a body is no part"):
-        run(glb, "a thicker back")
+        run(glb, "a thicker back", noun="dog")
     body = loose_body(load_asset(glb))
     dressed = replace(body, names={"Suit_Body": body.points[:, 1] > 0.5, "NeckTie": body.points[:, 2] > 1.2})
     assert not Parts(dressed).is_told("body")

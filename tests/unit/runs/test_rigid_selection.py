@@ -81,7 +81,7 @@ def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
 
 
 def test_inspection_proposes_the_wheels_by_their_node_and_its_selectors_select_them() -> None:
-    found = inspect_parts(ASSET)
+    found = inspect_parts(ASSET, resolve(DeformParams.model_validate(grouped({"source_noun": "car"}))))
     assert [item["triangles"] for item in found["components"]] == [320, 192, 192, 192, 192, 12]
     assert found["components"][0]["materials"] == [0, 1]
     wheels = next(item for item in found["proposals"] if item["congruent"])

@@ -54,7 +54,7 @@ def tower(*, skinned: bool) -> bytes:
     [
         ("a mushroom", {"prior": load_prior("builtin", device="cpu")}),
         ("", {"target": tower(skinned=False), "guidance": "target"}),
-        ("twice as tall", {}),
+        ("twice as tall", {"source_noun": "lamp"}),
     ],
 )
 def test_a_skin_becomes_what_the_same_shape_without_one_becomes(prompt: str, more: dict[str, Any]) -> None:
