@@ -47,7 +47,7 @@ export function problemBox(error, ...actions) {
   const isJobError = typeof error === "object" && error !== null && "advice" in error && !(error instanceof Error);
   const { title, detail, advice, id } = isJobError ? jobError(error) : described(error);
   const [said, help] = [plainWords(detail), plainWords(advice)];
-  const more = said === detail && help === advice ? [] : [detail, advice].filter(Boolean).map((text) => h("p", null, text));
+  const more = [detail, advice].filter((text) => text && text !== said && text !== help).map((text) => h("p", null, text));
   return h(
     "div",
     { class: "problem", role: "alert" },
