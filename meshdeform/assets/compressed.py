@@ -34,6 +34,8 @@ from meshdeform.assets.inspect import (
 from meshdeform.assets.meshopt import apply_filter, decode_attributes, decode_indices, decode_triangles
 from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
 
+_INTEGERS = range(1, 9)
+"""Draco's `DataType` of integers: DT_INT8 to DT_UINT64."""
 _ADVICE = "Decompress it: gltf-transform copy in.glb out.glb"
 
 
@@ -122,8 +124,15 @@ def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> 
         raise AssetError(
             f"{where}: the Draco stream holds {rows.shape}, but the accessor {accessor['count']} {accessor['type']}."
         )
-    if (rows.dtype.kind == "f") != (dtype.kind == "f"):
+    # DracoPy returns integers of some attributes as floats.
+    fits = rows.dtype.kind == "f" if dtype.kind == "f" else attribute["data_type"] in _INTEGERS
+    if not fits:
         raise AssetUnsupportedError(f"{where}: the Draco stream holds {rows.dtype}, not {dtype}.", advice=_ADVICE)
+    if dtype.kind != "f" and rows.size:
+        low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
+        least, most = int(rows.min()), int(rows.max())
+        if least < low or most > high:
+            raise AssetError(f"{where}: the Draco stream holds {least} to {most}, but {dtype} {low} to {high}.")
     return np.asarray(rows.astype(dtype))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from meshdeform.assets import Limits, load_asset
 from meshdeform.errors import AssetError, AssetTooLargeError, AssetTruncatedError
@@ -135,6 +136,29 @@ def test_a_draco_primitive_that_is_not_deformed_stays_compressed() -> None:
     root, _, _ = unpack(asset.replace(asset.surface.positions * 2))
     assert DRACO in root["meshes"][hidden]["primitives"][0]["extensions"]
     assert root["extensionsRequired"] == [DRACO]
+
+
+def quantized_in_draco(positions: NDArray[np.int32]) -> bytes:
+    """The GLB of a quad whose stream holds integers, for an accessor of normalized 16-bit integers."""
+    dracopy = pytest.importorskip("DracoPy", reason="DracoPy is not installed")
+    builder = Builder()
+    stream = dracopy.encode(positions, QUAD_FACES.astype(np.uint32), preserve_order=True)
+    builder.root["accessors"] += [
+        {"componentType": 5122, "normalized": True, "count": 4, "type": "VEC3"},
+        {"componentType": 5123, "count": 6, "type": "SCALAR"},
+    ]
+    extension = {"bufferView": builder.view(stream), "attributes": {"POSITION": 0}}
+    builder.root["extensionsUsed"] = builder.root["extensionsRequired"] = [DRACO, "KHR_mesh_quantization"]
+    builder.node(builder.mesh({"attributes": {"POSITION": 0}, "indices": 1, "extensions": {DRACO: extension}}))
+    return builder.glb()
+
+
+def test_draco_streams_of_integers_keep_them() -> None:
+    positions = np.array([[0, 0, 0], [32767, 0, 0], [32767, 32767, 0], [0, 32767, -16001]], np.int32)
+    surface = load_asset(quantized_in_draco(positions)).surface
+    np.testing.assert_allclose(surface.positions, positions / 32767, atol=1e-9)
+    with pytest.raises(AssetError, match="32768"):
+        load_asset(quantized_in_draco(positions + [1, 0, 0]))
 
 
 def test_a_draco_stream_that_does_not_fit_its_accessors_is_told() -> None:
