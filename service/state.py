@@ -87,6 +87,10 @@ def _processes(purpose: str) -> Callable[[], FairSlots]:
     return lambda: FairSlots(_PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER, wait_s=_CHECK_WAIT_S, purpose=purpose)
 
 
+def _lookups() -> LookupPool:
+    return LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4)
+
+
 @dataclass(frozen=True)
 class AppState:
     """The shared objects of the service."""
@@ -133,8 +137,9 @@ class AppState:
     naming: FairSlots = field(default_factory=_processes("parts are being found or previews made"))
     sketching: FairSlots = field(default_factory=_processes("drawings are being read"))
     wording: FairSlots = field(default_factory=_processes("words are being made"))
-    # Threads that resolve the hosts of webhooks.
-    lookups: LookupPool = field(default_factory=lambda: LookupPool(_LOOKUPS_AT_ONCE, share=_LOOKUPS_AT_ONCE // 4))
+    # Threads that resolve the hosts of webhooks and of files; neither waits for the other.
+    webhook_lookups: LookupPool = field(default_factory=_lookups)
+    fetch_lookups: LookupPool = field(default_factory=_lookups)
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
 
     @classmethod

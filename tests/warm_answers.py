@@ -25,6 +25,8 @@ def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> Any:
         while not stopped():
             time.sleep(0.01)
         raise StoppedError
+    if task["do"] == "linger":
+        time.sleep(0.3)
     if task["do"] == "hang":
         while True:
             time.sleep(1)

@@ -27,7 +27,6 @@ from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 
-from meshdeform import __version__
 from meshdeform.assets import Limits
 from meshdeform.errors import (
     CheckpointError,
@@ -48,6 +47,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.storage.readings import StoredReadings
 from meshdeform.support.failpoints import failpoint
+from meshdeform.support.sources import build
 from meshdeform.support.telemetry import bound, carried, span
 from worker.health import Pulse
 from worker.overdue import OPTIMIZING, over_time, time_limit
@@ -133,7 +133,7 @@ class Attempt:
         self._retry = Retry(self._go_on, at.retry_for_s)
         self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept)
         self._run: JobRun | None = None
-        self._made_by = __version__
+        self._made_by = build()
         self._steps, self._steps_s = 0, 0.0
         self._max_run_s = time_limit(job.document, at.settings.max_run_s)
         self._ends = time.monotonic() + self._max_run_s - job.ran_s
@@ -257,9 +257,7 @@ class Attempt:
     def _continues(self, made_by: str | None) -> None:
         """Note which versions have computed what the attempt goes on from."""
         before = [each for each in (made_by or "").split(", ") if each]
-        self._made_by = self._checkpoints.made_by = ", ".join(
-            before if before[-1:] == [__version__] else [*before, __version__]
-        )
+        self._made_by = self._checkpoints.made_by = ", ".join(dict.fromkeys([*before, build()]))
 
     def _input(self, part: str, file: StoredFile) -> InputFile:
         """Read a file of the job and verify its SHA-256."""
@@ -530,7 +528,7 @@ class CheckpointStore:
         self._not_before = 0.0
         self._missed = False
         self.step = 0
-        self.made_by = __version__
+        self.made_by = build()
 
     def usable(self, retry: Retry) -> Iterator[tuple[bytes, str | None]]:
         """Yield the intact stored checkpoints, newest first, with the versions that computed them."""

@@ -125,9 +125,9 @@ class JobView(Document):
 
     made_by: str | None = Field(
         None,
-        description="Version of Meshdeform that computed the results; several, in order, if a later one went on from a "
-        "checkpoint: their results may differ. Null if unknown, or there are none.",
-        examples=["0.1.0"],
+        description="Version of Meshdeform that computed the results, with a digest of its sources; several, in order, "
+        "if another one went on from a checkpoint: their results may differ. Null if unknown, or there are none.",
+        examples=["0.1.0+3f9a2c1d"],
     )
     unreadable: str | None = Field(
         None,

@@ -508,15 +508,23 @@ def _raise_last(failures: Sequence[MeshdeformError | OutcomeError], *, as_json: 
 
 
 @clean_errors
-def retry(job_id: JobIdArgument, *, place: Place, printed: Printed) -> None:
+def retry(
+    job_id: JobIdArgument,
+    max_run_s: Annotated[
+        float | None, option("Seconds for which the new job may run; default: as for the old one.")
+    ] = None,
+    *,
+    place: Place,
+    printed: Printed,
+) -> None:
     """Retry a job that did not succeed, and print the id of the new job.
 
     It continues from the last checkpoint.
 
-    meshdeform retry job_01kg9zqk2xf3v8c5m7n9p1r4t6
+    meshdeform retry job_01kg9zqk2xf3v8c5m7n9p1r4t6 --max-run-s 7200
     """
     with place.connect() as client:
-        _print_new(client.retry(job_id), place, printed)
+        _print_new(client.retry(job_id, max_run_s=max_run_s), place, printed)
 
 
 @clean_errors

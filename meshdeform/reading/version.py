@@ -6,10 +6,7 @@ A change of words alone changes it as well, and costs that assets are read once 
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from meshdeform.support.sources import digest_of
 
 __all__ = ["MEMBERS_VERSION", "SOURCES", "VERSION"]
 
@@ -17,23 +14,7 @@ _OF_MEMBERS = ("nouns", "vocabulary", "words")
 SOURCES = ("reading", *_OF_MEMBERS)
 """Folders and modules of the package on which readings depend."""
 
-
-def _texts(place: Traversable, name: str) -> dict[str, bytes]:
-    """Return the sources below a folder, or that of a module, by their names."""
-    if place.is_file():
-        return {name: place.read_bytes()} if name.endswith((".py", ".txt", ".npz")) else {}
-    return {path: text for inner in place.iterdir() for path, text in _texts(inner, f"{name}/{inner.name}").items()}
-
-
-def _version(sources: Iterable[str]) -> str:
-    root, digest = files("meshdeform"), hashlib.sha256()
-    texts = {path: text for name in sources for path, text in _texts(root.joinpath(name), name).items()}
-    for path in sorted(texts):
-        digest.update(f"{path}\n".encode() + texts[path].replace(b"\r\n", b"\n") + b"\0")
-    return digest.hexdigest()[:16]
-
-
-VERSION: str = _version(SOURCES)
+VERSION: str = digest_of(SOURCES)
 """Changes whenever the same asset may be read otherwise: 16 hexadecimal digits."""
-MEMBERS_VERSION: str = _version(("reading/banks.py", "reading/samples.py", *_OF_MEMBERS))
+MEMBERS_VERSION: str = digest_of(("reading/banks.py", "reading/samples.py", *_OF_MEMBERS))
 """Changes whenever the samples of a noun's members may be others."""

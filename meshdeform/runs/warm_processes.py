@@ -32,7 +32,7 @@ _MEMORY_BYTES = 16 * 2**30
 """Address space of a copy; torch alone maps several gigabytes of it."""
 _NICE = 10
 _GRACE_S = 3.0
-"""How long a copy may take to notice that nobody waits for its answer, before it is ended with all that it knows."""
+"""How long a copy may take to notice that nobody waits for its answer, before it ends with all that it knows."""
 _POLL_S = 0.1
 
 
@@ -64,30 +64,51 @@ class _Copy:
     used_at: float = field(default_factory=time.monotonic)
     busy: bool = True
     received: bytes = b""
+    owed: int = 0
+    """Verdicts on questions that were taken back, which come before the next one."""
+    owed_since: float = 0.0
 
-    def ask(self, task: dict[str, Any], timeout_s: float, asked: Asked) -> dict[str, Any] | None:
-        """Return its verdict, which may be that it was stopped; None: it has ended.
+    def ask(self, task: dict[str, Any], until: float, asked: Asked) -> dict[str, Any] | None:
+        """Return its verdict; None: it has ended, or is still busy with a question that was taken back long ago.
 
-        `TimeoutError`, `StoppedError`: it did not stop when it was told to, as time was up or nobody waited.
+        `TimeoutError`, `StoppedError`: it was told to stop, as time was up or nobody waits, and may be asked again.
         """
-        self.connection.sendall(json.dumps(task).encode() + b"\n")
-        until, late, told = time.monotonic() + timeout_s, False, False
-        while b"\n" not in self.received:
-            late = late or time.monotonic() > until
-            if told and time.monotonic() > until + _GRACE_S:
-                raise TimeoutError if late and not asked.stopped else StoppedError
-            if (late or asked.stopped) and not told:
-                self.connection.sendall(b"{}\n")
-                until, told = min(until, time.monotonic()), True
+        self._tell(task)
+        while (line := self._line()) is not None:
+            if line and not self.owed:
+                verdict: dict[str, Any] = json.loads(line)
+                return verdict
+            self.owed -= bool(line)
+            now = time.monotonic()
+            if asked.stopped or now > until:
+                self._tell({})
+                self.owed_since = self.owed_since if self.owed else now
+                self.owed += 1
+                raise StoppedError if asked.stopped else TimeoutError
+            if self.owed and now > self.owed_since + _GRACE_S:
+                return None
+        return None
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        self.connection.settimeout(_GRACE_S)
+        try:
+            self.connection.sendall(json.dumps(message).encode() + b"\n")
+        except TimeoutError as error:  # not that of the question
+            raise ConnectionError from error
+
+    def _line(self) -> bytes | None:
+        """Return the next verdict, if it comes within a moment, else nothing; None: it has ended."""
+        if b"\n" not in self.received:
             self.connection.settimeout(_POLL_S)
             with contextlib.suppress(TimeoutError):
                 chunk = self.connection.recv(2**16)
                 if not chunk:
                     return None
                 self.received += chunk
+        if b"\n" not in self.received:
+            return b""
         line, _, self.received = self.received.partition(b"\n")
-        verdict: dict[str, Any] = json.loads(line)
-        return verdict
+        return line
 
 
 class WarmProcesses:
@@ -129,22 +150,22 @@ class WarmProcesses:
         UnavailableError
             No process can be started now.
         """
-        copy = self._copy_of(owner)
-        try:
-            verdict = copy.ask(task, timeout_s, asked)
-        except BaseException as error:
-            self._end(owner, copy)
-            if isinstance(error, OSError) and not isinstance(error, TimeoutError):
-                return None
-            raise
-        if verdict is None:
-            self._end(owner, copy)
-            return None
-        with self._lock:
-            copy.busy, copy.used_at = False, time.monotonic()
-        if verdict.get("stopped"):
-            raise StoppedError if asked.stopped else TimeoutError
-        return verdict
+        until = time.monotonic() + timeout_s
+        while True:
+            copy = self._copy_of(owner)
+            late, kept = copy.owed > 0, False
+            try:
+                verdict = copy.ask(task, until, asked)
+                kept = verdict is not None
+            except (StoppedError, TimeoutError):
+                kept = True
+                raise
+            except OSError:
+                verdict = None
+            finally:
+                self._leave(owner, copy, kept=kept)
+            if verdict is not None or not late:  # else it ended with an earlier question
+                return verdict
 
     def tidy(self) -> None:
         """End what nobody has asked for long."""
@@ -184,11 +205,14 @@ class WarmProcesses:
         for owner in idle[: max(0, len(self._copies) + 1 - self._most)]:
             self._copies.pop(owner).connection.close()
 
-    def _end(self, owner: str, copy: _Copy) -> None:
-        copy.connection.close()
+    def _leave(self, owner: str, copy: _Copy, *, kept: bool) -> None:
+        """Keep a copy for the next question, or end it."""
         with self._lock:
-            if self._copies.get(owner) is copy:
-                del self._copies[owner]
+            copy.busy, copy.used_at = False, time.monotonic()
+            if not kept:
+                copy.connection.close()
+                if self._copies.get(owner) is copy:
+                    del self._copies[owner]
 
     def _connected(self) -> socket.socket:
         """Return the socket of a new copy."""
@@ -252,25 +276,43 @@ def _refusal(error: MeshdeformError) -> Callable[..., Any]:
     return refuse
 
 
+@dataclass
+class _Question:
+    """A task as a copy has it."""
+
+    task: dict[str, Any] = field(default_factory=dict)
+    stop: threading.Event = field(default_factory=threading.Event)
+    over: threading.Event = field(default_factory=threading.Event)
+
+    def take_back(self) -> None:
+        """Stop, or end this process with all that it knows."""
+        self.stop.set()
+        if not self.over.wait(_GRACE_S):
+            os._exit(0)
+
+
 def _serve(connection: socket.socket, answer: Callable[[dict[str, Any], Callable[[], bool]], Any]) -> None:
     """Answer the tasks of a socket until it is closed."""
     bound_memory(_MEMORY_BYTES)
-    tasks: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-    stop = threading.Event()
+    questions: queue.SimpleQueue[_Question] = queue.SimpleQueue()
 
     def receive() -> None:
+        last = _Question()
         for line in connection.makefile("rb"):
-            task = json.loads(line)
-            if not task:
-                stop.set()
-                continue
-            stop.clear()
-            tasks.put(task)
+            if task := json.loads(line):
+                last = _Question(task)
+                questions.put(last)
+            else:
+                threading.Thread(target=last.take_back, daemon=True).start()
         os._exit(0)
 
     threading.Thread(target=receive, daemon=True).start()
     while True:
-        connection.sendall(json.dumps(verdict_of(answer, tasks.get(), stop.is_set)).encode() + b"\n")
+        question = questions.get()
+        stopped = question.stop.is_set
+        verdict = {"stopped": True} if stopped() else verdict_of(answer, question.task, stopped)
+        question.over.set()
+        connection.sendall(json.dumps(verdict).encode() + b"\n")
 
 
 def verdict_of(

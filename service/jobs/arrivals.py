@@ -139,7 +139,7 @@ async def _fetched(app: AppState, owner_id: str, source: FileSource, path: Path)
 
 async def _find(app: AppState, owner_id: str, url: str) -> Destination:
     networks = parse_networks(app.settings.fetch_networks)
-    future = app.lookups.submit(owner_id, lambda: find_destination(url, networks))
+    future = app.fetch_lookups.submit(owner_id, lambda: find_destination(url, networks))
     try:
         with anyio.fail_after(LOOKUP_S):
             return await asyncio.wrap_future(future)

@@ -25,8 +25,8 @@ from meshdeform.runs import kind_of
 from meshdeform.runs.costs import END_SHARE, Costs, Seconds, costs_of, pace_of
 
 _SAMPLES = 50
-_COUNTED = 200
-"""Maximum number of jobs ahead that are read one by one; for the rest, the mean of these is used."""
+_COUNTED, _NUMBERED = 200, 2_000
+"""How many jobs ahead are read one by one, found among so many of the oldest; the others take the mean of these."""
 
 _Work = tuple[str, float]
 _Row = sa.Row[*tuple[Any, ...]]
@@ -153,9 +153,13 @@ class _Ahead:
         """Return the work before a new job of this owner: at its own priority, one job of each owner in every turn."""
         queued = jobs.c.state == JobState.QUEUED
         alike = sa.and_(queued, jobs.c.priority == priority)
-        own = _count(connection, sa.and_(alike, jobs.c.owner_id == owner_id))
-        turn = sa.func.row_number().over(partition_by=jobs.c.owner_id, order_by=jobs.c.id)
-        turns = sa.select(jobs.c.id, turn.label("turn")).where(alike).subquery()
+        numbers = sa.select(jobs.c.owner_id, sa.func.count()).where(alike).group_by(jobs.c.owner_id)
+        waiting: dict[str, int] = {row[0]: row[1] for row in connection.execute(numbers)}
+        own = waiting.get(owner_id, 0)
+        # Of the oldest alone: a number for every job that waits takes as long as there are jobs.
+        oldest = sa.select(jobs.c.id, jobs.c.owner_id).where(alike).order_by(jobs.c.id).limit(_NUMBERED).subquery()
+        turn = sa.func.row_number().over(partition_by=oldest.c.owner_id, order_by=oldest.c.id)
+        turns = sa.select(oldest.c.id, turn.label("turn")).subquery()
         before = sa.select(turns.c.id).where(turns.c.turn <= own + 1)
         urgent, in_turn = sa.and_(queued, jobs.c.priority > priority), sa.and_(alike, jobs.c.id.in_(before))
         about = (jobs.c.kind, jobs.c.owner_id, jobs.c.request, jobs.c.resolved, jobs.c.total_steps, jobs.c.step)
@@ -166,7 +170,7 @@ class _Ahead:
 
         seconds = left(urgent)
         seconds += left(in_turn, _COUNTED - len(seconds))
-        total = _count(connection, urgent) + _count(connection, in_turn)
+        total = _count(connection, urgent) + sum(min(number, own + 1) for number in waiting.values())
         return cls(left(jobs.c.state.in_(OWNED)), seconds, total - len(seconds))
 
     def seconds_until_free(self, workers: int, owner_id: str = "", max_running: int = 0) -> float:

@@ -273,7 +273,7 @@ def _with_secret(webhook: Webhook, secret: str) -> dict[str, Any]:
 async def checked_address(app: AppState, owner: str, url: str) -> str:
     """Return the URL of a webhook of this owner after looking its host up; `WebhookAddressError`: it is not allowed."""
     networks = parse_networks(app.settings.webhook_networks)
-    future = app.lookups.submit(owner, lambda: find_destination(url, networks))
+    future = app.webhook_lookups.submit(owner, lambda: find_destination(url, networks))
     try:
         with anyio.fail_after(LOOKUP_S):
             return str((await asyncio.wrap_future(future)).url)

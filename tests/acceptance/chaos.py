@@ -71,13 +71,13 @@ class Chaos:
             raise self._error
 
     def _run(self) -> None:
-        names = [name for name, _, _ in self._kinds]
-        weights = [weight for _, weight, _ in self._kinds]
-        faults = {name: fault for name, _, fault in self._kinds}
+        bag = [name for name, weight, _ in self._kinds for _ in range(weight)]
+        faults, left = {name: fault for name, _, fault in self._kinds}, list[str]()
         try:
             while not self._done.wait(self._random.uniform(*self._pause_s)):
                 self._wake_sleepers()
-                name = self._random.choices(names, weights)[0]
+                left = left or self._random.sample(bag, len(bag))  # in every round, each as often as it weighs
+                name = left.pop()
                 # A fault that finds its victim dead already, by another one, is none.
                 with contextlib.suppress(psutil.NoSuchProcess, UnavailableError, redis.RedisError):
                     faults[name]()

@@ -82,6 +82,12 @@ def test_jobs_are_found_by_label_branched_retried_fetched_and_deleted(
     assert (branched["origin"]["job_id"], branched["origin"]["step"]) == (job, 2)
     refused = call("retry", job, "--url", url, cwd=folder)
     assert refused.returncode == 3, "it succeeded"
+    left = submit(folder, url, "--steps", "2000")
+    call("cancel", left, "--url", url, cwd=folder)
+    call("wait", left, "--url", url, cwd=folder)
+    again = answer("retry", left, "--max-run-s", "7200", "--url", url, cwd=folder)
+    assert (again["origin"]["job_id"], again["max_run_s"]) == (left, 7200)
+    assert call("cancel", again["id"], "--url", url, cwd=folder).returncode == 0
     assert call("wait", branched["id"], "-q", "--url", url, cwd=folder).returncode == 0
     assert answer("delete", job, branched["id"], "--url", url, cwd=folder) == {"deleted": [job, branched["id"]]}
     assert call("delete", job, "--url", url, cwd=folder).returncode == 3

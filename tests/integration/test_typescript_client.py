@@ -50,6 +50,7 @@ def test_the_client_goes_from_a_file_to_a_result(api: Api, repository: Path, tmp
     assert found["artifacts"] == ["result.glb"]
     assert found["sent"] == sphere.stat().st_size
     assert found["signed"]
+    assert found["longer"] == [True, 7200]
     assert (found["retired"]["code"], found["retired"]["status"]) == ("kind_retired", 422)
     assert found["missing"]["code"] == found["deleted"]["code"] == "not_found"
     assert found["refused"]["code"] == "prompt_unknown_words"

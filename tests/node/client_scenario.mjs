@@ -53,6 +53,11 @@ const listed = [];
 for await (const each of client.jobs({ search: "mushroom", metadata: { shot: "sc010" } })) listed.push(each.id);
 const signed = await client.signedUrl(job);
 
+const canceled = await client.submit(uploaded, { ...request, prompt: "a vase", params: { steps: 5000 } });
+await failure(client.wait(await client.cancel(canceled)));
+const longer = await client.retry(canceled, { maxRunS: 7200 });
+await client.cancel(longer);
+
 const retired = await failure(client.submit(null, { kind: "prior_teach" }, { files: { meshes: asset } }));
 
 const left = new AbortController();
@@ -76,6 +81,7 @@ console.log(
     result: await (await client.download(job)).text(),
     artifacts: (await client.artifacts(job)).map((artifact) => artifact.name),
     sent: (await client.file(job)).size,
+    longer: [longer.origin.job_id === canceled.id, longer.max_run_s],
     signed: (await (await fetch(signed.url)).blob()).size > 0,
     retired,
     missing: await failure(client.get(`job_${"0".repeat(26)}`)),

@@ -19,13 +19,15 @@ from meshdeform.webhooks.addresses import LookupPool
 from meshdeform.webhooks.sender import Sender
 from service.webhooks import routes
 from tests.integration.conftest import DEADLINE_S, serving
+from tests.servers import free_port
+from tests.waiting import until
 
 MANY = 60  # more than the threads that serve requests
 
 
 @pytest.fixture
-def silence(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Make the look-ups of `*.silent.example` wait until the end of the test."""
+def silence(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """Make the look-ups of `*.silent.example` wait until this is set, or the test ends."""
     end, real = threading.Event(), socket.getaddrinfo
 
     def getaddrinfo(host: str, *arguments: Any, **options: Any) -> Any:
@@ -35,16 +37,15 @@ def silence(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         raise OSError("no answer")
 
     monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
-    yield
+    yield end
     end.set()
 
 
-@pytest.mark.usefixtures("silence")
-def test_slow_look_ups_hold_up_neither_other_requests_nor_other_owners(
-    redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_slow_look_ups_hold_up_neither_other_requests_nor_other_owners_nor_files(
+    silence: threading.Event, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    settings = Settings(data_dir=tmp_path, redis_url=redis_url, webhook_networks=["127.0.0.0/8"])
-    monkeypatch.setattr(routes, "LOOKUP_S", 3.0)
+    networks = ["127.0.0.0/8"]
+    settings = Settings(data_dir=tmp_path, redis_url=redis_url, webhook_networks=networks, fetch_networks=networks)
     record = JobRecord(settings.resolved_database_url)
     ann, bob = ({"Authorization": f"Bearer {record.keys.create(owner)[1]}"} for owner in ("ann", "bob"))
     record.close()
@@ -54,12 +55,19 @@ def test_slow_look_ups_hold_up_neither_other_requests_nor_other_owners(
             body = {"url": f"https://{number}.silent.example/"}
             return httpx.post(f"{url}/v1/webhooks", json=body, headers=ann, timeout=DEADLINE_S).status_code
 
+        monkeypatch.setattr(routes, "LOOKUP_S", 0.01)
+        assert create(0) == 503
+        monkeypatch.setattr(routes, "LOOKUP_S", DEADLINE_S)
         with ThreadPoolExecutor(MANY) as pool:
             slow = [pool.submit(create, number) for number in range(MANY)]
+            until(lambda: sum(future.done() for future in slow) > MANY // 2, "her share is taken")
             assert http.get("/v1/jobs", headers=bob).status_code == 200
             assert http.post("/v1/webhooks", json={"url": "http://127.0.0.1:8080/"}, headers=bob).status_code == 201
+            job = {"prompt": "a mushroom", "asset": {"url": f"http://127.0.0.1:{free_port()}/a.glb"}}
+            assert http.post("/v1/jobs", json=job, headers=ann).json()["code"] == "asset_not_fetched"
             assert not all(future.done() for future in slow)
-            assert {future.result() for future in slow} == {429, 503}
+            silence.set()
+            assert {future.result() for future in slow} == {429, 422}
 
 
 @pytest.mark.usefixtures("silence")

@@ -154,10 +154,11 @@ export class Client {
     async delete(job, signal) {
         await this.#transport.request(path(job), { method: "DELETE", signal });
     }
-    /** Try a job that did not succeed again, as a new job that continues from its last checkpoint. */
+    /** Try a job that did not succeed again, as a new job that continues from its last checkpoint and may run for `maxRunS` seconds; default: as for the old one. */
     async retry(job, options = {}) {
         const headers = { "Idempotency-Key": options.idempotencyKey ?? newKey() };
-        return this.#transport.json(path(job, "retry"), { method: "POST", headers, signal: options.signal });
+        const json = options.maxRunS === undefined ? undefined : { max_run_s: options.maxRunS };
+        return this.#transport.json(path(job, "retry"), { method: "POST", json, headers, signal: options.signal });
     }
     /** Post a job on the same asset that begins with the shape of a checkpoint. */
     async branch(job, step, request, options = {}) {

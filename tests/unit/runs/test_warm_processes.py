@@ -13,6 +13,7 @@ from meshdeform.assets.limits import error_from
 from meshdeform.errors import PartNotFoundError
 from meshdeform.runs import warm_processes
 from meshdeform.runs.warm_processes import Asked, StoppedError, WarmProcesses
+from tests.cases import each_case
 from tests.waiting import until
 
 TIMEOUT_S = 60.0
@@ -72,14 +73,31 @@ def test_a_question_that_is_taken_back_ends_and_its_process_knows_what_it_knew(p
     assert found(ask(processes))["pid"] == pid
 
 
-def test_one_that_does_not_notice_is_ended(processes: WarmProcesses, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warm_processes, "_GRACE_S", 0.1)
+def test_who_has_gone_is_not_waited_with_and_the_next_question_has_its_own_answer(
+    processes: WarmProcesses, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(warm_processes, "_GRACE_S", 3600.0)  # here, and not in the process
+    pid, asked = found(ask(processes))["pid"], Asked()
+    asked.stop()
+    for name in ("a", "b", "c"):
+        with pytest.raises(StoppedError):  # at once, though it does not notice
+            ask(processes, do="linger", name=name, asked=asked)
+    told = found(ask(processes, name="d"))
+    assert (told["pid"], told["seen"]) == (pid, ["", "a", "d"])  # what nobody waits for is not begun
+
+
+@each_case("grace_s", [0.1, 3600.0])
+def test_one_that_does_not_notice_is_ended(
+    processes: WarmProcesses, monkeypatch: pytest.MonkeyPatch, grace_s: float
+) -> None:
+    """By whoever asks next, or by itself, whichever is sooner."""
+    monkeypatch.setattr(warm_processes, "_GRACE_S", grace_s)
     pid, asked = found(ask(processes))["pid"], Asked()
     asked.stop()
     with pytest.raises(StoppedError):
         ask(processes, do="hang", asked=asked)
-    until(lambda: not alive(pid))
     assert found(ask(processes))["pid"] != pid
+    until(lambda: not alive(pid))
 
 
 def test_one_that_takes_too_long_is_stopped_and_knows_what_it_knew(processes: WarmProcesses) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import re
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -15,7 +16,6 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-import meshdeform
 from meshdeform.errors import CheckpointError, DependencyError, MeshdeformError, ModelError, NumericalError
 from meshdeform.record.leases import Turns, WorkerIdentity
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
@@ -25,6 +25,7 @@ from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import start_run
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
+from meshdeform.support.sources import build, digest_of
 from tests.cases import each_case
 from tests.fake_kind import OutOfMemoryError
 from tests.unit.plain.shapes import chair, plain_glb
@@ -72,15 +73,17 @@ def test_results_and_reports_name_the_versions_that_computed_them(
     report = ArtifactData(b'{"warnings": ["a"]}', "application/json")
     monkeypatch.setattr("tests.fake_kind._FakeRun.finish", lambda run: {"report.json": report})
     plain = world.run(world.create())
-    assert plain.made_by == meshdeform.__version__
+    assert plain.made_by == build()
+    assert re.fullmatch(r"\d+\.\d+\.\d+\+[0-9a-f]{8}", build())
+    assert len({digest_of([name]) for name in ("", "words", "reading/version.py", "support/sources.py")}) == 4
     assert json.loads(world.result(plain)) == {"warnings": ["a"]}
     job = world.create()
-    monkeypatch.setattr("worker.attempt.__version__", "0.0.9")
+    monkeypatch.setattr("worker.attempt.build", lambda: "0.0.9")
     lose(world, job, 25)
     assert {each.made_by for each in world.record.leases.checkpoints(job.id)} == {"0.0.9"}
-    monkeypatch.setattr("worker.attempt.__version__", "0.1.0")
+    monkeypatch.setattr("worker.attempt.build", lambda: "0.1.0")
     lose(world, job, 35)
-    monkeypatch.setattr("worker.attempt.__version__", "0.1.1")
+    monkeypatch.setattr("worker.attempt.build", lambda: "0.1.1")
     done = world.run(job)
     assert done.made_by == "0.0.9, 0.1.0, 0.1.1"
     told = json.loads(world.result(done))
