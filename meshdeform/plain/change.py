@@ -67,16 +67,24 @@ class Done:
     kept_above: bool = False  # whether it would have reached below the ground on which the rest stands
 
     @property
+    def held_back(self) -> bool:
+        """Whether less was made than was asked for, so that no face flips."""
+        return f"{self.factor:.2f}" != f"{self.change.factor:.2f}"
+
+    @property
     def warnings(self) -> list[str]:
         """Sentences about faces that would flip, or do."""
-        asked, made, what = f"{self.change.factor:.2f}", f"{self.factor:.2f}", _phrase(self.change)
+        change, what = self.change, "All of it" if self.change.part == WHOLE else f"The {self.change.name}"
+        asked, made = f"{change.factor:.2f}", f"{self.factor:.2f}"
         warnings = []
-        if made != asked:
-            warnings.append(f"{what}: {asked} would flip faces, so it was {made}.")
+        if self.held_back:
+            word = _WORDS.get(change.operation)
+            got = f"{change.operation} by {made}" if word is None else f"{made} times as {word}"
+            warnings.append(f"{what}: {got}, not {asked}, which would flip faces.")
         if self.flips:
             warnings.append(f"{what}: {self.flips} faces were flipped.")
         if self.kept_above:
-            warnings.append(f"{what}: it would reach below the ground, so less of it went down.")
+            warnings.append(f"{what}: less of it went down, since it would reach below the ground.")
         return warnings
 
     @property
@@ -113,10 +121,6 @@ def _with_shift(turn: Floats) -> Floats:
     whole = np.eye(4)
     whole[:3, :3] = turn
     return whole
-
-
-def _phrase(change: Change) -> str:
-    return change.operation if change.part == WHOLE else f"{change.operation} ({change.name})"
 
 
 def apply_changes(body: Body, changes: Sequence[Change]) -> tuple[Body, list[Done]]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from meshdeform.errors import AssetError
@@ -47,11 +47,16 @@ class PrimitivePositions:
 
 @dataclass(frozen=True)
 class PreviewShape:
-    """What the asset becomes with one seed; `member`: what it was fitted to, as in a report."""
+    """What the asset becomes with one seed.
+
+    `member`: what it was fitted to, as in a report; `warnings`: sentences about what of the prompt was read
+    otherwise, or made less of. What only a measurement of the whole result finds, the report of a job adds.
+    """
 
     seed: int
     primitives: list[PrimitivePositions]
     member: dict[str, Any]
+    warnings: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -92,7 +97,7 @@ def _shape(told: Mapping[str, Any], primitives: Sequence[Mapping[str, int]], blo
             raise ValueError("a block is cut off")
         found.append(PrimitivePositions(each["mesh"], each["primitive"], tuple(low), tuple(step), values))
         at += _padded(len(values))
-    return PreviewShape(told["seed"], found, told["member"])
+    return PreviewShape(told["seed"], found, told["member"], list(told.get("warnings", ())))
 
 
 def pack(preview: PreviewShapes) -> bytes:
@@ -113,6 +118,7 @@ def pack(preview: PreviewShapes) -> bytes:
                 "low": [each.low for each in shape.primitives],
                 "step": [each.step for each in shape.primitives],
                 "member": shape.member,
+                "warnings": shape.warnings,
             }
         )
     header = {

@@ -54,7 +54,7 @@ from meshdeform.runs.fits import SilhouetteFit, TargetFit
 from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import shape_id
-from meshdeform.runs.text_report import AssetFacts
+from meshdeform.runs.text_report import AssetFacts, rig_warnings
 from meshdeform.vocabulary.grammar import parse
 
 __all__ = ["ExemplarRun", "start_exemplar"]
@@ -202,6 +202,12 @@ class ExemplarRun(JobRun):
     def reading(self) -> Reading | None:
         """What the asset was read as."""
         return self._facts.reading
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences about words that were read otherwise, and about what did not follow the shape."""
+        notes = [note for prompt, _ in self._wishes if prompt for note in parse(prompt).notes]
+        return [*notes, *rig_warnings(self._facts.asset, self._facts.request.output.rig)]
 
     @property
     def is_draft(self) -> bool:

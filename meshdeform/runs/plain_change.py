@@ -20,7 +20,7 @@ from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.reading import Source, made, reshaped, welded_body
 from meshdeform.runs.surfaces import DeformedSurface, affine_surface, deformed_surface, vertex_jacobians
-from meshdeform.runs.text_report import AssetFacts, Outcome, change_report
+from meshdeform.runs.text_report import AssetFacts, Outcome, change_report, rig_warnings
 
 __all__ = ["PlainChangeRun", "source_body", "start_change"]
 
@@ -76,6 +76,12 @@ class PlainChangeRun(JobRun):
         """What the asset was read as; None if nobody asked."""
         return self._reading
 
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences about words that were read otherwise, and about what is other than was asked for."""
+        said = [text for each in self._done for text in (*each.warnings, *(() if each.held_back else each.doubts))]
+        return [*self._sentence.notes, *said, *rig_warnings(self._facts.asset, self._rig_mode)]
+
     def _steps(self) -> Iterator[dict[str, float]]:
         return iter(())
 
@@ -100,7 +106,7 @@ class PlainChangeRun(JobRun):
             self._sentence.notes,
             self._reading,
             described=not is_change(self._sentence),
-            follows=self._follows,
+            mode=self._rig_mode,
             outcome=outcome,
             log=self.log,
         )
@@ -124,6 +130,10 @@ class PlainChangeRun(JobRun):
     def _moved_as_one(self) -> tuple[DeformedSurface, NDArray[np.float64]]:
         assert self._affine is not None
         return affine_surface(self._facts.asset.surface, self._facts.welded, self._affine)
+
+    @property
+    def _rig_mode(self) -> RigMode:
+        return RigMode.FOLLOW if self._follows else RigMode.KEEP
 
     @property
     def _follows(self) -> bool:

@@ -35,12 +35,13 @@ _MOST, _MOST_BYTES = 64, 128 * 2**20
 
 @dataclass(frozen=True)
 class _Made:
-    """A result: its GLB, whether it is a change in plain words or a draft, its exemplar, and the asset's reading."""
+    """A result: its GLB, whether it is a change in plain words or a draft, its exemplar, losses, and the reading."""
 
     glb: bytes
     change: bool
     draft: bool
     member: dict[str, Any]
+    warnings: list[str]
     reading: dict[str, Any] | None
 
 
@@ -69,7 +70,8 @@ def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]
         target.write_bytes(made[0].glb)
         return {"draft": made[0].draft}
     shapes = [
-        PreviewShape(seed, positions_of(each.glb), each.member) for seed, each in zip(task["seeds"], made, strict=True)
+        PreviewShape(seed, positions_of(each.glb), each.member, each.warnings)
+        for seed, each in zip(task["seeds"], made, strict=True)
     ]
     draft = any(each.draft for each in made)
     target.write_bytes(pack(PreviewShapes(files["asset"].digest, made[0].change, made[0].reading, shapes, draft)))
@@ -111,7 +113,8 @@ def _as_made(run: JobRun, resolved: dict[str, Any]) -> _Made:
     assert isinstance(own, ExemplarRun | PlainChangeRun)
     members, draft = (own.members, own.is_draft) if isinstance(own, ExemplarRun) else ([], False)
     reading = reading_document(own.reading, ResolvedParams.model_validate(resolved))
-    return _Made(run.snapshot().data, run.total_steps == 0, draft, members[0] if members else {}, reading)
+    member = members[0] if members else {}
+    return _Made(run.snapshot().data, run.total_steps == 0, draft, member, own.warnings, reading)
 
 
 def positions_of(glb: bytes) -> list[PrimitivePositions]:

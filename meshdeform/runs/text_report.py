@@ -228,14 +228,14 @@ def change_report(
     reading: Reading | None,
     *,
     described: bool,
-    follows: bool,
+    mode: RigMode,
     outcome: Outcome,
     log: RunLog,
 ) -> bytes:
     """Return `report.json` of a change in plain words.
 
     `notes`: how misspelt words were read; `reading`: what the source was read as, if that was needed; `described`:
-    whether the prompt describes it as that; `follows`: whether the rig followed.
+    whether the prompt describes it as that; `mode`: what became of the rig.
     """
     with log.phase("measure"):
         measured = measured_result(facts, outcome)
@@ -243,7 +243,7 @@ def change_report(
     known = Recognition.of(facts.params, reading)
     doubted = described and not known.likely
     taken = [_BELIEVED.format(noun=ParsedPrompt(known.noun), probability=known.probability)] if doubted else []
-    mode, rig = RigMode.FOLLOW if follows else RigMode.KEEP, facts.asset.rig()
+    rig = facts.asset.rig()
     nothing = dict.fromkeys(("guidance", "carrier", "orientation", "appearance", "likeness", "prompts"))
     report = {
         **common_members(facts, outcome, measured),

@@ -63,7 +63,9 @@ class Previews:
             route.fulfill(status=self.status, content_type="application/problem+json", body=json.dumps(problem))
             return
         glb = self.result(document["seeds"][0])
-        shape = PreviewShape(document["seeds"][0], positions_of(glb), {"form": "mushroom", "pose": ""})
+        shape = PreviewShape(
+            document["seeds"][0], positions_of(glb), {"form": "mushroom", "pose": ""}, ["It leans.", "See `x`."]
+        )
         body = glb if form == "glb" else pack(PreviewShapes("0" * 64, False, None, [shape]))
         headers = {"Meshdeform-Asset": "0" * 64, "Meshdeform-Draft": str(draft).lower()}
         answer = partial(route.fulfill, body=body, content_type="application/octet-stream", headers=headers)
@@ -128,6 +130,7 @@ def test_what_is_typed_is_seen_and_a_click_takes_another_design(page: Page, show
     assert [seeds for _, form, seeds in shown.asked if form == "positions"] == [[10 + k] for k in range(6)]
     assert [each.get_attribute("aria-pressed") for each in members(page).all()] == ["true", *5 * ["false"]]
     assert members(page).nth(2).get_attribute("aria-label") == "Design 3: mushroom"
+    expect(page.locator(".outlook:visible")).to_have_text("It leans.")
     assert barriers(page, axe) == []
     before = picture(viewer(page))
     members(page).nth(3).press("Enter")
@@ -138,6 +141,7 @@ def test_what_is_typed_is_seen_and_a_click_takes_another_design(page: Page, show
     until_asked(page, "its file is asked for", lambda: ("a mushroom", "glb", [13]) in shown.asked)
     # The designs stay: only the file of the one that was taken is new.
     assert shown.forms.count("positions") == 6
+    expect(page.locator(".outlook:visible")).to_have_text("It leans.")
 
 
 def test_strength_moves_the_mesh_without_a_request(page: Page, shown: Previews) -> None:
@@ -159,6 +163,7 @@ def test_the_asset_is_back_where_a_prompt_is_refused_gone_or_of_another_file(
     def is_back() -> None:
         expect(tag(page)).to_be_hidden()
         expect(page.locator(".live")).to_be_hidden()
+        expect(page.get_by_text("It leans.")).to_be_hidden()
 
     page.locator("#prompt").fill("")
     is_back()

@@ -156,6 +156,9 @@ def test_a_change_in_plain_words_is_the_same_with_all_seeds(
     monkeypatch.setattr(runs_reading, "read_source", lambda *_: None)
     found = shapes(preview(two[0], prompt="twice as tall", params={}, seeds=[0, 1]))
     assert found.change
+    assert found.shapes[0].warnings == []
+    (misread,) = shapes(preview(two[0], prompt="twice as talll", params={})).shapes[0].warnings
+    assert "tall" in misread
     first, second = (each.primitives[0].values for each in found.shapes)
     assert first == second
     ball = load_asset(ASSET).surface.positions

@@ -16,6 +16,8 @@ export interface PreviewShape {
   primitives: PrimitivePositions[];
   /** What it was fitted to, as in a report; empty for a change in plain words. */
   member: Record<string, unknown>;
+  /** Sentences about what of the prompt was read otherwise, or made less of. */
+  warnings: string[];
 }
 
 export interface PreviewShapes {
@@ -52,6 +54,7 @@ interface Told {
   low: number[][];
   step: number[][];
   member: Record<string, unknown>;
+  warnings?: string[];
 }
 
 function shape(told: Told, primitives: { mesh: number; primitive: number; vertices: number }[], view: DataView, start: number): PreviewShape {
@@ -63,5 +66,5 @@ function shape(told: Told, primitives: { mesh: number; primitive: number; vertic
     at += Math.ceil((6 * vertices) / 4) * 4;
     return { mesh, primitive, positions };
   });
-  return { seed: told.seed, primitives: found, member: told.member };
+  return { seed: told.seed, primitives: found, member: told.member, warnings: told.warnings ?? [] };
 }

@@ -136,11 +136,6 @@ export function isByShape(job) {
   return plainParams(job.params).guidance === EXEMPLAR;
 }
 
-/** At what quality a job was asked for, in words. @param {any} job */
-export function qualityWords(job) {
-  return isByShape(job) ? "By shape" : (PRESETS.find(([name]) => name === (job.params?.preset ?? USUAL_PRESET))?.[1] ?? "");
-}
-
 /** Ten shapes on the way to the last one. @param {number} steps */
 export function checkpointEvery(steps) {
   return Math.max(1, Math.round(steps / 10));

@@ -26,5 +26,5 @@ function shape(told, primitives, view, start) {
         at += Math.ceil((6 * vertices) / 4) * 4;
         return { mesh, primitive, positions };
     });
-    return { seed: told.seed, primitives: found, member: told.member };
+    return { seed: told.seed, primitives: found, member: told.member, warnings: told.warnings ?? [] };
 }

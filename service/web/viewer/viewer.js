@@ -233,7 +233,7 @@ export class MeshViewer extends EventTarget {
         this.#grounded = false;
         this.#ground();
         this.stage.refreshShadow();
-        return drawSnapshot(renderer, this.stage, this.rig.camera, { width, height, background });
+        return this.#picture(renderer, { width, height, background });
       });
     } finally {
       this.#grounded = false;
@@ -321,7 +321,17 @@ export class MeshViewer extends EventTarget {
     if (!this.#root) throw new Error("Nothing is loaded.");
     this.rig.update();
     this.#ground();
-    return drawSnapshot(this.#start(), this.stage, this.rig.camera, { width, height, background });
+    return this.#picture(this.#start(), { width, height, background });
+  }
+
+  /** Without the arrow, which is no part of the shape. @param {import("./renderer.js").SharedRenderer} renderer @param {import("./snapshot.js").SnapshotOptions} options @returns {Promise<Blob>} PNG */
+  #picture(renderer, options) {
+    const arrow = this.#front?.mesh;
+    const shown = arrow?.visible ?? false;
+    if (arrow) arrow.visible = false;
+    const picture = drawSnapshot(renderer, this.stage, this.rig.camera, options); // it draws before it returns
+    if (arrow) arrow.visible = shown;
+    return picture;
   }
 
   /**

@@ -79,7 +79,7 @@ def test_a_change_that_was_halved_is_told_and_doubtful() -> None:
     _, (done,) = apply_changes(replace(body, names={"Post": post}), [Change("big", "post", 1.45)])
     assert (done.doubts, done.effect.grown) == ([], pytest.approx(1.45, abs=0.05))
     held = replace(done, factor=1.1, effect=replace(done.effect, grown=1.1))
-    assert held.warnings == ["big (post): 1.45 would flip faces, so it was 1.10."]
+    assert held.warnings == ["The post: 1.10 times as large, not 1.45, which would flip faces."]
     assert held.doubts == ["The post became 1.10 times as large; 1.45 was asked for."]
     same = replace(done, factor=1.4501)
     assert same.warnings == []

@@ -3,7 +3,7 @@
 import { announce } from "../announce.js";
 import { isAbort, MeshdeformError } from "../client.js";
 import { readPreview } from "../../client/index.js";
-import { fill, h, say } from "../dom.js";
+import { fill, h, icon, say } from "../dom.js";
 import { plainWords } from "../plain.js";
 import { debounced } from "../scope.js";
 
@@ -15,6 +15,7 @@ import { debounced } from "../scope.js";
  * @property {() => Promise<ArrayBuffer>} load Returns it as a GLB.
  * @property {number} strength Share of the way at which it is loaded.
  * @property {string} tag What the view says of it.
+ * @property {string[]} [warnings] What was read otherwise, or made less of, in sentences.
  * @property {any} [wish] What the form held.
  * @property {{path: string, name: string, step: number | null}} [stored] Where a job has it. `name`: for downloaded files; empty: its result. `step`: from which another job may start.
  * @property {string} [href] The page of the job whose result it is.
@@ -61,6 +62,8 @@ export class Live {
     this.of = "";
     /** @type {Member[]} */
     this.members = [];
+    /** What the shapes of that goal lack, by their seeds. @type {Map<number, string[]>} */
+    this.warnings = new Map();
     /** Shapes that can be shown at once, by their keys, the newest last. @type {Map<string, Shape>} */
     this.known = new Map();
     /** What the view leads to; null: the asset alone. @type {Shape | null} */
@@ -73,6 +76,7 @@ export class Live {
     scope.add(() => this.asking.abort());
     this.show = debounced(() => this._ask(), PAUSE_MS, scope);
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
+    this.lacks = h("div", { class: "outlook", "aria-live": "polite", hidden: true });
     this.strip = h("div", { class: "live-strip", role: "group", "aria-label": "Designs" });
     this.element = h("div", { class: "live", hidden: true }, this.strip, this.note);
   }
@@ -192,7 +196,7 @@ export class Live {
   /** Show what the server makes of a goal. @param {string} goal @param {number} seed @param {AbortSignal} signal @param {boolean} fast Whether of a large asset a draft will do. @returns {Promise<boolean>} whether it is one */
   async _make(goal, seed, signal, fast) {
     const { data, draft = false } = await this.does.ask("glb", seed, signal, fast);
-    const shape = { key: shapeKey(goal, seed), label: this.does.label(), load: async () => data, strength: 1, tag: draft ? "Draft" : "Preview" };
+    const shape = { key: shapeKey(goal, seed), label: this.does.label(), load: async () => data, strength: 1, tag: draft ? "Draft" : "Preview", warnings: this.of === goal ? this.warnings.get(seed) : [] };
     await this._put(shape, data, signal, draft);
     return draft;
   }
@@ -218,12 +222,16 @@ export class Live {
   async _others(goal, first, signal) {
     this.of = goal;
     this.members = [];
+    this.warnings.clear();
     fill(this.strip);
     for (let k = 0; k < MEMBERS; k++) {
       const { change, shapes } = readPreview((await this.does.ask("positions", first + k, signal, true)).data);
+      if (signal.aborted) return;
+      const [{ seed, primitives, member, warnings }] = shapes;
+      this.warnings.set(seed, warnings);
+      if (this.shape?.key === shapeKey(goal, seed)) this._warn(Object.assign(this.shape, { warnings }));
       // A change in plain words is the same with every seed.
-      if (signal.aborted || change) return;
-      const [{ seed, primitives, member }] = shapes;
+      if (change) return;
       await this._add({ seed, places: placesOf(primitives), name: [member.pose, member.form].filter(Boolean).join(" ") });
     }
   }
@@ -273,8 +281,16 @@ export class Live {
   _see(shape) {
     this.shape = shape;
     say(this.box.tag, shape ? this._tag(shape) : "");
+    this._warn(shape);
     this.does.reshaped();
     if (!shape) this.does.shown(null);
+  }
+
+  /** Say what the shape in the view lacks. @param {Shape | null} shape */
+  _warn(shape) {
+    const words = plainWords((shape?.warnings ?? []).join(" "));
+    this.lacks.hidden = !words;
+    fill(this.lacks, words ? h("p", null, icon("warn"), h("span", null, words)) : null);
   }
 
   /** @param {unknown} error */
