@@ -29,6 +29,7 @@ EXPOSED = (
     "Location",
     "Meshdeform-Asset",
     "Meshdeform-Draft",
+    "Meshdeform-Warnings",
     "Preference-Applied",
     "RateLimit",
     "RateLimit-Policy",

@@ -48,6 +48,7 @@ PAGE_HEADERS = {
 _TYPES = {
     ".css": "text/css; charset=utf-8",
     ".glb": "model/gltf-binary",
+    ".ndf": "application/octet-stream",
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".json": "application/json",

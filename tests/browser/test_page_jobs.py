@@ -114,7 +114,7 @@ def test_a_large_file_is_uploaded_once_and_the_form_says_how_far(
     large = tmp_path / "large.obj"
     large.write_bytes(b"#" * (5 << 18) + b"\n" + small_sphere.read_bytes())
     held: list[Route] = []
-    page.route("**/v1/uploads/*/content*", lambda route: held.append(route))
+    page.route("**/v1/uploads/*/content*", lambda route: route.continue_() if held else held.append(route))
     open_form(page)
     page.get_by_label("Prompt", exact=True).fill("a vase")
     set_steps(page, 4)
@@ -153,7 +153,7 @@ def test_a_lost_worker_is_said_and_the_job_continues(page: Page, service: Servic
 
     # The same words at the next quality, on the page of the job.
     open_more(page)
-    page.get_by_label("Quality", exact=True).select_option("balanced")
+    page.get_by_role("combobox", name="Quality").select_option("balanced")
     page.get_by_label("Steps", exact=True).fill("")
     with service.held_jobs():
         better = service.job(start(page))

@@ -67,4 +67,4 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
     assert document["params"]["guidance"] == {"kind": "target"}
     assert list(document["files"]) == ["asset", "target"]
     assert service.http.get(f"/v1/jobs/{job}/files/target").content == member_glb("table", sent["values"])
-    expect(page.get_by_text("Target: table.glb")).to_be_visible()
+    expect(page.locator(".guide-head")).to_contain_text("table.glb")

@@ -134,7 +134,7 @@ def test_a_service_that_is_not_there_is_exit_code_4(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(
         "meshdeform.cli.options.connect",
-        lambda *_: Client(f"http://127.0.0.1:{free_port()}", max_retries=0),
+        lambda *_, **__: Client(f"http://127.0.0.1:{free_port()}", max_retries=0),
     )
     result = CliRunner().invoke(app, ["jobs", "--json"])
     assert result.exit_code == ExitCode.UNAVAILABLE

@@ -20,13 +20,13 @@ from tests.unit.assets.archives import packed
 from tests.unit.plain.reading import body_of
 from tests.unit.plain.shapes import chair, plain_glb
 
-UPRIGHT = replace(body_of(plain_glb(chair()), "chair"), unit=None)
+UPRIGHT = replace(body_of(plain_glb(chair()), "chair"), unit=None, up=None)
 """The chair as a format without a unit has it."""
 
 
 def lying() -> Body:
     """The chair with +Z up, read as the product reads such a file."""
-    bare = replace(body_of(plain_glb(chair())), unit=None)
+    bare = replace(body_of(plain_glb(chair())), unit=None, up=None)
     body = replace(bare, points=bare.points @ UP_TURNS["+Z"])
     read = Reader(lambda: read_body(body, {"chair": 1.0}, z_up={"chair": 1.0}, z_share=0.5))
     return replace(body, reader=read)
