@@ -43,7 +43,7 @@ def test_a_word_is_used_by_its_shape(page: Page, service: Service, axe: str, sma
     expect(page.get_by_label("Negative prompt")).to_be_hidden()
 
     # What can hardly be is said, with what would work; it can start all the same.
-    warning = page.locator(".outlook")
+    warning = page.locator(".outlook", has_text="nothing that could become")
     expect(warning).to_contain_text("nothing that could become four legs")
     expect(page.locator("#estimate")).to_contain_text("A fit")
     assert barriers(page, axe) == []

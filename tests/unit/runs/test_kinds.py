@@ -21,7 +21,7 @@ from meshdeform.storage import ObjectStore
 from service.http.bodies import ReceivedFile
 from service.jobs.documents import JobDocument
 from service.jobs.intake import Submission, check_params, missing_files
-from tests.fake_kind import _FakeRun
+from tests.fake_kind import FakeKind, _FakeRun
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.worker_world import working
 
@@ -34,7 +34,7 @@ class Run(_FakeRun):
 
 
 def start(_given: RunInput) -> JobRun:
-    run: Any = Run(100, 1, 0, lambda step: None)
+    run: Any = Run(FakeKind(), 100, 1, 0)
     return run
 
 

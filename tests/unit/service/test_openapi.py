@@ -54,7 +54,7 @@ def test_every_parameter_has_a_description_bounds_and_an_example(document: dict[
                 parameter["required"] or any("default" in s for s in schemas) or "Default:" in parameter["description"]
             )
             bounds = {"minimum", "maximum", "maxLength", "maxProperties", "pattern", "enum", "$ref"}
-            assert any(bounds & set(schema) for schema in schemas), where
+            assert any(bounds & set(schema) or schema.get("type") == "boolean" for schema in schemas), where
     # `{1,128}` behind all letters of Unicode is 12 MB in each process: the length is a bound of its own.
     for pattern in re.findall(r'"pattern": "((?:[^"\\]|\\.)*)"', json.dumps(document)):
         assert not re.search(r"\\[wWdDsSpP]\S*\{\d*,?\d{2,}\}", json.loads(f'"{pattern}"')), pattern
@@ -75,7 +75,7 @@ def test_every_member_of_a_request_has_a_description_a_default_and_an_example(
                 assert {"minimum", "exclusiveMinimum"} & set(choice), name
                 assert {"maximum", "exclusiveMaximum"} & set(choice), name
         said = "default" in member or "Default:" in member["description"]
-        assert said or name in {"params", "output", "metadata", "guidance", "control", "kind"}, name
+        assert said or name in {"params", "output", "metadata", "guidance", "control", "input", "kind"}, name
 
 
 def test_a_request_of_any_kind_of_job_fits_the_document(document: dict[str, Any]) -> None:
