@@ -11,12 +11,13 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.exemplar.outlook import Outlook
 from meshdeform.plain.body import loose_body
 from meshdeform.requests.document import JobRequest, resolve
-from meshdeform.runs import outlook
+from meshdeform.runs import outlook, reading
 from meshdeform.runs.base import sha256_hex
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import Source, corrected
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.runs.worth import as_foreseen
+from meshdeform.support.recent import Recent
 from tests.cases import each_case
 from tests.unit.plain.shapes import chair, plain_glb
 
@@ -44,7 +45,10 @@ def read(asked: JobRequest, folder: Path) -> None:
     assert corrected(loose_body(asset), asset, params, source).reader.reading is not None
 
 
-def test_it_is_known_once_the_asset_was_read(tmp_path: Path) -> None:
+def test_it_is_known_once_the_asset_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        reading, "_last", Recent()
+    )  # what the process remembers of other tests is in no folder of this one
     near, far = request("a tall chair"), request("a castle")
     assert foreseen(far, tmp_path) is None
     read(far, tmp_path)
