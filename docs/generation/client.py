@@ -7,15 +7,16 @@ from collections.abc import Callable
 from typing import Any
 
 from docs.generation.between import renewed
-from meshdeform.client import Client, Result
+from meshdeform.client import Client, JobOptions, Result
 
 __all__ = ["page"]
 
 
 def page(text: str) -> str:
     """Return docs/client.md with its reference regenerated."""
+    options = ", ".join(f"`{name}`" for name in JobOptions.__annotations__)
     parts = [f"`{kind.__name__}`:\n\n" + "".join(_line(*each) for each in _methods(kind)) for kind in (Client, Result)]
-    return renewed(text, "meshdeform/client", "\n".join(parts))
+    return renewed(text, "meshdeform/client", "\n".join([*parts, f"`**options` (`JobOptions`): {options}.\n"]))
 
 
 def _methods(kind: type) -> list[tuple[str, Callable[..., Any]]]:
@@ -34,5 +35,5 @@ def _arguments(method: Callable[..., Any]) -> list[str]:
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY and not starred:
             starred = True
             names.append("*")
-        names.append(name)
+        names.append(f"**{name}" if parameter.kind is inspect.Parameter.VAR_KEYWORD else name)
     return names

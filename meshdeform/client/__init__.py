@@ -30,7 +30,7 @@ from meshdeform.api.documents import VocabularyView as Vocabulary
 from meshdeform.api.jobs import ArtifactView, CheckpointView, EventView, SignedUrl
 from meshdeform.client.asynchronous.client import AsyncClient, AsyncResult
 from meshdeform.client.documents import JobView, Validation
-from meshdeform.client.orders import AssetLike, UploadProgress
+from meshdeform.client.orders import AssetLike, JobOptions, UploadProgress
 from meshdeform.client.problems import WaitTimeoutError
 from meshdeform.client.sync.client import Client, Result
 from meshdeform.requests.previews import PreviewShape, PreviewShapes, PrimitivePositions
@@ -48,6 +48,7 @@ __all__ = [
     "FoundParts",
     "FoundReading",
     "JobEstimate",
+    "JobOptions",
     "JobView",
     "KindInfo",
     "LikelyNoun",

@@ -17,11 +17,12 @@ import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, NamedTuple, cast
+from typing import IO, Any, NamedTuple, TypedDict, cast
 
 from pydantic import BaseModel
 
 from meshdeform.api.documents import UploadView
+from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import DeformParams, OutputOptions
 
 AssetLike = str | os.PathLike[str] | bytes | IO[bytes] | UploadView | Mapping[str, str]
@@ -35,13 +36,39 @@ Params = DeformParams | Mapping[str, Any]
 Output = OutputOptions | Mapping[str, Any]
 
 
+class JobOptions(TypedDict, total=False):
+    """What may be said of a job beside its asset and prompt; for what is missing or None the service chooses."""
+
+    params: Params | None
+    """`DeformParams` or a mapping, for example `{"seed": 7}`."""
+    output: Output | None
+    target: AssetLike | None
+    """A second mesh, in place of a prompt."""
+    files: Mapping[str, AssetLike] | None
+    """Other files by the names of their parts, such as `silhouette_1`: a picture. `limits().kinds` lists them."""
+    metadata: Mapping[str, str] | None
+    """Your own labels."""
+    priority: int | None
+    """Jobs with higher priority run first."""
+    deadline_s: float | None
+    """Seconds until the job expires unless it has finished."""
+    max_run_s: float | None
+    """Seconds for which it may run."""
+    retention_s: float | None
+    """Seconds from its end until it is deleted."""
+    kind: JobKind | str | None
+    """What the job does."""
+
+
 @dataclass(frozen=True)
 class Order:
-    """The description of a job; for members that are None the service chooses. See `Client.submit`."""
+    """A prompt with `JobOptions`, and what only some requests have; for members that are None the service chooses."""
 
     prompt: str = ""
     params: Params | None = None
     output: Output | None = None
+    target: AssetLike | None = None
+    files: Mapping[str, AssetLike] | None = None
     metadata: Mapping[str, str] | None = None
     priority: int | None = None
     deadline_s: float | None = None
@@ -50,6 +77,13 @@ class Order:
     kind: str | None = None
     webhook: str | Mapping[str, Any] | None = None
     seeds: Sequence[int] | None = None  # of a preview
+
+    def parts(self, **named: AssetLike | None) -> dict[str, AssetLike]:
+        """Return the files by part: those named here, the target, and the others."""
+        parts = {name: file for name, file in {**named, "target": self.target}.items() if file is not None}
+        if twice := sorted(parts.keys() & (self.files or {}).keys()):
+            raise ValueError(f"Give {', '.join(twice)} once, as an argument or in `files`.")
+        return {**parts, **(self.files or {})}
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document."""
@@ -85,22 +119,13 @@ class Files:
     def of(
         cls,
         asset: AssetLike | None,
-        target: AssetLike | None,
-        files: Mapping[str, AssetLike] | None,
+        order: Order,
         filename: str | None,
-        upload: bool | None,
-        key: str | None,
+        upload: bool | None = None,
+        key: str | None = None,
     ) -> Files:
         """Return the files by part with the given key, or a new one."""
-        return cls(parts_of(files, asset=asset, target=target), filename, upload, checked_key(key))
-
-
-def parts_of(files: Mapping[str, AssetLike] | None, **named: AssetLike | None) -> dict[str, AssetLike]:
-    """Return the files by part, those with arguments of their own first."""
-    parts = {name: file for name, file in named.items() if file is not None}
-    if twice := sorted(parts.keys() & (files or {}).keys()):
-        raise ValueError(f"Give {', '.join(twice)} once, as an argument or in `files`.")
-    return {**parts, **(files or {})}
+        return cls(order.parts(asset=asset), filename, upload, checked_key(key))
 
 
 def checked_key(key: str | None) -> str:

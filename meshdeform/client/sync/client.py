@@ -13,7 +13,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar, Unpack
 
 import httpx
 from pydantic import BaseModel
@@ -56,6 +56,7 @@ from meshdeform.client.documents import (
 from meshdeform.client.orders import (
     AssetLike,
     Files,
+    JobOptions,
     LocalFile,
     Order,
     Output,
@@ -63,7 +64,6 @@ from meshdeform.client.orders import (
     UploadProgress,
     checked_key,
     open_source,
-    parts_of,
     refer,
 )
 from meshdeform.client.problems import succeeded
@@ -95,7 +95,7 @@ from meshdeform.errors import (
     NotFoundError,
     UnavailableError,
 )
-from meshdeform.requests.choices import JobKind, PartsAs
+from meshdeform.requests.choices import PartsAs
 from meshdeform.requests.previews import PreviewShapes
 from meshdeform.verdicts import read_verdict
 
@@ -180,33 +180,20 @@ class Client:
         asset: AssetLike | None = None,
         prompt: str = "",
         *,
-        params: Params | None = None,
-        output: Output | None = None,
-        target: AssetLike | None = None,
-        files: Mapping[str, AssetLike] | None = None,
-        metadata: Mapping[str, str] | None = None,
-        priority: int | None = None,
-        deadline_s: float | None = None,
-        max_run_s: float | None = None,
-        retention_s: float | None = None,
         webhook: str | Mapping[str, Any] | None = None,
-        kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
         idempotency_key: str | None = None,
         on_event: Callable[[EventView], Any] | None = None,
         timeout_s: float | None = None,
         cancel_on_interrupt: bool = True,
+        **options: Unpack[JobOptions],
     ) -> Result:
         """Post a job, wait until it has finished, and return its result.
 
         Parameters
         ----------
-        asset, prompt, params, output, target, files, metadata, priority, deadline_s, max_run_s, retention_s
-            As for `submit`.
-        webhook, kind
-            As for `submit`.
-        filename, upload, idempotency_key
+        asset, prompt, webhook, filename, upload, idempotency_key, options
             As for `submit`.
         on_event : callable, optional
             Called with every event as it happens.
@@ -222,8 +209,8 @@ class Client:
         MeshdeformError
             The request was refused, or the job failed.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
-        request_files = Files.of(asset, target, files, filename, upload, idempotency_key)
+        order = Order(prompt, webhook=webhook, **options)
+        request_files = Files.of(asset, order, filename, upload, idempotency_key)
         job = self._submit(order, request_files)
         try:
             return Result(self, self.wait(job, timeout_s=timeout_s, on_event=on_event))
@@ -242,20 +229,11 @@ class Client:
         asset: AssetLike | None = None,
         prompt: str = "",
         *,
-        params: Params | None = None,
-        output: Output | None = None,
-        target: AssetLike | None = None,
-        files: Mapping[str, AssetLike] | None = None,
-        metadata: Mapping[str, str] | None = None,
-        priority: int | None = None,
-        deadline_s: float | None = None,
-        max_run_s: float | None = None,
-        retention_s: float | None = None,
         webhook: str | Mapping[str, Any] | None = None,
-        kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
         idempotency_key: str | None = None,
+        **options: Unpack[JobOptions],
     ) -> JobView:
         """Post a job. It is created only once, even if the request is retried.
 
@@ -265,24 +243,8 @@ class Client:
             GLB, OBJ, PLY, STL or ZIP. A mapping names a stored file: `{"job_id": ..., "artifact": "result.glb"}`.
         prompt : str
             What the asset should become.
-        params : DeformParams or mapping, optional
-            For example `{"seed": 7}`.
-        output : OutputOptions or mapping, optional
-        target : like `asset`, optional
-            A second mesh, in place of a prompt.
-        files : mapping of str to files like `asset`, optional
-            Other files by the names of their parts, such as `silhouette_1`: a picture; `limits().kinds` lists them.
-        metadata : mapping, optional
-            Your own labels.
-        priority : int, optional
-            Jobs with higher priority run first.
-        deadline_s, max_run_s, retention_s : float, optional
-            Seconds until the job expires unless finished, seconds for which it may run, and seconds from its end until
-            it is deleted.
         webhook : str or mapping, optional
             A URL for messages about this job, or `{"url": ..., "events": ["job.succeeded"]}`.
-        kind : str, optional
-            What the job does.
         filename : str, optional
             The file name to send with bytes or a stream; its extension identifies OBJ, PLY and STL.
         upload : bool, optional
@@ -291,9 +253,11 @@ class Client:
         idempotency_key : str, optional
             Your own key for this request: requests with the same key within a day, also from other processes, create
             only one job.
+        **options : JobOptions
+            `params`, `target`, `metadata` and the others of `meshdeform.client.orders.JobOptions`.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind, webhook)
-        request_files = Files.of(asset, target, files, filename, upload, idempotency_key)
+        order = Order(prompt, webhook=webhook, **options)
+        request_files = Files.of(asset, order, filename, upload, idempotency_key)
         return self._submit(order, request_files)
 
     def _submit(self, order: Order, files: Files) -> JobView:
@@ -321,25 +285,16 @@ class Client:
         asset: AssetLike | None = None,
         prompt: str = "",
         *,
-        params: Params | None = None,
-        output: Output | None = None,
-        target: AssetLike | None = None,
-        files: Mapping[str, AssetLike] | None = None,
-        metadata: Mapping[str, str] | None = None,
-        priority: int | None = None,
-        deadline_s: float | None = None,
-        max_run_s: float | None = None,
-        retention_s: float | None = None,
-        kind: JobKind | str | None = None,
         filename: str | None = None,
         upload: bool | None = None,
+        **options: Unpack[JobOptions],
     ) -> Validation:
         """Check a job without posting it, and return the asset's contents, all parameters and a time estimate.
 
         Parameters and errors are those of `submit`.
         """
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
-        request_files = Files.of(asset, target, files, filename, upload, None)
+        order = Order(prompt, **options)
+        request_files = Files.of(asset, order, filename, upload)
         validation, _ = self._post(Validation, "/v1/jobs:validate", order, request_files)
         return validation
 
@@ -371,9 +326,9 @@ class Client:
         DependencyError, UnavailableError
             The service cannot find parts, or cannot find them now.
         """
-        request_files = Files.of(asset, None, None, filename, upload, None)
+        order = Order(prompt, params)
         url = "/v1/jobs:parts" if glb is None else f"/v1/jobs:parts?glb={PartsAs(glb).value}"
-        parts_found, _ = self._post(FoundParts, url, Order(prompt, params), request_files)
+        parts_found, _ = self._post(FoundParts, url, order, Files.of(asset, order, filename, upload))
         return parts_found
 
     def preview(
@@ -408,8 +363,8 @@ class Client:
         DependencyError, UnavailableError
             The service cannot make previews, or it takes too long.
         """
-        order = Order(prompt, params, output, seeds=seeds or None)
-        sent = Files.of(asset, target, files, filename, False, None)
+        order = Order(prompt, params, output, target, files, seeds=seeds or None)
+        sent = Files.of(asset, order, filename, upload=False)
         made = self._previewed({"as": "positions", "draft": str(draft).lower()}, order, sent)
         return PreviewShapes.read(made)
 
@@ -425,8 +380,8 @@ class Client:
         filename: str | None = None,
     ) -> bytes:
         """Return the bytes of `result.glb` that a job would make. Parameters and errors are those of `preview`."""
-        order = Order(prompt, params, output)
-        return self._previewed({"as": "glb"}, order, Files.of(asset, target, files, filename, False, None))
+        order = Order(prompt, params, output, target, files)
+        return self._previewed({"as": "glb"}, order, Files.of(asset, order, filename, upload=False))
 
     def _previewed(self, query: Mapping[str, str], order: Order, files: Files) -> bytes:
         with contextlib.ExitStack() as opened:
@@ -475,23 +430,13 @@ class Client:
         step: int,
         prompt: str = "",
         *,
-        params: Params | None = None,
-        output: Output | None = None,
-        target: AssetLike | None = None,
-        files: Mapping[str, AssetLike] | None = None,
-        metadata: Mapping[str, str] | None = None,
-        priority: int | None = None,
-        deadline_s: float | None = None,
-        max_run_s: float | None = None,
-        retention_s: float | None = None,
-        kind: JobKind | str | None = None,
         idempotency_key: str | None = None,
+        **options: Unpack[JobOptions],
     ) -> JobView:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
-        parts = parts_of(files, target=target)
-        order = Order(prompt, params, output, metadata, priority, deadline_s, max_run_s, retention_s, kind)
+        order = Order(prompt, **options)
         key, document = checked_key(idempotency_key), order.document()
-        for name, file in parts.items():
+        for name, file in order.parts().items():
             with contextlib.ExitStack() as opened:
                 source = work(open_source, file, opened)
                 if isinstance(source, LocalFile):

@@ -201,6 +201,11 @@ def test_what_is_no_json_is_refused_before_it_is_sent() -> None:
     }
 
 
+def test_a_misspelled_option_is_refused_by_its_name() -> None:
+    with Client("http://127.0.0.1:1") as client, pytest.raises(TypeError, match="'metadta'"):
+        client.submit(DATA, "x", metadta={"shot": "a"})  # type: ignore[call-arg]
+
+
 # Back
 
 
