@@ -3,7 +3,9 @@
 * docs/parameters.md, from the models of a request, and docs/extensions.md, from the rules for extensions;
 * parts of pages, between two comments: the settings in docs/configuration.md, the codes in docs/errors.md, the methods
   in docs/client.md, the commands and exit codes in docs/cli.md, the routes, and the files of each kind of job, in
-  docs/http.md, tables in docs/plain.md and docs/sketch.md, and the layout of a file in docs/surface_fit.md.
+  docs/http.md, tables in docs/plain.md and docs/sketch.md, the layout of a file in docs/surface_fit.md, and the folders
+  in docs/architecture.md;
+* docs/pictures/architecture.svg, from the imports.
 
 The references of HTTP, of commands and of equations are made when the site is built (docs/generation/site.py).
 """
@@ -16,7 +18,18 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # a script finds its own folder only
 
-from docs.generation import client, commands, errors, extensions, kinds, parameters, routes, settings, tables  # noqa: E402
+from docs.generation import (  # noqa: E402
+    architecture,
+    client,
+    commands,
+    errors,
+    extensions,
+    kinds,
+    parameters,
+    routes,
+    settings,
+    tables,
+)
 
 __all__ = ["pages"]
 
@@ -25,6 +38,7 @@ def pages() -> dict[Path, str]:
     """Return what each generated page should hold now."""
     folder = ROOT / "docs"
     found = {folder / "parameters.md": parameters.page(), folder / "extensions.md": extensions.page()}
+    found[folder / "pictures" / "architecture.svg"] = architecture.picture()
     for name, renewals in _RENEWED.items():
         text = (folder / name).read_text(encoding="utf-8")
         for renew in renewals:
@@ -34,6 +48,7 @@ def pages() -> dict[Path, str]:
 
 
 _RENEWED = {
+    "architecture.md": (architecture.page,),
     "cli.md": (commands.page,),
     "client.md": (client.page,),
     "configuration.md": (settings.page,),
