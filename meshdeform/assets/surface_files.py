@@ -10,7 +10,9 @@ import itertools
 import json
 import math
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,6 +225,20 @@ def _check_signs(values: _Floats) -> None:
 
 
 def _network(data: bytes) -> ImplicitNetwork:
+    tensors, metadata = _tensors(data)
+    layers = _layers(tensors)
+    activation = metadata.get("activation", "")
+    if activation not in _ACTIVATIONS:
+        raise AssetError(
+            f"The network's activation is {activation[:40]!r}.",
+            advice=f"Set the file's metadata `activation` to one of: {', '.join(_ACTIVATIONS)}.",
+        )
+    omega, low, high = _scale_and_box(metadata)
+    return ImplicitNetwork(layers, activation, omega, (low, high))
+
+
+def _tensors(data: bytes) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Return the tensors of a safetensors file by name, and its metadata."""
     try:
         from safetensors.numpy import load
 
@@ -237,6 +253,11 @@ def _network(data: bytes) -> ImplicitNetwork:
         raise AssetTruncatedError("The safetensors file is damaged or incomplete.") from error
     if others:
         raise AssetError(f"The network's numbers are {min(others)[:20]}.", advice="Store them as float32.")
+    return tensors, metadata
+
+
+def _layers(tensors: Mapping[str, NDArray[Any]]) -> list[tuple[_Floats, _Floats]]:
+    """Return weights and biases of the layers in order."""
     form = "Store layers.0.weight (H, 3), layers.0.bias, ..., the last layer with one output (docs/surface_fit.md)."
     layers: list[tuple[_Floats, _Floats]] = []
     width = 3
@@ -258,12 +279,11 @@ def _network(data: bytes) -> ImplicitNetwork:
         )
     if not all(np.isfinite(array).all() for layer in layers for array in layer):
         raise AssetNotFiniteError("The network has weights that are not finite.", advice="Train it again.")
-    activation = metadata.get("activation", "")
-    if activation not in _ACTIVATIONS:
-        raise AssetError(
-            f"The network's activation is {activation[:40]!r}.",
-            advice=f"Set the file's metadata `activation` to one of: {', '.join(_ACTIVATIONS)}.",
-        )
+    return layers
+
+
+def _scale_and_box(metadata: Mapping[str, str]) -> tuple[float, _Floats, _Floats]:
+    """Return the scale of the first layer's sines, and the corners (3,) of the box of the surface."""
     try:
         omega, bounds = float(metadata.get("omega", "1")), json.loads(metadata.get("bounds", ""))
         box = [float(x) for x in bounds]
@@ -283,7 +303,7 @@ def _network(data: bytes) -> ImplicitNetwork:
             f"The network's surface lies more than {1 / _NEAREST:,.0f} times its size from the origin.",
             advice="Train it near the origin.",
         )
-    return ImplicitNetwork(layers, activation, omega, (np.array(box[:3]), np.array(box[3:])))
+    return omega, np.array(box[:3]), np.array(box[3:])
 
 
 _CELLS = 192

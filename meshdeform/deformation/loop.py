@@ -152,12 +152,10 @@ class Deformation:
         self.orientation = (
             self._orient(initial, front) if checkpoint is None else _stored_orientation(checkpoint.tensors)
         )
-        self.structure = Structure() if few else None
         if stored is not None:
             self.structure = _stored_structure(stored)  # only the same levels can represent its shape
-        elif few and params.keep_structure:
-            several = chosen_carrier(params.carrier, RestMesh.of(mesh), rigid=bool(bodies)) is Carrier.LATTICE
-            self.structure = structure_of(shown, nature, self.orientation.turn_deg, several=several)
+        else:
+            self.structure = self._chosen_structure(nature, rigid=bool(bodies)) if few else None
         self._variables = self._stand_in.carry(params.carrier, begun, bodies, self.structure)
         rest = self._variables.rest
         self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
@@ -165,9 +163,8 @@ class Deformation:
         self._generator = torch.Generator().manual_seed(params.seed)
         tensors = list(self._variables.tensors.values())
         self._optimizer = Adam([{"params": tensors, "lr": params.learning_rate}])
-        self._guard = None
-        if params.safeguard is not Safeguard.NONE:
-            self._guard = SurfaceGuard(params.safeguard, rest, self._variables)
+        guarded = params.safeguard is not Safeguard.NONE
+        self._guard = SurfaceGuard(params.safeguard, rest, self._variables) if guarded else None
         self.pulls = Pulls()
         self._consistent = True
         if begun is not None:
@@ -176,6 +173,14 @@ class Deformation:
             self._guard.begin()
         if checkpoint is not None:
             self.restore(checkpoint)
+
+    def _chosen_structure(self, nature: Nature, *, rigid: bool) -> Structure:
+        """Return what few controls keep of the mesh."""
+        params = self.params
+        if not params.keep_structure:
+            return Structure()
+        several = chosen_carrier(params.carrier, RestMesh.of(self.mesh), rigid=rigid) is Carrier.LATTICE
+        return structure_of(self._stand_in.mesh, nature, self.orientation.turn_deg, several=several)
 
     @property
     def carrier(self) -> dict[str, Any]:

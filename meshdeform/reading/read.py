@@ -78,45 +78,22 @@ def read_asset(
     ValueError
         No noun is proposed, or the mesh has no area.
     """
-    evidence = evidence or Evidence()
-    if len(body.faces) > MOST_FACES:
-        less = coarse(body)
-        reading = read_asset(
-            less.body,
-            nouns,
-            z_up=z_up,
-            z_share=z_share,
-            evidence=less.evidence(evidence),
-            front_azimuth_deg=front_azimuth_deg,
-            cache=cache,
-            fitted=fitted,
-        )
-        return replace(reading, labels=less.labels(reading.labels, body.faces))
-    if z_up is not None and z_share == 1:
-        stand = _Stand.decided(body, "+Z", z_up, evidence, front_azimuth_deg, cache)
-    else:
-        stand = _Stand.decided(body, "+Y", nouns, evidence, front_azimuth_deg, cache)
-    if z_up is not None and z_share < 1:
-        other = _Stand.decided(body, "+Z", z_up, evidence, front_azimuth_deg, cache)
-        more = _TELLING * (other.decided_on.merit - stand.decided_on.merit)
-        stand = other if more + np.log(z_share / (1 - z_share)) > 0 else stand
-    decided, frame = stand.decided_on, stand.decided_on.frame
-    fits = _best_fits(frame, decided.noun, fitted, cache)
-    labels, confidence = _labelled(frame, fits, evidence)
-    all_labels = np.full(len(body.faces), GROUND, np.int64)
-    all_labels[~stand.ground] = labels
-    best = fits[0]
-    return Reading(
-        decided.noun,
-        decided.probabilities,
-        frame.turn @ UP_TURNS[stand.up],
-        decided.margin,
-        all_labels,
-        confidence,
-        best.candidate.number,
-        best.residual,
-        stand.up,
-    )
+    clues = _Clues(evidence or Evidence(), front_azimuth_deg, cache)
+    if len(body.faces) <= MOST_FACES:
+        return _read(body, _standing(body, nouns, z_up, z_share, clues), fitted, clues)
+    less = coarse(body)
+    clues = replace(clues, evidence=less.evidence(clues.evidence))
+    reading = _read(less.body, _standing(less.body, nouns, z_up, z_share, clues), fitted, clues)
+    return replace(reading, labels=less.labels(reading.labels, body.faces))
+
+
+@dataclass(frozen=True)
+class _Clues:
+    """What is known of an asset besides its mesh, and the folder of the nouns' members."""
+
+    evidence: Evidence
+    front_azimuth_deg: float | None
+    cache: Path | None
 
 
 @dataclass(frozen=True)
@@ -133,9 +110,7 @@ class _Stand:
         body: Part,
         up: str,
         nouns: Mapping[str, float],
-        evidence: Evidence,
-        front: float | None,
-        cache: Path | None,
+        clues: _Clues,
     ) -> _Stand:
         """Decide what it is if an axis points up."""
         verts, faces = np.asarray(body.verts, float) @ UP_TURNS[up].T, np.asarray(body.faces, np.int64)
@@ -143,8 +118,41 @@ class _Stand:
         standing = Surface(verts, faces[~ground])
         if not nouns or not standing.areas.sum() > 0:
             raise ValueError("there is nothing to read: no noun is proposed, or the mesh has no area")
-        named, near = nouns_named(evidence, standing.faces, standing.areas)
-        return cls(up, ground, decide(standing, nouns, named, near, front, cache))
+        named, near = nouns_named(clues.evidence, standing.faces, standing.areas)
+        return cls(up, ground, decide(standing, nouns, named, near, clues.front_azimuth_deg, clues.cache))
+
+
+def _standing(
+    body: Part, nouns: Mapping[str, float], z_up: Mapping[str, float] | None, z_share: float, clues: _Clues
+) -> _Stand:
+    """Decide which axis points up, and what the asset is."""
+    if z_up is None:
+        return _Stand.decided(body, "+Y", nouns, clues)
+    if z_share == 1:
+        return _Stand.decided(body, "+Z", z_up, clues)
+    stand, other = _Stand.decided(body, "+Y", nouns, clues), _Stand.decided(body, "+Z", z_up, clues)
+    more = _TELLING * (other.decided_on.merit - stand.decided_on.merit)
+    return other if more + np.log(z_share / (1 - z_share)) > 0 else stand
+
+
+def _read(body: Part, stand: _Stand, fitted: int, clues: _Clues) -> Reading:
+    """Fit members of what the asset is, and let them vote for its parts."""
+    decided, frame = stand.decided_on, stand.decided_on.frame
+    fits = _best_fits(frame, decided.noun, fitted, clues.cache)
+    labels, confidence = _labelled(frame, fits, clues.evidence)
+    all_labels = np.full(len(body.faces), GROUND, np.int64)
+    all_labels[~stand.ground] = labels
+    return Reading(
+        decided.noun,
+        decided.probabilities,
+        frame.turn @ UP_TURNS[stand.up],
+        decided.margin,
+        all_labels,
+        confidence,
+        fits[0].candidate.number,
+        fits[0].residual,
+        stand.up,
+    )
 
 
 def _best_fits(frame: Frame, noun: str, count: int, cache: Path | None) -> list[Fit]:
