@@ -18,6 +18,9 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshdeform.requests.document import BUILTIN_MODEL, MAX_STEPS
 
+_ORIGIN = re.compile(r"https?://(?:\[[0-9a-f:]+\]|[a-z0-9._-]+)(?::[0-9]{1,5})?")
+"""As browsers write them: in lower case, without a path."""
+
 
 def _split(value: Any) -> Any:
     """Parse a comma-separated list or a JSON list."""
@@ -47,8 +50,6 @@ def _check_origins(origins: list[str]) -> list[str]:
     return origins
 
 
-_ORIGIN = re.compile(r"https?://(?:\[[0-9a-f:]+\]|[a-z0-9._-]+)(?::[0-9]{1,5})?")
-"""As browsers write them: in lower case, without a path."""
 _Texts = Annotated[list[str], NoDecode, BeforeValidator(_split)]
 _Networks = Annotated[_Texts, AfterValidator(_check_networks)]
 

@@ -17,6 +17,7 @@ _POLL_S = "1"
 _TIME = "2026-01-31T12:00:00Z"
 _JOB_ID = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+_OUTPUT = OutputOptions().model_dump(mode="json")
 
 
 class FileView(Document):
@@ -167,9 +168,6 @@ class JobView(Document):
             artifacts=[ArtifactView.of(artifact, job.id) for artifact in job.artifacts],
             made_by=job.made_by,
         )
-
-
-_OUTPUT = OutputOptions().model_dump(mode="json")
 
 
 def _number(value: Any) -> float | None:

@@ -41,6 +41,8 @@ _FAILURES = (
     Picture.DecompressionBombError,
     Picture.DecompressionBombWarning,
 )
+_MAX_COORDINATE = 1e4
+"""Larger texture coordinates are of no use in a picture, and lose their fraction in 32 bits."""
 
 
 class Pictures:
@@ -111,10 +113,6 @@ class Pictures:
                     Picture.Resampling.BOX,
                 )
             return np.asarray(small.convert(mode).convert("RGBA"))
-
-
-_MAX_COORDINATE = 1e4
-"""Larger texture coordinates are of no use in a picture, and lose their fraction in 32 bits."""
 
 
 def read_appearance(document: Document, blocks: Sequence[Block]) -> Appearance:

@@ -54,6 +54,9 @@ if TYPE_CHECKING:
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
 
+_Rows = NDArray[np.float64]
+_Triangles = NDArray[np.int64]
+
 
 class Asset:
     """A loaded asset.
@@ -426,10 +429,6 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     decode_draco(document)
     summary = dataclasses.replace(summary, warnings=(*summary.warnings, *read.notices))
     return Asset(document, summary, data, usage, unit=read.unit, up=read.up)
-
-
-_Rows = NDArray[np.float64]
-_Triangles = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
 _INTEGERS = range(1, 9)
 """Draco's `DataType` of integers: DT_INT8 to DT_UINT64."""
 _ADVICE = "Decompress it: gltf-transform copy in.glb out.glb"
+_DATA_KEYS = {"bufferView", "byteOffset", "sparse"}
+_WEIGHTS = "WEIGHTS_"
 
 
 def decode_draco(document: Document) -> None:
@@ -109,9 +111,6 @@ def _fillable(document: Document, accessor: int) -> int:
         return accessor
     accessors.append({key: value for key, value in accessors[accessor].items() if key not in _DATA_KEYS})
     return len(accessors) - 1
-
-
-_DATA_KEYS = {"bufferView", "byteOffset", "sparse"}
 
 
 def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> NDArray[Any]:
@@ -227,9 +226,6 @@ def _drop(holder: Json, *names: str) -> None:
             del extensions[name]
     if extensions == {}:
         del holder["extensions"]
-
-
-_WEIGHTS = "WEIGHTS_"
 
 
 def restore_exactness(rows: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -26,6 +26,10 @@ _JSON = 0x4E4F534A
 _BINARY = 0x004E4942
 GLB_MAGIC = b"glTF"
 Data = bytes | bytearray | memoryview | mmap
+Json = dict[str, Any]
+_STRING = re.compile(rb'"[^"]*"')
+_NOT_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+_DEEPER = {ord("["): 1, ord("{"): 1, ord("]"): -1, ord("}"): -1}
 
 
 @dataclass(frozen=True)
@@ -122,12 +126,6 @@ def pack_glb(json_text: bytes, binary: list[bytes | memoryview], rest: bytes) ->
     if total >= 2**32:
         raise AssetTooLargeError("The result has more than 4 GiB, which a GLB cannot hold.")
     return b"".join([struct.pack("<4sII", GLB_MAGIC, 2, total), *parts])
-
-
-Json = dict[str, Any]
-_STRING = re.compile(rb'"[^"]*"')
-_NOT_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
-_DEEPER = {ord("["): 1, ord("{"): 1, ord("]"): -1, ord("}"): -1}
 
 
 def parse_json(text: bytes, limits: Limits) -> Json:

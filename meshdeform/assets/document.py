@@ -47,6 +47,14 @@ from meshdeform.errors import AssetError, AssetTruncatedError
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_Slot = tuple[Json, str]
+"""An object and the name of its member that holds an index."""
+_WITHOUT_REFERENCES = (
+    *(DRACO, GPU_INSTANCING, MANIFOLD, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization", "KHR_animation_pointer"),
+    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_node_", "EXT_texture_", "MSFT_texture_"),
+)
+"""Extensions whose integers are no indices of accessors or views, or whose indices are listed here."""
+DTYPES = {BYTE: "<i1", UNSIGNED_BYTE: "<u1", SHORT: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
 
 
 class Document:
@@ -265,16 +273,6 @@ def decode_data_uri(uri: str, where: str) -> bytes:
         raise AssetError(f"{where} has a data URI that is not base64: {error}.") from error
 
 
-_Slot = tuple[Json, str]
-"""An object and the name of its member that holds an index."""
-
-_WITHOUT_REFERENCES = (
-    *(DRACO, GPU_INSTANCING, MANIFOLD, *MESHOPT_EXTENSIONS, "KHR_mesh_quantization", "KHR_animation_pointer"),
-    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_node_", "EXT_texture_", "MSFT_texture_"),
-)
-"""Extensions whose integers are no indices of accessors or views, or whose indices are listed here."""
-
-
 @dataclass(frozen=True)
 class Usage:
     """The entries and bytes that a document uses."""
@@ -417,9 +415,6 @@ def _fan(corners: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.empty((0, 3), np.int64)
     hub = np.full(len(corners) - 2, corners[0])
     return np.stack([corners[1:-1], corners[2:], hub], axis=1)
-
-
-DTYPES = {BYTE: "<i1", UNSIGNED_BYTE: "<u1", SHORT: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
 
 
 def read_accessor(document: Document, accessor: int) -> NDArray[Any]:

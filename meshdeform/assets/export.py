@@ -33,6 +33,7 @@ _ELSEWHERE = {
     ".usda": "Of USD, packages are written, which hold their textures.",
     ".usdc": "Of USD, packages are written, which hold their textures.",
 }
+_AS_IT_IS = (".glb", ".usdz")
 
 
 @dataclass(frozen=True)
@@ -174,4 +175,3 @@ _WRITERS: dict[str, Callable[[Scene, Frame, str], tuple[dict[str, bytes], dict[s
     ".3mf": _3mf,
     ".stl": _stl,
 }
-_AS_IT_IS = (".glb", ".usdz")

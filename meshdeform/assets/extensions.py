@@ -17,6 +17,21 @@ from meshdeform.assets.container import Json
 
 __all__ = ["PREFIXES", "RULES", "Rule", "notices", "rule_of"]
 
+_LOOKS = "what it says of colour, light or sound does not depend on the shape"
+_BY_NUMBER = "vertices keep their numbers, and triangles their order; `output.subdivide` removes it, and says so"
+_LATER = "what it plays later replaces what was deformed"
+_MODIFY = "the licence of this avatar forbids changes (`modification: prohibited`, or a licence without derivatives)"
+PREFIXES: tuple[str, ...] = (
+    "KHR_materials_",
+    "KHR_texture_",
+    "KHR_lights_",
+    "KHR_node_",
+    "KHR_xmp",
+    "EXT_texture_",
+    "EXT_lights_",
+)
+_MOST = 5
+
 
 @dataclass(frozen=True)
 class Rule:
@@ -51,11 +66,6 @@ def _split_manifold(root: Json) -> bool:
             return True
     return False
 
-
-_LOOKS = "what it says of colour, light or sound does not depend on the shape"
-_BY_NUMBER = "vertices keep their numbers, and triangles their order; `output.subdivide` removes it, and says so"
-_LATER = "what it plays later replaces what was deformed"
-_MODIFY = "the licence of this avatar forbids changes (`modification: prohibited`, or a licence without derivatives)"
 
 RULES = (
     Rule(
@@ -167,21 +177,11 @@ RULES = (
     ),
 )
 
-PREFIXES: tuple[str, ...] = (
-    "KHR_materials_",
-    "KHR_texture_",
-    "KHR_lights_",
-    "KHR_node_",
-    "KHR_xmp",
-    "EXT_texture_",
-    "EXT_lights_",
-)
 PREFIXES += ("EXT_materials_", "MSFT_texture_", "VRMC_materials_", "GODOT_", "AGI_")
 """What the names of extensions begin with that say nothing of the shape, however new they are."""
 
 _LOOK = Rule((), kept=_LOOKS)
 _BY_NAME = {name: rule for rule in RULES for name in rule.names}
-_MOST = 5
 
 
 def rule_of(name: str) -> Rule | None:

@@ -36,6 +36,29 @@ if TYPE_CHECKING:
 # Address space of a check: what Python, numpy and trimesh map, plus a multiple of the file's size for its arrays.
 CHECK_BASE_BYTES = 512 * 2**20
 CHECK_BYTES_PER_BYTE = 16
+# Our package's folder comes last, so that a file beside it cannot replace an installed module. A child lives for
+# seconds, most of which are imports: they make a million objects that would be searched for garbage after each 700, and
+# again as it ends (`support.memory`).
+_PROGRAM = """
+import gc, sys
+gc.set_threshold(20_000)
+sys.path.append(sys.argv.pop(1))
+from {module} import main
+try:
+    sys.exit(main())
+finally:
+    gc.freeze()
+"""
+_POLL_S = 0.1
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# fmt: off
+_PASSED_ON = frozenset({
+    "PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "TMP", "SYSTEMROOT", "LD_LIBRARY_PATH",
+    "DYLD_LIBRARY_PATH", "PYTHONHOME",
+    # What decides the last bits of a number: a preview is to have those of its job.
+    "OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE", "NVPL_BLAS_DEBUG_CPU_TYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES",
+})
+_gone: ContextVar[Callable[[], bool]] = ContextVar("_gone", default=lambda: False)
 
 
 @dataclass(frozen=True)
@@ -102,28 +125,6 @@ class Limits:
         return min(self.max_memory_bytes, CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size)
 
 
-# Our package's folder comes last, so that a file beside it cannot replace an installed module. A child lives for
-# seconds, most of which are imports: they make a million objects that would be searched for garbage after each 700, and
-# again as it ends (`support.memory`).
-_PROGRAM = """
-import gc, sys
-gc.set_threshold(20_000)
-sys.path.append(sys.argv.pop(1))
-from {module} import main
-try:
-    sys.exit(main())
-finally:
-    gc.freeze()
-"""
-_POLL_S = 0.1
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-# fmt: off
-_PASSED_ON = frozenset({
-    "PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "TMPDIR", "TEMP", "TMP", "SYSTEMROOT", "LD_LIBRARY_PATH",
-    "DYLD_LIBRARY_PATH", "PYTHONHOME",
-    # What decides the last bits of a number: a preview is to have those of its job.
-    "OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE", "NVPL_BLAS_DEBUG_CPU_TYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES",
-})
 # fmt: on
 
 
@@ -133,9 +134,6 @@ class ChildOutcome:
 
     returncode: int  # negative if a signal ended it
     verdict: dict[str, Any] | None  # what it printed; None if it did not get that far
-
-
-_gone: ContextVar[Callable[[], bool]] = ContextVar("_gone", default=lambda: False)
 
 
 @contextmanager

@@ -20,6 +20,13 @@ _MAX_PIXELS = 2**26
 _PORTABLE = ("BMP", "DDS", "GIF", "TGA", "TIFF", "WEBP")
 """Formats that Pillow may decode: some of its others start programs."""
 _IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
+_SHADING_EXTENSIONS = {
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_unlit",
+}
 
 
 @dataclass(frozen=True)
@@ -95,15 +102,6 @@ class Shading:
     normal_scale: float = 1.0
     occlusion_strength: float = 1.0
     left_out: tuple[str, ...] = ()  # extensions that are not read here
-
-
-_SHADING_EXTENSIONS = {
-    "KHR_materials_clearcoat",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_unlit",
-}
 
 
 def read_shading(document: Document, at: int) -> Shading:

@@ -33,6 +33,9 @@ _BITS_V1 = ((_ZERO, 1, 2, 4), (1, 2, 4, _BYTES))
 _CONTROL_ZERO, _CONTROL_LITERAL = 2, 3
 Bytes = NDArray[np.uint8]
 Groups = dict[int, list[tuple[int, int]]]  # bits -> (offset in the stream, index of the group's first delta)
+_MASK = 0xFFFFFFFF
+_TABLE_BYTES = 16
+_RESERVED_BYTES = 4
 
 
 def _sentinel_counts(bits: int) -> bytes:
@@ -165,11 +168,6 @@ def _integrate(deltas: Bytes, baseline: Bytes, modes: Bytes) -> Bytes:
 
 def _rotate_right(words: NDArray[np.uint32], by: int) -> NDArray[np.uint32]:
     return words if by == 0 else words >> np.uint32(by) | words << np.uint32(32 - by)
-
-
-_MASK = 0xFFFFFFFF
-_TABLE_BYTES = 16
-_RESERVED_BYTES = 4
 
 
 def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:

@@ -29,6 +29,20 @@ _SHEET, _TINY = 0.005, 0.25
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
+_LONG_EDGE = 1 / 3
+"""Length of an edge, as a share of the longest side of the bounding box, above which a triangle is too large. A lattice
+has 24 cells on that side (`lattice_field.CELLS`), so such an edge is a chord across at least eight of them."""
+_MOSTLY = 0.5
+_ROUNDED = 2e-5
+"""Step between 32-bit floats, as a share of the asset's diagonal, from which its shape is told to be rounded."""
+_DOWN = 0.97
+"""Least cosine between a face of a base and the downward axis."""
+_LAYER = 0.01
+"""Height of the layer in which a base lies, as a share of the mesh's height."""
+_BASE = 0.03
+"""Least area of a base, as a share of the mesh's footprint."""
+_MUCH_LESS = 0.1
+"""Share of the base that the mesh may have of the other flat sides."""
 
 
 @dataclass(frozen=True)
@@ -122,12 +136,6 @@ def _name(document: Document, node: int) -> str:
     return f"{name[:60]!r} (node {node})" if isinstance(name, str) and name else f"Node {node}"
 
 
-_LONG_EDGE = 1 / 3
-"""Length of an edge, as a share of the longest side of the bounding box, above which a triangle is too large. A lattice
-has 24 cells on that side (`lattice_field.CELLS`), so such an edge is a chord across at least eight of them."""
-_MOSTLY = 0.5
-
-
 def coarse_share(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> float:
     """Return the share of the surface that is in triangles with an edge longer than a third of the asset.
 
@@ -155,10 +163,6 @@ def coarseness_warnings(positions: NDArray[np.float64], triangles: NDArray[np.in
     )
 
 
-_ROUNDED = 2e-5
-"""Step between 32-bit floats, as a share of the asset's diagonal, from which its shape is told to be rounded."""
-
-
 def rounding_warnings(surface: Surface, blocks: Sequence[Block]) -> tuple[str, ...]:
     """Return a sentence about positions that are stored so far from the origin that 32-bit floats round the shape."""
     if not len(surface.positions):
@@ -184,16 +188,6 @@ def _rounding(step: float, size: float) -> tuple[str, ...]:
         f"The positions lie so far from the origin that the file rounds them to steps of {step:.2g}: {step / size:.1g} "
         "of the asset's diagonal. Export it near the origin, and place it by its node.",
     )
-
-
-_DOWN = 0.97
-"""Least cosine between a face of a base and the downward axis."""
-_LAYER = 0.01
-"""Height of the layer in which a base lies, as a share of the mesh's height."""
-_BASE = 0.03
-"""Least area of a base, as a share of the mesh's footprint."""
-_MUCH_LESS = 0.1
-"""Share of the base that the mesh may have of the other flat sides."""
 
 
 def looks_z_up(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> bool:

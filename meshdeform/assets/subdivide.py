@@ -45,6 +45,7 @@ _BY_EDGE = ("CESIUM_primitive_outline", "EXT_mesh_primitive_edge_visibility")
 """Extensions of primitives that list edges or indices of triangles, and mean others afterwards."""
 _FLOATS = ("POSITION", "NORMAL", "TANGENT")
 _Index = NDArray[np.int64]
+_Rows = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -276,9 +277,6 @@ def _append(document: Document, values: NDArray[Any], like: Json, key: str) -> i
     if values.dtype.kind == "f" and values.shape[1] <= 4:
         return document.append_accessor(values, like=like, bounds=name == "POSITION")
     return document.append_stored(values, {key: value for key, value in like.items() if key not in ("min", "max")})
-
-
-_Rows = NDArray[Any]
 
 
 def middles(columns: Mapping[str, _Rows], a: _Index, b: _Index) -> dict[str, _Rows]:

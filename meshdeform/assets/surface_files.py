@@ -48,6 +48,13 @@ _FINITE = "Write numbers in the place of NaN and infinity."
 _GRID = "Store sdf (X, Y, Z), origin (3,) and spacing (1,) or (3,)."
 _COARSER = "Make it coarser."
 _NEGATE = "The values are negative at the sides, where the outside is: the sign is the other way round."
+_CELLS = 192
+"""Most cells along the longest side of the grid from which a first mesh is made."""
+_DEPTH = 1.25
+"""A place is thin if nothing around it is deeper, and it is less deep than this many cells: a tube of four cells
+across always has a value deeper than that, wherever the grid lies."""
+_SHARE = 0.01
+"""Thin places per value just inside the surface from which on they are no noise."""
 
 
 @dataclass(frozen=True)
@@ -304,15 +311,6 @@ def _scale_and_box(metadata: Mapping[str, str]) -> tuple[float, _Floats, _Floats
             advice="Train it near the origin.",
         )
     return omega, np.array(box[:3]), np.array(box[3:])
-
-
-_CELLS = 192
-"""Most cells along the longest side of the grid from which a first mesh is made."""
-_DEPTH = 1.25
-"""A place is thin if nothing around it is deeper, and it is less deep than this many cells: a tube of four cells
-across always has a value deeper than that, wherever the grid lies."""
-_SHARE = 0.01
-"""Thin places per value just inside the surface from which on they are no noise."""
 
 
 def coarsening(shape: tuple[int, ...]) -> int:

@@ -19,6 +19,7 @@ MAX_STRENGTH = 1.5
 """As `meshdeform.runs.strength` has it, which needs torch."""
 _SERVICE = "Service"
 _COMPLETION_TIMEOUT_S = 1.0
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 
 def complete_states(incomplete: str) -> list[str]:
@@ -81,7 +82,6 @@ def file_argument(text: str) -> Any:
 
 
 JsonOption = Annotated[bool, flag("--json", "Print JSON, and errors as JSON on standard error.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 ForceOption = Annotated[bool, flag("--force", "Overwrite files, whoever wrote them.")]
 SetOption = Annotated[
     list[str] | None,

@@ -15,6 +15,19 @@ if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
     from meshdeform.cli.options import Printed
 
+_APART = 0.01
+"""From this share of a shape's diagonal on, a gap between its parts is seen."""
+_DRAWN = "animation"
+"""The name of what a command draws beside the artifacts of a run."""
+_FILES = {
+    "result": ("result.glb", "GLB"),
+    "morph": ("morph.glb", "Morph GLB"),
+    "report": ("report.json", "Report"),
+    "preview": ("preview.png", "Picture"),
+    "animation": (_DRAWN, "Animation"),
+}
+"""Members of a deformation's summary that are files: their artifacts and titles."""
+
 
 def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
     """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""
@@ -127,10 +140,6 @@ def _family_lines(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f"Accuracy   {accuracy['parts']:.1%} of the surface of {accuracy['held_out']} held-out assets"
     if summary["classes"]:
         yield f"Classes    {summary['classes']['nearest_neighbour']:.1%} have a nearest neighbour of their class"
-
-
-_APART = 0.01
-"""From this share of a shape's diagonal on, a gap between its parts is seen."""
 
 
 def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -284,17 +293,6 @@ def prompt_lines(prompts: Sequence[Mapping[str, Any]]) -> list[str]:
             lines.append(f"{each['prompt']}{where}: {likeness_line(each['likeness'])}")
     return lines
 
-
-_DRAWN = "animation"
-"""The name of what a command draws beside the artifacts of a run."""
-_FILES = {
-    "result": ("result.glb", "GLB"),
-    "morph": ("morph.glb", "Morph GLB"),
-    "report": ("report.json", "Report"),
-    "preview": ("preview.png", "Picture"),
-    "animation": (_DRAWN, "Animation"),
-}
-"""Members of a deformation's summary that are files: their artifacts and titles."""
 
 _KINDS: Mapping[str, tuple[Callable[..., dict[str, Any]], Callable[..., Iterator[str]]]] = {
     "text_deform": (_deformation, _deformation_lines),

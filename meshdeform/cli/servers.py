@@ -30,6 +30,7 @@ _PortOption = Annotated[int, option("Port to listen on; 0 takes a free one.", mi
 _NoAuthOption = Annotated[
     bool, flag("--no-auth", "Require no API key, whoever can reach the address (MESHDEFORM_AUTH=off).")
 ]
+keys = typer.Typer(help="Create, list and revoke the API keys of a service.", no_args_is_help=True)
 
 
 @clean_errors
@@ -171,9 +172,6 @@ def _require_redis() -> None:
             "MESHDEFORM_REDIS_URL is not set.",
             advice="Set it to the Redis of the queue, or run everything with `meshdeform serve`.",
         )
-
-
-keys = typer.Typer(help="Create, list and revoke the API keys of a service.", no_args_is_help=True)
 
 
 @keys.command()

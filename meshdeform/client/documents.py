@@ -26,6 +26,11 @@ from meshdeform.requests.problems import reason
 
 M = TypeVar("M", bound=BaseModel)
 _OPEN = ConfigDict(frozen=True, extra="allow", protected_namespaces=())
+GLB, REPORT, PREVIEW = "result.glb", "report.json", "preview.png"
+AFTERWARDS = ("morph.glb", "map.safetensors", "result.usdz", "result.obj.zip", "result.3mf", "result.stl")
+"""The artifacts that the service can make of a job that has succeeded."""
+_BATCH = 2**20
+_SHA256 = re.compile(r'(?:W/)?"([0-9a-f]{64})"')
 
 
 def _else(wider: type[BaseModel]) -> WrapValidator:
@@ -107,9 +112,6 @@ def read(model: type[M], document: Any, url: str) -> M:
         ) from error
 
 
-GLB, REPORT, PREVIEW = "result.glb", "report.json", "preview.png"
-
-
 def shown(preview: Callable[[], bytes]) -> bytes | None:
     """Return a preview; None where it cannot be had, since showing must not fail if service or client is gone."""
     try:
@@ -130,13 +132,6 @@ def html_of(job: JobView, png: bytes | None) -> str:
         return f"<p>{words}</p>"
     shown = base64.b64encode(png).decode()
     return f'<figure><img alt="{words}" src="data:image/png;base64,{shown}"><figcaption>{words}</figcaption></figure>'
-
-
-AFTERWARDS = ("morph.glb", "map.safetensors", "result.usdz", "result.obj.zip", "result.3mf", "result.stl")
-"""The artifacts that the service can make of a job that has succeeded."""
-
-_BATCH = 2**20
-_SHA256 = re.compile(r'(?:W/)?"([0-9a-f]{64})"')
 
 
 class PartialFile:

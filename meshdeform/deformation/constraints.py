@@ -43,6 +43,9 @@ _JOIN_EDGES = 2.0
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
+TOLERANCE = 1e-4
+"""Distance, as a share of the diagonal, up to which a vertex counts as the mirror image of another."""
+_Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -162,12 +165,6 @@ class Placement:
         if self._mirror is not None:
             matrix = (self._mirror.matrix(axis) @ matrix).tocsr()
         return matrix if self._follow is None else (self._follow @ matrix).tocsr()
-
-
-TOLERANCE = 1e-4
-"""Distance, as a share of the diagonal, up to which a vertex counts as the mirror image of another."""
-
-_Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

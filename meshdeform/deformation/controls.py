@@ -53,6 +53,7 @@ _FACING = 0.05
 """Weight of a normal, as a share of the diagonal, by which a face's mirror image is told from the other side of it."""
 
 _Index = NDArray[np.int64]
+_LEVEL = torch.tensor([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 1.0]], dtype=torch.float64)
 
 
 class Controls(Protocol):
@@ -183,9 +184,6 @@ def _reflection(plane: int) -> _Floats:
     signs = np.ones(3)
     signs[plane] = -1
     return signs
-
-
-_LEVEL = torch.tensor([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 1.0]], dtype=torch.float64)
 
 
 class Hierarchy:

@@ -81,6 +81,17 @@ _PADDING = 4
 _NEIGHBOURS = np.ones((3, 3, 3), bool)
 _CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 _Flags = NDArray[np.bool_]
+_LEAST_VOLUME = 1e-6
+"""Lower bound of a cell's relative volume in its energy."""
+_SIDES = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # of a cell on which each corner lies, by axis
+_CORRECTIONS = 3
+_CHUNK = 50_000
+_Floats = NDArray[np.float64]
+_Index = NDArray[np.int64]
+_MOST_FOLLOWED = 64
+"""Faces and edges that are followed one after the other; with each, what is left becomes less."""
+_CONTACT, _FULLY = 0.1, 0.5
+"""Distances, in cells, up to which a component touches a face, and up to which its vertices follow that fully."""
 
 
 @dataclass(frozen=True)
@@ -305,16 +316,6 @@ def _in_one_piece(occupied: _Flags) -> _Flags:
     return occupied
 
 
-_LEAST_VOLUME = 1e-6
-"""Lower bound of a cell's relative volume in its energy."""
-
-_SIDES = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))  # of a cell on which each corner lies, by axis
-_CORRECTIONS = 3
-_CHUNK = 50_000
-_Floats = NDArray[np.float64]
-_Index = NDArray[np.int64]
-
-
 class LatticeField(ControlledMap):
     """One Jacobian per cell of a lattice around the mesh. Implements `deformation.variables.Variables`.
 
@@ -483,13 +484,6 @@ def _joined(mesh: TriangleMesh, other: TriangleMesh) -> RestMesh:
     """Return the surface of both meshes."""
     faces = np.concatenate([mesh.faces, other.faces + len(mesh.verts)])
     return RestMesh(np.concatenate([mesh.verts, other.verts]), faces)
-
-
-_MOST_FOLLOWED = 64
-"""Faces and edges that are followed one after the other; with each, what is left becomes less."""
-
-_CONTACT, _FULLY = 0.1, 0.5
-"""Distances, in cells, up to which a component touches a face, and up to which its vertices follow that fully."""
 
 
 def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:

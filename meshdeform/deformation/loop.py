@@ -53,6 +53,7 @@ _REACHED = 1e-8
 """Value of a target's guidance that differs from zero by rounding only."""
 _SOFT = 2 / 3
 """Share of the run after which the regularisers have their own weights."""
+_Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -425,9 +426,6 @@ def stored_shape(
     copy_into(variables, tensors)
     with torch.no_grad():
         return stand_in.follow(variables).numpy()
-
-
-_Floats = NDArray[np.float64]
 
 
 class RegionalGradients:

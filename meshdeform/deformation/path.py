@@ -55,6 +55,18 @@ _MOST_AROUND = 100
 """Faces around a vertex of which all pairs are listed."""
 
 _Floats = NDArray[np.float64]
+_FLAT = 1e-4
+"""Second singular value, relative to the first, below which a Jacobian does not determine a rotation."""
+_UNCERTAIN = 10.0
+"""Length of a pair one of whose members has no rotation of its own; longer than any angle."""
+_SHORTEST = 1e-3
+_FULL_TURN = 2 * math.pi
+_Flags = NDArray[np.bool_]
+_Index = NDArray[np.int64]
+_POINTS, _FEWEST, _MOST = 4000, 16, 40_000
+_JITTER = 1e-4
+_SOFTENING = 0.01
+"""Length, relative to the diagonal, below which bridges no longer gain weight by being shorter."""
 
 
 class ShapePath:
@@ -177,18 +189,6 @@ def _means(weights: _Floats, values: _Floats, groups: NDArray[np.int64]) -> _Flo
     return np.stack(sums, 1) / total[:, None]
 
 
-_FLAT = 1e-4
-"""Second singular value, relative to the first, below which a Jacobian does not determine a rotation."""
-
-_UNCERTAIN = 10.0
-"""Length of a pair one of whose members has no rotation of its own; longer than any angle."""
-
-_SHORTEST = 1e-3
-_FULL_TURN = 2 * math.pi
-_Flags = NDArray[np.bool_]
-_Index = NDArray[np.int64]
-
-
 def polar_rotations(jacobians: _Floats) -> tuple[_Floats, _Flags]:
     """Return the rotations (F, 3, 3) of the polar decompositions, and whether each Jacobian determines its own."""
     u, size, vh = np.linalg.svd(jacobians)
@@ -263,12 +263,6 @@ def _unwrap(order: _Index, parents: _Index, known: _Flags, vectors: _Floats) -> 
         axis = vector / angle
         turns = round(((axis * before).sum() - angle) / _FULL_TURN)
         vectors[element] = (angle + _FULL_TURN * turns) * axis
-
-
-_POINTS, _FEWEST, _MOST = 4000, 16, 40_000
-_JITTER = 1e-4
-_SOFTENING = 0.01
-"""Length, relative to the diagonal, below which bridges no longer gain weight by being shorter."""
 
 
 @dataclass(frozen=True)

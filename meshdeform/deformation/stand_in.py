@@ -34,6 +34,17 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.shapes import simplified
 
+MAX_FACES = 12_000
+"""Number of faces above which a mesh gets a stand-in."""
+FACES = 8_000
+"""Number of faces of a stand-in. A step then takes about 1.2 times as long as one with 5,000 faces."""
+_PROBES = 5000
+_NEAR = 0.02
+"""Distance from the stand-in, as a share of the diagonal, at which the surface is lost."""
+_LOST = 0.01
+"""Share of the surface that may be lost."""
+_LEAST_AREA = 0.5
+
 
 def chosen_carrier(carrier: Carrier, mesh: RestMesh, *, rigid: bool = False) -> Carrier:
     """Return the carrier that `auto` stands for: several connected components or rigid bodies need the lattice."""
@@ -85,20 +96,6 @@ def carry(
     if bodies:
         raise ValueError("rigid bodies need the lattice")
     return JacobianField(rest, constraints, structure)
-
-
-MAX_FACES = 12_000
-"""Number of faces above which a mesh gets a stand-in."""
-
-FACES = 8_000
-"""Number of faces of a stand-in. A step then takes about 1.2 times as long as one with 5,000 faces."""
-
-_PROBES = 5000
-_NEAR = 0.02
-"""Distance from the stand-in, as a share of the diagonal, at which the surface is lost."""
-_LOST = 0.01
-"""Share of the surface that may be lost."""
-_LEAST_AREA = 0.5
 
 
 class StandIn:

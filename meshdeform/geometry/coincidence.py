@@ -16,6 +16,8 @@ from scipy.spatial import cKDTree
 
 WELD_TOLERANCE = 1e-6
 """Distance, as a share of the bounding box diagonal, up to which vertices of an asset are at the same place."""
+_NEIGHBOURS = 4
+_Floats = NDArray[np.float64]
 
 
 def coincident(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
@@ -56,10 +58,6 @@ def _first_of_each(rows: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the index of the first row that equals each row."""
     _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     return first[inverse.reshape(-1)].astype(np.int64)
-
-
-_NEIGHBOURS = 4
-_Floats = NDArray[np.float64]
 
 
 def interpolate(points: _Floats, values: _Floats, query: _Floats) -> _Floats:

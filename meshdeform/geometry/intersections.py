@@ -57,6 +57,8 @@ _TOUCHING = 1e-6
 """Distance, as a share of the bounding box's diagonal, up to which faces touch at rest."""
 
 _Flags = NDArray[np.bool_]
+_CELLS = 64
+"""Cells along the longest side of the grid that finds what is near."""
 
 
 @kernel
@@ -421,10 +423,6 @@ def newly_cutting_pairs(rest: _Floats, verts: _Floats, faces: _Index) -> _Index:
     reach = _TOUCHING * float(np.linalg.norm(np.ptp(rest, axis=0))) if len(rest) else 0.0
     points, corners = np.ascontiguousarray(rest.T, np.float64), np.ascontiguousarray(faces.T)
     return np.asarray(pairs[~touch(points, corners, pairs[:, 0], pairs[:, 1], reach)])
-
-
-_CELLS = 64
-"""Cells along the longest side of the grid that finds what is near."""
 
 
 def _in_marked_cells(low: _Index, high: _Index, some: _Flags, shape: tuple[int, ...]) -> _Flags:

@@ -46,6 +46,8 @@ _SAMPLES, _SAMPLES_OF_FACE = 2_000_000, 6
 _CELLS_OF_SPACING, _COPIES = 64, 32
 """How small a cell is in which samples count as one, and how many must share one on average: no single surface has as
 many around a vertex."""
+_compiles = Worth(50_000)
+"""Whether numba walks to the places of so many points: those of two reports' worth take numpy as long as its import."""
 
 
 def samples_of(verts: _Floats, faces: _Index, distance: float) -> tuple[_Floats, _Index]:
@@ -158,10 +160,6 @@ class LargeFaces:
     corners: _Floats
     areas: _Floats
     components: _Index
-
-
-_compiles = Worth(50_000)
-"""Whether numba walks to the places of so many points: those of two reports' worth take numpy as long as its import."""
 
 
 class SurfaceTree:

@@ -80,6 +80,9 @@ _CORNERS = 100_000
 _FIT_SAMPLES = 20_000
 _NEAR = 0.01
 _SPACING = 0.01
+_STRONG = 2.0
+_FLAT = 1e-9
+"""Area in the texture, in texels, below which a triangle shows one colour."""
 
 
 @dataclass(frozen=True)
@@ -237,12 +240,6 @@ def _kept_area(total: _Floats, growth: _Floats, areas: _Floats) -> float:
     largest = (total + np.sqrt(np.maximum(total**2 - 4 * growth**2, 0.0))) / 2
     kept = (largest <= _RESIZED**2 * middle) & (growth**2 / largest >= middle / _RESIZED**2)
     return float(areas[kept].sum())
-
-
-_STRONG = 2.0
-
-_FLAT = 1e-9
-"""Area in the texture, in texels, below which a triangle shows one colour."""
 
 
 @dataclass(frozen=True)

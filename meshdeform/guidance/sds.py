@@ -48,6 +48,11 @@ if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
     from meshdeform.rendering.shading import RenderStyle, Shading
 
+_DRAWS = 3
+"""Draws of timestep and noise per step, so that one overflow in half precision does not end a long run."""
+REFERENCE_ELEMENTS = 4 * 64 * 64
+"""Elements of z0 for which k is 1: Stable Diffusion at 512 pixels."""
+
 
 class Texts:
     """The encoded texts of a job.
@@ -84,12 +89,6 @@ class Texts:
             else:
                 terms.append(weighted)
         return terms
-
-
-_DRAWS = 3
-"""Draws of timestep and noise per step, so that one overflow in half precision does not end a long run."""
-REFERENCE_ELEMENTS = 4 * 64 * 64
-"""Elements of z0 for which k is 1: Stable Diffusion at 512 pixels."""
 
 
 class ScoreDistillation:

@@ -37,6 +37,7 @@ from meshdeform.rendering.rasterizer import CoverageRenderer, projected
 from meshdeform.rendering.shading import RenderStyle
 
 _DISTANCE_WEIGHT = 8.0
+_UNSEEN = RenderStyle(view_size=8, supersample=1)
 
 
 @dataclass(frozen=True)
@@ -130,9 +131,6 @@ def _centre_of(image: Tensor) -> Tensor:
     steps = torch.arange(len(image), device=image.device, dtype=image.dtype) + 0.5 - len(image) / 2
     total = image.sum().clamp_min(1e-6)
     return torch.stack([(image.sum(1) * steps).sum() / total, (image.sum(0) * steps).sum() / total])
-
-
-_UNSEEN = RenderStyle(view_size=8, supersample=1)
 
 
 class SilhouetteGuidance:

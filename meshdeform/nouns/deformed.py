@@ -20,6 +20,8 @@ from meshdeform.vocabulary.grammar import Attribute
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Rng = np.random.Generator
+_COMPACT = 1.6
+"""Ratio of the longest axis to the second up to which a solid is not long."""
 
 
 class Part(NamedTuple):
@@ -136,8 +138,6 @@ def _rounded(inside: Array) -> Array:
 
 _OF_SOLIDS = {"boxy": (_boxed, 0.8, 1.0), "rounded": (_rounded, 0.5, 0.65)}
 """What becomes of each solid in its own box, and how strongly, from and to; a long one is changed across its length."""
-_COMPACT = 1.6
-"""Ratio of the longest axis to the second up to which a solid is not long."""
 
 
 def _reshaped(part: Part, factors: Callable[[Array], Array], strength: float) -> Part:

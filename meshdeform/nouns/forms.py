@@ -62,17 +62,8 @@ FORMS: dict[str, tuple[str, ...]] = {
 }
 """The families, forms and kinds of the members by which parts are read. Those of plain nouns are read without their
 kinds (`other_kinds`): among members of many, a plain dog lost its head and its neck."""
-
-
-def other_kinds(noun: str) -> tuple[str, ...]:
-    """Return the kinds by which an asset is known as a noun, while its parts are read without them."""
-    return tuple(KINDS[noun]) if "plain" in TABLE[noun].traits else ()
-
-
 GENERAL = frozenset(("quadruped", "standing-bird", "great-cat", "standing-cat"))
 """Forms that several nouns share: how near they are says nothing of the noun."""
-
-
 _TRAITS = {
     "desk-chair": ("back", "legs"),
     "office-chair": ("back", "legs"),
@@ -94,6 +85,11 @@ _ALSO = {
     "rabbit": ("standing-rabbit",),
 } | {noun: (form,) for form, noun in _UPRIGHT.items()}
 """Forms that look like a noun, and by which assets are not read."""
+
+
+def other_kinds(noun: str) -> tuple[str, ...]:
+    """Return the kinds by which an asset is known as a noun, while its parts are read without them."""
+    return tuple(KINDS[noun]) if "plain" in TABLE[noun].traits else ()
 
 
 def own_forms(noun: str, attributes: Iterable[Attribute]) -> tuple[str, ...]:

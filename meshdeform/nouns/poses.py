@@ -48,6 +48,15 @@ _ON_THE_FLANK = 1.5
 """Ratio of a wing's length along the body to its width across it from which it lies on the flank."""
 _OFF_THE_MIDDLE = 0.1
 """Least distance of a wing on the flank from the middle, as a share of its greatest."""
+POSES: dict[str, tuple[str, ...]] = {
+    form: tuple(pose for pose in _OF_FORMS if pose in row.traits and pose != _UNFIT.get(form))
+    for noun, row in TABLE.items()
+    for form in (noun, *KINDS.get(noun, ()))
+} | {
+    form: tuple(pose for pose, forms in _OF_FORMS.items() if form in forms.split())
+    for form in sorted({form for forms in _OF_FORMS.values() for form in forms.split()})
+}
+"""The poses of each noun, of its kinds, and of each form of `forms`, besides the one in which it is drawn."""
 
 
 def limbs(member: LabelledMember, part: str) -> list[Index]:
@@ -304,13 +313,3 @@ _MOVES: dict[str, Callable[[LabelledMember, np.random.Generator], Floats]] = {
     "spread": _spread,
     "folded": _folded,
 }
-
-POSES: dict[str, tuple[str, ...]] = {
-    form: tuple(pose for pose in _OF_FORMS if pose in row.traits and pose != _UNFIT.get(form))
-    for noun, row in TABLE.items()
-    for form in (noun, *KINDS.get(noun, ()))
-} | {
-    form: tuple(pose for pose, forms in _OF_FORMS.items() if form in forms.split())
-    for form in sorted({form for forms in _OF_FORMS.values() for form in forms.split()})
-}
-"""The poses of each noun, of its kinds, and of each form of `forms`, besides the one in which it is drawn."""

@@ -31,6 +31,9 @@ _GUIDES = "A Stable Diffusion checkpoint: takes any prompt in English. A GPU is 
 _WEIGHTS = "The builtin model with other weights."
 _CARD = 10_000
 """Characters of a model card that are read."""
+_GROUPS = {group: tuple(noun for noun in nouns if noun in PRIOR_NOUNS) for group, nouns in NOUN_GROUPS.items()}
+OWN_GROUP = "yours"
+"""The group of words of one's own."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,6 @@ class Vocabulary:
     groups: dict[str, tuple[str, ...]]  # the nouns by kind: animals, vehicles, furniture
 
 
-_GROUPS = {group: tuple(noun for noun in nouns if noun in PRIOR_NOUNS) for group, nouns in NOUN_GROUPS.items()}
 _VOCABULARY = Vocabulary(
     tuple(PRIOR_NOUNS),
     tuple(map(str, PRIOR_ATTRIBUTES)),
@@ -52,8 +54,6 @@ _VOCABULARY = Vocabulary(
     EXAMPLES,
     {group: nouns for group, nouns in _GROUPS.items() if nouns},
 )
-OWN_GROUP = "yours"
-"""The group of words of one's own."""
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,7 @@ Singles = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Attributes = tuple[Attribute, ...] | None
 """Those that members are to have; None where they have random ones."""
+_SMALL = ("labels", "limbs")
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,6 @@ class Bank:
 
 _SHAPES = {"places": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,)}
 _SHAPES["limbs"] = _SHAPES["labels"]
-_SMALL = ("labels", "limbs")
 
 
 def members_of(noun: str, attributes: Attributes) -> int:

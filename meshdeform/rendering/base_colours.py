@@ -33,6 +33,14 @@ Array = Any
 _WRAPS = {"repeat": 0, "clamp": 1, "mirror": 2}
 _LEVELS = 11
 _WHITE = Texture(np.full((1, 1, 4), 255, np.uint8))
+MAX_LAYERS = 8
+"""Surfaces behind each other that are drawn where those in front are transparent."""
+OPAQUE_ENOUGH = 0.98
+"""Opacity from which a pixel shows nothing of what is behind it."""
+_OPAQUE, _MASK, _BLEND = 0, 1, 2
+_MODES = {"OPAQUE": _OPAQUE, "MASK": _MASK}
+_STEEP = 1e-3
+"""Change of alpha per pixel below which a cut-out has no edge nearby."""
 
 
 class Textures:
@@ -178,17 +186,6 @@ def srgb_from_linear(values: Array, library: Any = np) -> Array:
     """Encode linear light in [0, 1] as sRGB."""
     curve = 1.055 * library.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
     return library.where(values <= 0.0031308, values * 12.92, curve)
-
-
-MAX_LAYERS = 8
-"""Surfaces behind each other that are drawn where those in front are transparent."""
-OPAQUE_ENOUGH = 0.98
-"""Opacity from which a pixel shows nothing of what is behind it."""
-
-_OPAQUE, _MASK, _BLEND = 0, 1, 2
-_MODES = {"OPAQUE": _OPAQUE, "MASK": _MASK}
-_STEEP = 1e-3
-"""Change of alpha per pixel below which a cut-out has no edge nearby."""
 
 
 class BaseColours:

@@ -28,6 +28,8 @@ _Floats = NDArray[np.float64]
 NUM_VIEWS = 4
 UNIT_SPHERE = 1.05
 """Default radius of the sphere that just fits the view: the unit sphere and a margin."""
+RADIUS = 0.6
+"""Radius of the source in the cameras' frame, where they see the unit sphere: it leaves space for growth."""
 
 
 @dataclass(frozen=True)
@@ -155,10 +157,6 @@ def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> NDArr
     view[:3, :3] = [right, np.cross(back, right), back]
     view[2, 3] = -distance
     return view
-
-
-RADIUS = 0.6
-"""Radius of the source in the cameras' frame, where they see the unit sphere: it leaves space for growth."""
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,7 @@ _FAR = 1048576.0
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
+_Planes = tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]
 
 
 @torch.no_grad()
@@ -100,9 +101,6 @@ def rasterize_spans(
     face_ids = torch.where(empty, -1, key & 0xFFFFFFFF)
     depth = torch.where(empty, EMPTY_DEPTH, (key >> 32).double() * 2.0**-29 - 1).float()
     return face_ids.view(views, height, width), depth.view(views, height, width)
-
-
-_Planes = tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]
 
 
 def _edge_planes(x: Tensor, y: Tensor, z: Tensor, area: Tensor) -> _Planes:

@@ -98,6 +98,9 @@ _VARIED_GAIN = 0.5 * 5 / math.pi
 
 _TEXTURED_ODDS = 0.5
 """Share of the steps of a `mixed` style that are `textured`."""
+_INFINITE = 9.0
+_SEEN = 0.5
+"""Opacity from which a surface, and not what is behind it, has silhouettes."""
 
 
 @kernel
@@ -459,11 +462,6 @@ class _Pixels:
     view: Tensor
     face: Tensor
     key: Tensor
-
-
-_INFINITE = 9.0
-_SEEN = 0.5
-"""Opacity from which a surface, and not what is behind it, has silhouettes."""
 
 
 class _Layers:

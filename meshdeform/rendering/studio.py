@@ -35,6 +35,13 @@ _SHADOW_REACH = 1.3
 _SHADOW_BLURS = (5, 9, 9)
 
 _Singles = NDArray[np.float32]
+_SIZE = 256
+_AZIMUTHS_DEG = (30.0, 120.0, 210.0, 300.0)
+FORMATS = {".webp": "WEBP", ".gif": "GIF"}
+"""Formats by file suffix."""
+_SIZES = {"WEBP": 320, "GIF": 256}
+_FRAME_MS, _PAUSE_MS = 60, 800
+_FROM_DEG, _FRONT_DEG, _TO_DEG = 5.0, 30.0, 55.0
 
 
 @dataclass(frozen=True)
@@ -163,10 +170,6 @@ def _framing(cameras: Cameras, points: _Singles) -> _Singles:
     return change
 
 
-_SIZE = 256
-_AZIMUTHS_DEG = (30.0, 120.0, 210.0, 300.0)
-
-
 def preview_png(appearance: Appearance, source: Pose, result: Pose) -> bytes:
     """Draw both states with the asset's colours and normals, at the same scale, so that growth is visible.
 
@@ -199,14 +202,6 @@ def _labelled(rows: Sequence[NDArray[np.uint8]], labels: Sequence[str]) -> bytes
     out = io.BytesIO()
     image.save(out, "PNG")
     return out.getvalue()
-
-
-FORMATS = {".webp": "WEBP", ".gif": "GIF"}
-"""Formats by file suffix."""
-
-_SIZES = {"WEBP": 320, "GIF": 256}
-_FRAME_MS, _PAUSE_MS = 60, 800
-_FROM_DEG, _FRONT_DEG, _TO_DEG = 5.0, 30.0, 55.0
 
 
 def morph_animation(

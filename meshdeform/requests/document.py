@@ -42,13 +42,12 @@ from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
 from meshdeform.requests.parameters import (
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
-    OVERRIDES,
     DeformParams,
-    Family,
     ResolvedParams,
     StrictModel,
     active_prompts,
 )
+from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.problems import reason
 from meshdeform.requests.surface_fit import SurfaceFitParams
 
@@ -100,6 +99,23 @@ MAX_PRIORITY = 100
 MAX_DEADLINE_S = 31 * 86_400.0
 
 MAX_RETENTION_S = 10 * 366 * 86_400.0
+_Prompt = Annotated[str, StringConstraints(strip_whitespace=True)]
+_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADATA_NAME)]
+_MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
+PARAMS_OF_KIND: dict[JobKind, type[BaseModel]] = {
+    JobKind.TEXT_DEFORM: DeformParams,
+    JobKind.SURFACE_FIT: SurfaceFitParams,
+    JobKind.FAMILY_FIT: FamilyParams,
+    JobKind.FAMILY_SYNTHESIZE: FamilySynthesisParams,
+}
+"""The model of the parameters of each kind of job."""
+_JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
+_OF_OTHERS: Mapping[GuidanceKind, Family] = {
+    GuidanceKind.TARGET: "target",
+    GuidanceKind.SILHOUETTES: "silhouettes",
+    GuidanceKind.EXEMPLAR: "exemplar",
+}
+"""What names the presets of each kind of guidance without a model."""
 
 
 def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
@@ -243,23 +259,6 @@ class OutputOptions(StrictModel):
     )
 
 
-_Prompt = Annotated[str, StringConstraints(strip_whitespace=True)]
-
-_MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADATA_NAME)]
-
-_MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
-
-PARAMS_OF_KIND: dict[JobKind, type[BaseModel]] = {
-    JobKind.TEXT_DEFORM: DeformParams,
-    JobKind.SURFACE_FIT: SurfaceFitParams,
-    JobKind.FAMILY_FIT: FamilyParams,
-    JobKind.FAMILY_SYNTHESIZE: FamilySynthesisParams,
-}
-"""The model of the parameters of each kind of job."""
-
-_JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
-
-
 class JobWebhook(StrictModel):
     """A webhook for the messages about one job."""
 
@@ -366,14 +365,6 @@ class JobRequest(StrictModel):
         # Each prompt is one more prediction of the model, each one with a region also one more gradient of the picture.
         local = sum(bool(each.regions) for each in pulling)
         return f"{own}/{len(pulling)} prompts, {local} regions" if params.prompts else own
-
-
-_OF_OTHERS: Mapping[GuidanceKind, Family] = {
-    GuidanceKind.TARGET: "target",
-    GuidanceKind.SILHOUETTES: "silhouettes",
-    GuidanceKind.EXEMPLAR: "exemplar",
-}
-"""What names the presets of each kind of guidance without a model."""
 
 
 def read_stored(document: Mapping[str, Any]) -> JobRequest:

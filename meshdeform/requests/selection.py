@@ -29,6 +29,15 @@ Part = Name | Number
 """A name, or an index in the file."""
 
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
+_MOST = 1e30
+_Coordinate = Annotated[float, Field(ge=-_MOST, le=_MOST)]
+"""A number of which float64 can hold the square, and the square's sums."""
+_Length = Annotated[float, Field(gt=0.0)]
+_PLACES = ("node", "mesh", "material", "component", "joint", "color", "box", "sphere", "capsule", "faces")
+_NAMED = {"node": "nodes", "mesh": "mesh_names", "material": "materials", "joint": "joints"}
+"""The members that name something, and where an asset's summary lists it."""
+List = Literal["rigid", "regions"] | tuple[str | int, ...]
+"""A parameter that is a list of selections, or the path to one within a parameter."""
 
 
 def _row(count: int, kind: str = "number", **bounds: float) -> WithJsonSchema:
@@ -36,19 +45,11 @@ def _row(count: int, kind: str = "number", **bounds: float) -> WithJsonSchema:
     return WithJsonSchema({"type": "array", "items": {"type": kind, **bounds}, "minItems": count, "maxItems": count})
 
 
-_MOST = 1e30
-_Coordinate = Annotated[float, Field(ge=-_MOST, le=_MOST)]
-"""A number of which float64 can hold the square, and the square's sums."""
-
 Point = Annotated[tuple[_Coordinate, _Coordinate, _Coordinate], _row(3, minimum=-_MOST, maximum=_MOST)]
 """Coordinates in the file's world."""
 
 _Range = Annotated[tuple[Number, Number], _row(2, "integer", minimum=0)]
 _Color = Annotated[tuple[_Share, _Share, _Share], _row(3, minimum=0.0, maximum=1.0)]
-_Length = Annotated[float, Field(gt=0.0)]
-_PLACES = ("node", "mesh", "material", "component", "joint", "color", "box", "sphere", "capsule", "faces")
-_NAMED = {"node": "nodes", "mesh": "mesh_names", "material": "materials", "joint": "joints"}
-"""The members that name something, and where an asset's summary lists it."""
 
 
 class JointWeight(StrictModel):
@@ -281,10 +282,6 @@ class LandmarkPair(StrictModel):
         description="Its place on the target: the index of a vertex, or a position in the target file's own world.",
         examples=[[0.1, 0.9, 0.5]],
     )
-
-
-List = Literal["rigid", "regions"] | tuple[str | int, ...]
-"""A parameter that is a list of selections, or the path to one within a parameter."""
 
 
 def find_parts(place: List, number: int, selection: Selection, parts: Sequence[Mapping[str, Any]]) -> list[int]:

@@ -43,6 +43,10 @@ from meshdeform.storage.folder import Folder, sync_folder
 PATIENCE_S = 60.0
 # The limit of Signature Version 4.
 _SIGNED_S = 7 * 86_400
+_DOMAIN = "meshdeform signed url 1"
+_EXPIRES, _SIGNATURE = "expires", "signature"
+_SECRET_BYTES = 16
+_UPLOADS = ".uploads"
 
 
 class ObjectStore:
@@ -291,11 +295,6 @@ def _written(parts: Iterator[bytes], file: BinaryIO) -> Iterator[bytes]:
         yield part
 
 
-_DOMAIN = "meshdeform signed url 1"
-_EXPIRES, _SIGNATURE = "expires", "signature"
-_SECRET_BYTES = 16
-
-
 def sign_path(
     method: str, path: str, expires_at: int, secret: bytes, parameters: Mapping[str, str] | None = None
 ) -> str:
@@ -344,9 +343,6 @@ def _signature(method: str, path: str, pairs: list[tuple[str, str]], secret: byt
 
 def _refused() -> ForbiddenError:
     return ForbiddenError("The URL's signature does not match the request.", advice="Request a new signed URL.")
-
-
-_UPLOADS = ".uploads"
 
 
 class UploadArea:

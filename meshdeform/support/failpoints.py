@@ -50,6 +50,8 @@ _POLL_S = 0.01
 _POINT = re.compile(
     r"(?P<name>[a-z.]+)=(?P<action>kill|stop|raise|pause)(@(?P<hit>[1-9]\d*))?(:(?P<file>[^;]+))?(;(?P<once>.+))?"
 )
+_hits: Counter[str] = Counter()
+_lock = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -72,8 +74,6 @@ def _parse(text: str) -> dict[str, _Point]:
 
 
 _points = _parse(os.environ.get(_VARIABLE, ""))
-_hits: Counter[str] = Counter()
-_lock = threading.Lock()
 
 
 def failpoint(name: str) -> None:

@@ -46,6 +46,9 @@ _TEXT = "%(asctime)s %(levelname)-7s %(message)s"
 # The attributes of every record; others come from `extra`. `color_message` is uvicorn's.
 _STANDARD = {*vars(logging.makeLogRecord({})), "message", "asctime", "color_message"}
 _CONTROLS = {code: repr(chr(code))[1:-1] for code in (*range(32), 127) if code != ord("\t")}
+_ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
+_tracer: Tracer | None = None
+_provider: Any = None
 
 
 def configure_logging(settings: Settings) -> None:
@@ -151,11 +154,6 @@ def _log_thread_crash(arguments: threading.ExceptHookArgs) -> None:
     if arguments.exc_value is not None and not isinstance(arguments.exc_value, SystemExit):
         error = (arguments.exc_type, arguments.exc_value, arguments.exc_traceback)
         logging.getLogger(__name__).error("a thread ends", exc_info=error)
-
-
-_ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
-_tracer: Tracer | None = None
-_provider: Any = None
 
 
 def start_tracing(part: str) -> bool:

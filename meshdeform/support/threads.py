@@ -30,6 +30,16 @@ _SPINS = "10000"
 """Rounds that a thread spins before it sleeps; libgomp's own number is 300,000. Fewer rounds are cheaper still on a
 busy machine, but cost time on a quiet one (docs/performance.md)."""
 _CGROUP = Path("/sys/fs/cgroup")
+_chosen = 0
+_sharing = threading.local()
+_pools: dict[tuple[int, int], ThreadPoolExecutor] = {}
+"""By process, because a forked child has none of the threads, and by the number of threads."""
+HEAPS = 2
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
+"""`mallopt`'s names, from glibc's malloc.h."""
+_KEPT = 256 << 20
+_LARGEST = 32 << 20
+"""Bytes of a block that still comes from a heap; glibc accepts no more."""
 
 
 def limit_waiting() -> None:
@@ -68,12 +78,6 @@ def _container_cores(cgroup: Path) -> int:
         if quota_us > 0:
             return math.ceil(quota_us / period_us)
     return 1 << 30
-
-
-_chosen = 0
-_sharing = threading.local()
-_pools: dict[tuple[int, int], ThreadPoolExecutor] = {}
-"""By process, because a forked child has none of the threads, and by the number of threads."""
 
 
 def choose_threads(count: int) -> None:
@@ -126,14 +130,6 @@ def side_by_side(*works: Callable[[], T]) -> list[T]:
     with ThreadPoolExecutor(len(works) - 1, "meshdeform") as pool:
         others = [pool.submit(work) for work in works[1:]]
         return [works[0](), *(other.result() for other in others)]
-
-
-HEAPS = 2
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
-"""`mallopt`'s names, from glibc's malloc.h."""
-_KEPT = 256 << 20
-_LARGEST = 32 << 20
-"""Bytes of a block that still comes from a heap; glibc accepts no more."""
 
 
 @contextmanager

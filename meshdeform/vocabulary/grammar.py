@@ -66,6 +66,16 @@ _FREE_TEXT = "Free text needs a Stable Diffusion model (params.guidance.model)."
 _ADVICE = f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT}"
 _NOT_LENT = ("neck", "stem", "trunk", "tower")
 """Parts that others stand on."""
+MAX_ATTRIBUTES = 3
+_IRREGULAR = {
+    "mice": "mouse", "geese": "goose", "teeth": "tooth", "feet": "foot", "oxen": "ox", "people": "person",
+    "children": "child",
+}  # fmt: skip
+_PLURALS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("men", "man"), ("es", ""), ("s", ""), ("i", "us"))
+"""Endings of plurals with those of their singulars."""
+_Parts = list[tuple[str, list[str]]]
+_BORROWED = ("part noun", "noun part", "degree part noun", "noun degree part", "degree noun part")
+"""Orders of words that tell a part of another noun."""
 
 
 @dataclass(frozen=True, order=True)
@@ -84,7 +94,6 @@ ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in (
     Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees
 )
 """Every attribute, those of the whole shape first."""
-MAX_ATTRIBUTES = 3
 
 
 @dataclass(frozen=True)
@@ -166,14 +175,6 @@ def _articled(words: str) -> str:
     """Return words with an article, if they take one; a noun of several words is written without hyphens."""
     article = "" if words.rpartition(" ")[2] in PAIRS else "an " if words[0] in "aeiou" else "a "
     return article + words.replace("-", " ")
-
-
-_IRREGULAR = {
-    "mice": "mouse", "geese": "goose", "teeth": "tooth", "feet": "foot", "oxen": "ox", "people": "person",
-    "children": "child",
-}  # fmt: skip
-_PLURALS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("men", "man"), ("es", ""), ("s", ""), ("i", "us"))
-"""Endings of plurals with those of their singulars."""
 
 
 def singular_forms(word: str) -> list[str]:
@@ -259,9 +260,6 @@ def _is_word(word: str) -> bool:
 def nearest_nouns(word: str, words: Words = WORDS) -> list[str]:
     """Return up to three known nouns that look like what a word names, or mean something similar."""
     return next(filter(None, (nearest(form, words.nouns) for form in singular_forms(word))), [])
-
-
-_Parts = list[tuple[str, list[str]]]
 
 
 @dataclass(frozen=True)
@@ -480,10 +478,6 @@ def _without_borrowed(words: list[str], known: Words) -> tuple[list[str], list[B
             borrowed.append(phrase[0])
             del rest[: phrase[1]]
     return kept, borrowed
-
-
-_BORROWED = ("part noun", "noun part", "degree part noun", "noun degree part", "degree noun part")
-"""Orders of words that tell a part of another noun."""
 
 
 def _borrowed_first(words: Sequence[str], known: Words) -> tuple[Borrowed, int] | None:

@@ -23,6 +23,17 @@ __all__ = [
     "nouns_with",
 ]
 
+LENGTH, SIZE = ("short", "long"), ("small", "big")
+_LENGTHS = (
+    "arms back beak beard blade chimney columns feelers gun handle hat heel horns leaves legs lens neck nose "
+    "sleeves spikes spout stem tail tower trunk tusks"
+)
+_SIZES = "brim cap claws crown dome ears eyes fins head humps mane roof sail shade shell wheels wings"
+PARTS: dict[str, tuple[str, str]] = dict(
+    sorted([*((part, LENGTH) for part in _LENGTHS.split()), *((part, SIZE) for part in _SIZES.split())])
+)
+"""Every part whose size a prompt can set, with its two degrees, the lesser and the greater."""
+
 
 @dataclass(frozen=True)
 class Noun:
@@ -78,14 +89,3 @@ AFLOAT = nouns_with("afloat")
 """What does not stand on the ground."""
 HELD = nouns_with("held")
 """What may lie, or stand on its head."""
-
-LENGTH, SIZE = ("short", "long"), ("small", "big")
-_LENGTHS = (
-    "arms back beak beard blade chimney columns feelers gun handle hat heel horns leaves legs lens neck nose "
-    "sleeves spikes spout stem tail tower trunk tusks"
-)
-_SIZES = "brim cap claws crown dome ears eyes fins head humps mane roof sail shade shell wheels wings"
-PARTS: dict[str, tuple[str, str]] = dict(
-    sorted([*((part, LENGTH) for part in _LENGTHS.split()), *((part, SIZE) for part in _SIZES.split())])
-)
-"""Every part whose size a prompt can set, with its two degrees, the lesser and the greater."""

@@ -66,6 +66,9 @@ _TRANSLATED_6 = ipaddress.IPv6Network("64:ff9b::/96")
 _NAME = re.compile(r"(?=.{1,253}\Z)[a-z0-9_]([a-z0-9_-]*[a-z0-9_])?(\.[a-z0-9_]([a-z0-9_-]*[a-z0-9_])?)*\Z")
 # Forms that resolvers read as IPv4 addresses besides four decimals: 2130706433, 0x7f.1, 127.1, 0177.0.0.1.
 _NUMBER = re.compile(r"(^|\.)([0-9]+|0x[0-9a-f]*)\Z")
+LOOKUP_S = 5.0
+"""Seconds to wait for the addresses of a host."""
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -155,12 +158,6 @@ def _check_host(host: str) -> None:
             raise WebhookAddressError("The URL's host is neither a name nor an IP address in the usual form.") from None
     if "%" in host:
         raise WebhookAddressError("The URL's host names a network interface.")
-
-
-LOOKUP_S = 5.0
-"""Seconds to wait for the addresses of a host."""
-
-_Result = TypeVar("_Result")
 
 
 class LookupPool:

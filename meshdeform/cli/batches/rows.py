@@ -25,6 +25,9 @@ TABLE_SUFFIXES = {".csv": ",", ".tsv": "\t", ".jsonl": "", ".ndjson": ""}
 _ADVICE = "docs/cli.md describes manifests under meshdeform batch."
 _MEMBERS = ("asset", "prompt", "name", "target", "morph")
 _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
+_MAX_LISTED = 20
+_MAX_NAME = 100
+_NAME = re.compile(r"[^\W_][\w .,+()-]*")
 
 
 @dataclass(frozen=True)
@@ -148,11 +151,6 @@ def _is_morph(place: str, value: Any) -> bool:
     if text not in _TRUE | _FALSE:
         raise ParameterError(f"{place}: morph is {value!r}, not true or false.", advice=_ADVICE)
     return text in _TRUE
-
-
-_MAX_LISTED = 20
-_MAX_NAME = 100
-_NAME = re.compile(r"[^\W_][\w .,+()-]*")
 
 
 @dataclass(frozen=True)

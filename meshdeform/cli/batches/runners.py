@@ -46,6 +46,12 @@ if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
     from meshdeform.client import Client
 
+_STATES = ".states"
+_ERROR_TAIL = 2000
+_TICK_EVERY_S = 0.25
+_LIMIT_PAUSE_S = 5.0
+_LIMIT_TIMEOUT_S = 3600.0
+
 
 @dataclass(frozen=True)
 class RowOutcome:
@@ -79,11 +85,6 @@ class Runner(Protocol):
 
     def close(self) -> None:
         """Release all resources at once; running rows stop locally and continue on a service."""
-
-
-_STATES = ".states"
-_ERROR_TAIL = 2000
-_TICK_EVERY_S = 0.25
 
 
 class LocalRunner:
@@ -192,10 +193,6 @@ class _Process:
                     pipe.close()
                 except OSError:
                     continue
-
-
-_LIMIT_PAUSE_S = 5.0
-_LIMIT_TIMEOUT_S = 3600.0
 
 
 class ServiceRunner:

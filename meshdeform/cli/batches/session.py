@@ -41,6 +41,9 @@ _COLUMNS = (
     *_QUALITY,
     *("job_id", "error_code", "error", "result"),
 )
+_WIDTH, _HEIGHT, _CAPTION, _GAP = 288, 144, 30, 8
+_MAX_TILES, _LETTERS = 600, 48
+_RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
 
 
 class _RowProgress(ProgressView):
@@ -230,11 +233,6 @@ def _report(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return report if isinstance(report, dict) else {}
-
-
-_WIDTH, _HEIGHT, _CAPTION, _GAP = 288, 144, 30, 8
-_MAX_TILES, _LETTERS = 600, 48
-_RED, _GREY, _INK = (198, 40, 40), (205, 205, 205), (30, 30, 30)
 
 
 def contact_sheet(records: Sequence[Mapping[str, Any]], pictures: Sequence[Path]) -> bytes | None:

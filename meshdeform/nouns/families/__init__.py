@@ -28,6 +28,7 @@ _SUBJECTS = (
     "animal_kinds animals beasts birds breeds buildings characters clothing dungeon figure_kinds figures food "
     "furniture household insects kitchen marine reptiles small tools vehicles wildlife winged"
 )
+_MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 
 
 def _kinds_of(module: ModuleType) -> Mapping[str, tuple[Family, ...]]:
@@ -35,7 +36,6 @@ def _kinds_of(module: ModuleType) -> Mapping[str, tuple[Family, ...]]:
     return kinds
 
 
-_MODULES = [import_module(f"{__name__}.{subject}") for subject in _SUBJECTS.split()]
 _DRAWN: dict[str, Family] = {
     **{
         name: draw

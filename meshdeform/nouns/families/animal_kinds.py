@@ -15,6 +15,19 @@ from meshdeform.nouns.families.marine import fish_kind
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
+_DUCK = Build(lean_deg=14, legs=0.15, shank=0.05, neck=0.24, neck_deg=69, bow=0.08, head=0.185, beak=0.21,
+    bill=(0.26, 0.5), tail=0.24, tail_deg=35)  # fmt: skip
+_ALOFT = replace(_DUCK, neck=0.39, neck_deg=12, lean_deg=4, tail_deg=4, wings=0.82)
+_SONGBIRD = Build(girth=0.33, length=0.41, lean_deg=34, legs=0.2, shank=0.03, neck=0.08, head=0.24, beak=0.11,
+    bill=(0.26, 0.24), tail=0.41, fan_deg=9, wings=0.53)  # fmt: skip
+_GLIDING = Build(girth=0.2, length=0.47, lean_deg=5, neck=0.1, neck_deg=20, head=0.155, beak=0.155, bill=(0.34, 0.3),
+    tail=0.48, fan_deg=18, wings=1.05, chord=0.36)  # fmt: skip
+_SLIM = FishBuild(tall=0.23, wide=0.16, fins=0.23, tail=0.38, back=(0.15, -0.2), fork=0.45)
+_TALL = FishBuild(tall=0.78, wide=0.16, girths=(0.12, 0.7, 1.0, 0.85, 0.4, 0.16), fins=0.58, fork=0.2, back=(0.2, -0.6),
+    belly=(0.2, -0.6), fin_lean=1.0)  # fmt: skip
+_GOLDFISH = FishBuild(tall=0.55, wide=0.45, girths=(0.4, 0.85, 1.0, 0.8, 0.4, 0.2), fins=0.47, tail=0.9, tail_tall=0.8,
+    fork=0.35, back=(0.3, -0.4))  # fmt: skip
+
 
 def _ball(rng: Rng, traits: Traits, tall: float) -> tuple[dict[str, list[Part]], Array, Array]:
     """Return the solids of a toy bird whose body is its head as well, with its middle and radii."""
@@ -185,19 +198,6 @@ def sea_octopus(rng: Rng, traits: Traits) -> Part:
         [0.22, 0.9 * head, 0.5 * head], segments=16), eye=pair(bead(brow + [0.17, 0.1, 0.06], 0.085)),
         arm=solids)  # fmt: skip
 
-
-_DUCK = Build(lean_deg=14, legs=0.15, shank=0.05, neck=0.24, neck_deg=69, bow=0.08, head=0.185, beak=0.21,
-    bill=(0.26, 0.5), tail=0.24, tail_deg=35)  # fmt: skip
-_ALOFT = replace(_DUCK, neck=0.39, neck_deg=12, lean_deg=4, tail_deg=4, wings=0.82)
-_SONGBIRD = Build(girth=0.33, length=0.41, lean_deg=34, legs=0.2, shank=0.03, neck=0.08, head=0.24, beak=0.11,
-    bill=(0.26, 0.24), tail=0.41, fan_deg=9, wings=0.53)  # fmt: skip
-_GLIDING = Build(girth=0.2, length=0.47, lean_deg=5, neck=0.1, neck_deg=20, head=0.155, beak=0.155, bill=(0.34, 0.3),
-    tail=0.48, fan_deg=18, wings=1.05, chord=0.36)  # fmt: skip
-_SLIM = FishBuild(tall=0.23, wide=0.16, fins=0.23, tail=0.38, back=(0.15, -0.2), fork=0.45)
-_TALL = FishBuild(tall=0.78, wide=0.16, girths=(0.12, 0.7, 1.0, 0.85, 0.4, 0.16), fins=0.58, fork=0.2, back=(0.2, -0.6),
-    belly=(0.2, -0.6), fin_lean=1.0)  # fmt: skip
-_GOLDFISH = FishBuild(tall=0.55, wide=0.45, girths=(0.4, 0.85, 1.0, 0.8, 0.4, 0.2), fins=0.47, tail=0.9, tail_tall=0.8,
-    fork=0.35, back=(0.3, -0.4))  # fmt: skip
 
 KINDS = {"bird": (bird_kind("songbird", _SONGBIRD), bird_kind("gliding_bird", _GLIDING, flying=True), round_bird),
     "butterfly": (flat_butterfly, fat_moth), "chicken": (plump_hen,),

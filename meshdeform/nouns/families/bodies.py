@@ -24,6 +24,25 @@ _FACTORS = {"head": ((0.55, 0.64), (1.5, 1.7)), "eyes": ((0.3, 0.38), (1.6, 1.9)
 """How much smaller and greater a part becomes that is called so; others as `_USUAL`."""
 _USUAL = ((0.3, 0.42), (1.9, 2.3))
 _POLAR = np.linspace(0.0, np.pi, 8)
+_EARS: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = {
+    # root in radii of the head, way to the tip, half widths at root, middle and tip in lengths of the ear
+    "pointed": ((0.55, 0.6, -0.1), (0.25, 1.0, 0.0), (0.36, 0.26, 0.05)),
+    "round": ((0.68, 0.6, -0.1), (0.3, 0.42, 0.0), (0.34, 0.52, 0.46)),
+    "leaf": ((0.45, 0.7, -0.2), (0.22, 1.0, -0.1), (0.1, 0.2, 0.05)),
+    "hanging": ((0.8, 0.5, -0.1), (0.4, -0.95, 0.0), (0.2, 0.28, 0.24)),
+    "cup": ((0.85, 0.12, -0.1), (0.55, 0.3, 0.0), (0.3, 0.45, 0.36)),
+    "side": ((0.6, 0.35, -0.2), (1.0, 0.1, -0.1), (0.16, 0.24, 0.1)),
+}
+_TAILS: dict[str, tuple[float, ...]] = {
+    # degrees above straight ahead of three pieces: 180 is behind, 270 down
+    "hanging": (215, 262, 272),
+    "level": (185, 190, 180),
+    "up": (140, 115, 100),
+    "curled": (120, 60, 10),
+    "over": (125, 85, 35),
+    "down": (205, 205, 195),
+    "swung": (225, 235, 160),
+}
 
 
 def tube(path: ArrayLike, wide: ArrayLike, deep: ArrayLike, *, segments: int = 14, samples: int = 3) -> Part:
@@ -93,27 +112,6 @@ class Animal:
         rim = [start - 0.3 * up, end - 0.3 * up, end + 0.4 * height * along, end + 0.7 * up]
         rim += [(start + end) / 2 + 1.1 * up, start + 0.6 * up]
         self.add("mane", plate(np.array(rim)[:, :0:-1], thick, across="x"))
-
-
-_EARS: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = {
-    # root in radii of the head, way to the tip, half widths at root, middle and tip in lengths of the ear
-    "pointed": ((0.55, 0.6, -0.1), (0.25, 1.0, 0.0), (0.36, 0.26, 0.05)),
-    "round": ((0.68, 0.6, -0.1), (0.3, 0.42, 0.0), (0.34, 0.52, 0.46)),
-    "leaf": ((0.45, 0.7, -0.2), (0.22, 1.0, -0.1), (0.1, 0.2, 0.05)),
-    "hanging": ((0.8, 0.5, -0.1), (0.4, -0.95, 0.0), (0.2, 0.28, 0.24)),
-    "cup": ((0.85, 0.12, -0.1), (0.55, 0.3, 0.0), (0.3, 0.45, 0.36)),
-    "side": ((0.6, 0.35, -0.2), (1.0, 0.1, -0.1), (0.16, 0.24, 0.1)),
-}
-_TAILS: dict[str, tuple[float, ...]] = {
-    # degrees above straight ahead of three pieces: 180 is behind, 270 down
-    "hanging": (215, 262, 272),
-    "level": (185, 190, 180),
-    "up": (140, 115, 100),
-    "curled": (120, 60, 10),
-    "over": (125, 85, 35),
-    "down": (205, 205, 195),
-    "swung": (225, 235, 160),
-}
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ from meshdeform.nouns.families.parts import (
 )
 from meshdeform.nouns.families.traits import Rng, Traits
 
+ROOT2 = float(np.sqrt(2.0))
+
 
 def pyramid(half: float, height: float, base: ArrayLike) -> Part:
     """Return an upright pyramid on a square of side 2 `half` whose centre is `base`."""
@@ -113,9 +115,6 @@ def tent(rng: Rng, _: Traits) -> Part:
     for z in (-length / 2 + 0.04, length / 2 - 0.04):
         parts += pair(limb([[half + 0.06, 0.05, z], [-0.14, tall + 0.16, z]], [0.065, 0.06], segments=10))
     return join([*parts, limb([[0, tall - 0.01, -length / 2], [0, tall - 0.01, length / 2]], [0.075, 0.075])])
-
-
-ROOT2 = float(np.sqrt(2.0))
 
 
 def roof_of(kind: str, width: float, depth: float, rise: float) -> Part:

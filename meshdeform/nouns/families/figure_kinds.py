@@ -11,6 +11,11 @@ from meshdeform.nouns.families.drawing import bead, bent_limb, kind, near, on, p
 from meshdeform.nouns.families.parts import Part, ellipsoid, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
+_CARTOON = Build(head=0.47, trunk=0.43, wide=0.28, waist=0.95, hips=0.9, deep=0.75, arms=0.38, thick=0.115, legs=0.26,
+    neck=-0.06)  # fmt: skip
+_SLENDER = Build(head=0.175, trunk=0.65, wide=0.26, waist=0.72, arms=0.7, arm_deg=24, thick=0.08, legs=0.98)
+_STRONG = Build(head=0.215, trunk=0.7, wide=0.46, waist=0.68, hips=0.55, arms=0.77, thick=0.155, legs=0.75, neck=0.04)
+
 
 def woman(rng: Rng, traits: Traits) -> Part:
     """Draw a woman with long hair in a flared dress to the knees."""
@@ -120,11 +125,6 @@ def upright_dragon(rng: Rng, traits: Traits) -> Part:
         leg=pair(bead(hip, [0.22, 0.3, 0.26], segments=10, rings=6)),
         foot=pair(bead(hip * [1, 0, 1] + [0.04, 0.08, 0.2], [0.16, 0.09, 0.28], segments=12)))  # fmt: skip
 
-
-_CARTOON = Build(head=0.47, trunk=0.43, wide=0.28, waist=0.95, hips=0.9, deep=0.75, arms=0.38, thick=0.115, legs=0.26,
-    neck=-0.06)  # fmt: skip
-_SLENDER = Build(head=0.175, trunk=0.65, wide=0.26, waist=0.72, arms=0.7, arm_deg=24, thick=0.08, legs=0.98)
-_STRONG = Build(head=0.215, trunk=0.7, wide=0.46, waist=0.68, hips=0.55, arms=0.77, thick=0.155, legs=0.75, neck=0.04)
 
 KINDS = {"dragon": (upright_dragon, wyvern), "ghost": (arcade_ghost, floating_ghost),
     "person": (figure_kind("cartoon_person", _CARTOON), figure_kind("slender_person", _SLENDER),

@@ -33,6 +33,15 @@ lizard = breed(
     neck=0.12, tilt=14, nape=0.8, head=0.14, muzzle=0.9, snout=(0.85, 0.45), drop=-6, eyes=(0.68, 0.5, 0.2, 0.3),
     tails="level", tail=1.2, brush=(0.12, 0.075, 0.04, 0.015),
 )  # fmt: skip
+_CROCODILE = FourLegged(
+    length=1.0, girth=0.24, deep=0.7, leg=0.1, sprawl=0.18, thick=0.085, paw=1.6, neck=0.1, tilt=8, nape=0.85,
+    head=0.19, broad=1.1, muzzle=1.9, snout=(1.0, 0.75), drop=-3, ears="", eyes=(0.6, 0.75, 0.1, 0.38),
+    tails="level", tail=1.0, brush=(0.17, 0.13, 0.08, 0.03),
+)  # fmt: skip
+_TORTOISE = FourLegged(
+    length=0.6, girth=0.3, leg=0.18, thick=0.11, thigh=1.2, paw=0.8, neck=0.28, tilt=32, nape=0.45, head=0.13,
+    muzzle=0.2, snout=(0.8, 0.6), mask="head", ears="", tails="down", tail=0.16, cartoon=0.0,
+)  # fmt: skip
 
 
 @of(_HEAVY, length=0.66, girth=0.15, deep=1.7, waist=1.15, arch=0.1, leg=0.22, thick=0.05, neck=0, tilt=14, head=0.19,
@@ -143,17 +152,6 @@ def ankylosaur(animal: Animal) -> None:
             animal.two(
                 "spike", limb([root, root + [0.16 * x, 0.2 - 0.14 * x, -0.05]], [0.075, 0.02], segments=6, samples=1)
             )
-
-
-_CROCODILE = FourLegged(
-    length=1.0, girth=0.24, deep=0.7, leg=0.1, sprawl=0.18, thick=0.085, paw=1.6, neck=0.1, tilt=8, nape=0.85,
-    head=0.19, broad=1.1, muzzle=1.9, snout=(1.0, 0.75), drop=-3, ears="", eyes=(0.6, 0.75, 0.1, 0.38),
-    tails="level", tail=1.0, brush=(0.17, 0.13, 0.08, 0.03),
-)  # fmt: skip
-_TORTOISE = FourLegged(
-    length=0.6, girth=0.3, leg=0.18, thick=0.11, thigh=1.2, paw=0.8, neck=0.28, tilt=32, nape=0.45, head=0.13,
-    muzzle=0.2, snout=(0.8, 0.6), mask="head", ears="", tails="down", tail=0.16, cartoon=0.0,
-)  # fmt: skip
 
 
 def _plates(animal: Animal) -> None:

@@ -39,6 +39,20 @@ zebra = breed(
     "zebra", HORSE, leg=0.44, girth=0.29, waist=1.06, nape=0.95, neck=0.38, tilt=58, head=0.17, muzzle=1.45, mane=0.26,
     snout=(0.74, 0.6), ears="leaf", ear=0.19, tail=0.45, brush=(0.035, 0.03, 0.03, 0.08),
 )  # fmt: skip
+_GREAT_CAT = FourLegged(
+    length=1.1, girth=0.21, waist=0.84, hips=0.9, deep=1.2, leg=0.36, thick=0.085, thigh=1.8, paw=1.7, neck=0.2,
+    tilt=16, nape=1.0, head=0.18, broad=1.08, muzzle=0.32, snout=(0.62, 0.52), drop=-20, ears="round", ear=0.085,
+    tails="swung", tail=0.95, brush=(0.05, 0.045, 0.045, 0.05), eyes=(0.42, 0.3, 0.82, 0.14), cartoon=0.0,
+)  # fmt: skip
+SMALL = FourLegged(
+    length=0.6, girth=0.21, hips=1.08, arch=0.07, leg=0.22, thick=0.06, neck=0.1, tilt=28, nape=0.8, head=0.19,
+    muzzle=0.8, snout=(0.55, 0.25), ears="round", ear=0.14,
+)  # fmt: skip
+otter = breed(
+    "otter", SMALL, length=1.0, girth=0.18, arch=0.1, leg=0.07, neck=0.2, tilt=24, nape=0.95, head=0.16, muzzle=0.4,
+    broad=1.25, snout=(0.8, 0.7), ear=0.06, tails="down", tail=0.95, brush=(0.17, 0.13, 0.09, 0.03), paw=2.0,
+    eyes=(0.55, 0.45, 0.72, 0.13),
+)  # fmt: skip
 
 
 @of(HORSE, tail=0.75, brush=(0.06, 0.12, 0.14, 0.04))
@@ -94,23 +108,6 @@ def mammoth(animal: Animal) -> None:
     for z in (-1.0, -0.33, 0.33, 1.0):
         shag = [0, 0.72 * animal.height + 0.05 * z, 0.8 * z * animal.half]
         animal.ball("body", shag, [0.36, 0.3, 0.3])
-
-
-_GREAT_CAT = FourLegged(
-    length=1.1, girth=0.21, waist=0.84, hips=0.9, deep=1.2, leg=0.36, thick=0.085, thigh=1.8, paw=1.7, neck=0.2,
-    tilt=16, nape=1.0, head=0.18, broad=1.08, muzzle=0.32, snout=(0.62, 0.52), drop=-20, ears="round", ear=0.085,
-    tails="swung", tail=0.95, brush=(0.05, 0.045, 0.045, 0.05), eyes=(0.42, 0.3, 0.82, 0.14), cartoon=0.0,
-)  # fmt: skip
-SMALL = FourLegged(
-    length=0.6, girth=0.21, hips=1.08, arch=0.07, leg=0.22, thick=0.06, neck=0.1, tilt=28, nape=0.8, head=0.19,
-    muzzle=0.8, snout=(0.55, 0.25), ears="round", ear=0.14,
-)  # fmt: skip
-
-otter = breed(
-    "otter", SMALL, length=1.0, girth=0.18, arch=0.1, leg=0.07, neck=0.2, tilt=24, nape=0.95, head=0.16, muzzle=0.4,
-    broad=1.25, snout=(0.8, 0.7), ear=0.06, tails="down", tail=0.95, brush=(0.17, 0.13, 0.09, 0.03), paw=2.0,
-    eyes=(0.55, 0.45, 0.72, 0.13),
-)  # fmt: skip
 
 
 def _tufts(animal: Animal, long: float, *lows: float) -> None:
