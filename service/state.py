@@ -16,6 +16,7 @@ from fastapi import Depends, Request
 from meshdeform.assets import Limits
 from meshdeform.assets.check import CheckedAssets
 from meshdeform.errors import MeshdeformError
+from meshdeform.outgoing.lookups import LookupPool
 from meshdeform.record.database import HASTY, MAX_CONNECTIONS
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
@@ -24,7 +25,6 @@ from meshdeform.runs.warm_processes import WarmProcesses
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.storage.readings import StoredReadings
-from meshdeform.webhooks.addresses import LookupPool
 from service.downloads.variants import Variants
 from service.events.waiting import JobWaiters
 from service.http.limits import FairSlots

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.api.jobs import JobView
 from meshdeform.api.states import JobError, WebhookEvent
-from meshdeform.webhooks.addresses import MAX_URL
+from meshdeform.outgoing.addresses import MAX_URL
 
 __all__ = [
     "AttemptView",

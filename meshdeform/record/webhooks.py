@@ -103,7 +103,7 @@ class WebhookBook:
     def create(self, owner: str, url: str, events: Collection[str] = ()) -> tuple[Webhook, str]:
         """Create an enabled webhook for types of events (empty: all), and return it with its secret.
 
-        The secret cannot be retrieved again. The address must already be checked (`meshdeform.webhooks.addresses`).
+        The secret cannot be retrieved again. The address must already be checked (`meshdeform.outgoing.addresses`).
         `RequestError`: the owner has too many.
         """
         secret = _new_secret()

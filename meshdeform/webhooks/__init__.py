@@ -1,1 +1,1 @@
-"""Send messages to users' webhooks: allowed addresses (`addresses`), sending (`sender`) and scheduling (`delivery`)."""
+"""Send messages to users' webhooks: sending (`sender`) and scheduling (`delivery`)."""

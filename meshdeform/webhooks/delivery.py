@@ -16,10 +16,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from meshdeform.errors import MeshdeformError
+from meshdeform.outgoing.addresses import parse_networks
+from meshdeform.outgoing.lookups import LookupPool
 from meshdeform.record.deliveries import DueDelivery
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.webhooks.addresses import LookupPool, parse_networks
 
 if TYPE_CHECKING:
     from meshdeform.webhooks.sender import Sender
@@ -44,7 +45,7 @@ class WebhookDelivery:
     def __init__(self, record: JobRecord, settings: Settings) -> None:
         self._deliveries = record.deliveries
         self._sender: Sender | None = None
-        self._networks = parse_networks(settings.webhook_networks)
+        self._networks = parse_networks(settings.webhook_networks, "MESHDEFORM_WEBHOOK_NETWORKS")
         self._done = threading.Event()
         self._clean_at = 0.0
         self._thread = threading.Thread(target=self._run, name="webhooks", daemon=True)

@@ -33,11 +33,11 @@ from meshdeform.errors import (
     MeshdeformError,
     ParameterError,
     UnavailableError,
-    WebhookAddressError,
 )
+from meshdeform.outgoing.addresses import Destination, find_destination, parse_networks
+from meshdeform.outgoing.lookups import LOOKUP_S
 from meshdeform.record.fetching import FETCHING_S
 from meshdeform.record.models import JobError
-from meshdeform.webhooks.addresses import LOOKUP_S, Destination, find_destination, parse_networks
 from service.http.bodies import ReceivedFile, clean_filename
 from service.http.idempotency import Caller
 from service.jobs.documents import FileSource, PreviewSource
@@ -138,13 +138,11 @@ async def _fetched(app: AppState, owner_id: str, source: FileSource, path: Path)
 
 
 async def _find(app: AppState, owner_id: str, url: str) -> Destination:
-    networks = parse_networks(app.settings.fetch_networks)
-    future = app.fetch_lookups.submit(owner_id, lambda: find_destination(url, networks))
+    networks = parse_networks(app.settings.fetch_networks, "MESHDEFORM_FETCH_NETWORKS")
+    future = app.fetch_lookups.submit(owner_id, lambda: find_destination(url, networks, AssetNotFetchedError))
     try:
         with anyio.fail_after(LOOKUP_S):
             return await asyncio.wrap_future(future)
-    except WebhookAddressError as error:
-        raise AssetNotFetchedError(error.detail) from error
     except TimeoutError as error:
         raise AssetNotFetchedError(f"The URL's host could not be resolved within {LOOKUP_S:g} s.") from error
 
@@ -152,7 +150,7 @@ async def _find(app: AppState, owner_id: str, url: str) -> Destination:
 async def _fetch(destination: Destination, filename: str, path: Path, max_bytes: int) -> ReceivedFile:
     import httpcore
 
-    from meshdeform.webhooks.sender import PinnedAsyncNetwork, network_error
+    from meshdeform.outgoing.network import PinnedAsyncNetwork, network_error
 
     url = httpcore.URL(
         scheme=destination.url.raw_scheme,

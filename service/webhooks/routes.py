@@ -33,9 +33,10 @@ from meshdeform.errors import (
     UnavailableError,
     WebhookAddressError,
 )
+from meshdeform.outgoing.addresses import find_destination, parse_networks
+from meshdeform.outgoing.lookups import LOOKUP_S
 from meshdeform.record.ids import id_pattern
 from meshdeform.record.webhooks import Webhook
-from meshdeform.webhooks.addresses import LOOKUP_S, find_destination, parse_networks
 from service.documentation.responses import header
 from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
@@ -272,8 +273,8 @@ def _with_secret(webhook: Webhook, secret: str) -> dict[str, Any]:
 
 async def checked_address(app: AppState, owner: str, url: str) -> str:
     """Return the URL of a webhook of this owner after looking its host up; `WebhookAddressError`: it is not allowed."""
-    networks = parse_networks(app.settings.webhook_networks)
-    future = app.webhook_lookups.submit(owner, lambda: find_destination(url, networks))
+    networks = parse_networks(app.settings.webhook_networks, "MESHDEFORM_WEBHOOK_NETWORKS")
+    future = app.webhook_lookups.submit(owner, lambda: find_destination(url, networks, WebhookAddressError))
     try:
         with anyio.fail_after(LOOKUP_S):
             return str((await asyncio.wrap_future(future)).url)

@@ -12,10 +12,10 @@ from typing import Any
 import httpx
 import pytest
 
+from meshdeform.outgoing import lookups
+from meshdeform.outgoing.lookups import LookupPool
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
-from meshdeform.webhooks import addresses
-from meshdeform.webhooks.addresses import LookupPool
 from meshdeform.webhooks.sender import Sender
 from service.webhooks import routes
 from tests.integration.conftest import DEADLINE_S, serving
@@ -72,7 +72,7 @@ def test_slow_look_ups_hold_up_neither_other_requests_nor_other_owners_nor_files
 
 @pytest.mark.usefixtures("silence")
 def test_the_sender_gives_up_a_slow_look_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(addresses, "LOOKUP_S", 0.1)
+    monkeypatch.setattr(lookups, "LOOKUP_S", 0.1)
     sender = Sender(lookup=LookupPool(1).lookup)
     for number in range(2):  # the second one waits for the thread of the first
         outcome = sender.send(f"https://{number}.silent.example/", "msg_1", {}, [])

@@ -18,12 +18,12 @@ from typing import Any
 import pytest
 import trustme
 
-from meshdeform.webhooks.addresses import parse_networks
+from meshdeform.outgoing.addresses import parse_networks
 from meshdeform.webhooks.sender import Sender, signed_headers
 from tests.cases import each_case
 from tests.unit.webhooks.receiver import NAME, Message, Receiver, answering, receiving
 
-LOOPBACK = parse_networks(["127.0.0.0/8"])
+LOOPBACK = parse_networks(["127.0.0.0/8"], "MESHDEFORM_WEBHOOK_NETWORKS")
 SECRET = "whsec_" + base64.b64encode(b"s" * 32).decode()
 OTHER = "whsec_" + base64.b64encode(b"o" * 32).decode()
 PAYLOAD = {"type": "job.succeeded", "timestamp": "2026-01-31T12:00:00Z", "data": {"prompt": "Pilz \u2013 茸"}}

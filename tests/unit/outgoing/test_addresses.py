@@ -1,4 +1,4 @@
-"""Where webhooks may go: every range that is not public, every way to write one, and what an operator allows."""
+"""Where the server may go: every range that is not public, every way to write one, and what an operator allows."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import ipaddress
 import pytest
 
 from meshdeform.errors import DependencyError, WebhookAddressError
-from meshdeform.webhooks.addresses import MAX_URL, find_destination, is_public, parse_networks
+from meshdeform.outgoing.addresses import MAX_URL, find_destination, is_public, parse_networks
 from tests.cases import each_case
 
 # Both ends of every block, and one address past it where that one is public.
@@ -28,7 +28,8 @@ PUBLIC = [
     "198.17.255.255", "198.20.0.0", "223.255.255.255", "2001:200::1", "2606:4700::1111", "2a00:1450::1",
     "64:ff9b::8.8.8.8",
 ]  # fmt: skip
-LOOPBACK = parse_networks(["127.0.0.0/8", "::1/128"])
+SETTING = "MESHDEFORM_FETCH_NETWORKS"
+LOOPBACK = parse_networks(["127.0.0.0/8", "::1/128"], SETTING)
 
 
 def knows(*addresses: str):
@@ -40,14 +41,14 @@ def test_an_address_that_is_not_public_is_refused_by_itself_and_as_what_a_name_m
     assert not is_public(ipaddress.ip_address(address))
     literal = f"[{address}]" if ":" in address else address
     with pytest.raises(WebhookAddressError, match="not public"):
-        find_destination("https://example.com/", (), knows("8.8.8.8", address))
+        find_destination("https://example.com/", (), WebhookAddressError, knows("8.8.8.8", address))
     with pytest.raises(WebhookAddressError, match="not public"):
-        find_destination(f"https://{literal}/", ())
+        find_destination(f"https://{literal}/", (), WebhookAddressError)
 
 
 @each_case("address", PUBLIC)
 def test_a_public_address_is_taken(address: str) -> None:
-    found = find_destination("https://example.com/hook", (), knows(address))
+    found = find_destination("https://example.com/hook", (), WebhookAddressError, knows(address))
     assert (found.host, found.port) == ("example.com", 443)
     assert [ipaddress.ip_address(text) for text in found.addresses] == [ipaddress.ip_address(address)]
 
@@ -63,10 +64,10 @@ def test_numbers_that_resolvers_take_for_addresses_are_no_hosts(host: str) -> No
 
     for written in (host, f"{host}."):
         with pytest.raises(WebhookAddressError):
-            find_destination(f"https://{written}/", LOOPBACK, forbidden)
+            find_destination(f"https://{written}/", LOOPBACK, WebhookAddressError, forbidden)
     for written in ("LOCALHOST", "localhost.", "127.0.0.1.", "[::ffff:7f00:1]"):
         with pytest.raises(WebhookAddressError):
-            find_destination(f"https://{written}/", ())
+            find_destination(f"https://{written}/", (), WebhookAddressError)
 
 
 @each_case(
@@ -98,7 +99,7 @@ def test_numbers_that_resolvers_take_for_addresses_are_no_hosts(host: str) -> No
 )
 def test_what_is_no_address_of_a_webhook(url: str, says: str) -> None:
     with pytest.raises(WebhookAddressError) as refused:
-        find_destination(url, (), knows("8.8.8.8"))
+        find_destination(url, (), WebhookAddressError, knows("8.8.8.8"))
     assert says in refused.value.detail
 
 
@@ -109,7 +110,7 @@ def test_a_name_in_another_script_is_looked_up_in_its_ascii_form() -> None:
         asked.append((host, port))
         return ["8.8.8.8"]
 
-    found = find_destination("https://Bücher.example.:8443/ä?q=ü#part", (), lookup)
+    found = find_destination("https://Bücher.example.:8443/ä?q=ü#part", (), WebhookAddressError, lookup)
     assert asked == [("xn--bcher-kva.example", 8443)]
     assert (found.url.netloc, found.url.raw_path) == (b"xn--bcher-kva.example:8443", b"/%C3%A4?q=%C3%BC")
 
@@ -122,24 +123,32 @@ def test_hosts_that_are_unknown_or_inside_are_refused_alike(error: Exception) ->
     details = set()
     for found in (lookup, knows(), knows("10.20.30.40"), knows("8.8.8.8", "::1")):
         with pytest.raises(WebhookAddressError) as refused:
-            find_destination("https://intranet.example/", (), found)
+            find_destination("https://intranet.example/", (), WebhookAddressError, found)
         details.add(refused.value.detail)
     assert len(details) == 1, "the refusals tell which names exist"
     assert "10.20" not in details.pop()
 
 
 def test_allowed_networks_may_be_called_and_there_without_tls() -> None:
-    networks = parse_networks(["10.1.0.0/16", "fd00::/8"])
-    assert find_destination("http://inside.example:8080/", networks, knows("10.1.2.3", "fd00::1")).port == 8080
-    assert find_destination("https://inside.example/", networks, knows("10.1.2.3", "8.8.8.8")).port == 443
+    networks = parse_networks(["10.1.0.0/16", "fd00::/8"], SETTING)
+    assert (
+        find_destination(
+            "http://inside.example:8080/", networks, WebhookAddressError, knows("10.1.2.3", "fd00::1")
+        ).port
+        == 8080
+    )
+    assert (
+        find_destination("https://inside.example/", networks, WebhookAddressError, knows("10.1.2.3", "8.8.8.8")).port
+        == 443
+    )
     for addresses in (["10.2.0.1"], ["10.1.2.3", "10.2.0.1"], ["::ffff:10.1.2.3"]):
         with pytest.raises(WebhookAddressError, match="not public"):
-            find_destination("https://inside.example/", networks, knows(*addresses))
+            find_destination("https://inside.example/", networks, WebhookAddressError, knows(*addresses))
     with pytest.raises(WebhookAddressError, match="https"):
-        find_destination("http://inside.example/", networks, knows("10.1.2.3", "8.8.8.8"))
+        find_destination("http://inside.example/", networks, WebhookAddressError, knows("10.1.2.3", "8.8.8.8"))
 
 
 @each_case("block", ["10.0.0.1/8", "localhost", "10.0.0.0/33", ""])
 def test_what_is_no_network_is_said_at_the_start(block: str) -> None:
-    with pytest.raises(DependencyError, match="MESHDEFORM_WEBHOOK_NETWORKS"):
-        parse_networks([block])
+    with pytest.raises(DependencyError, match=SETTING):
+        parse_networks([block], SETTING)
