@@ -192,3 +192,17 @@ def test_a_lattice_that_is_pinned_everywhere_is_refused() -> None:
     assert np.array_equal(shaken(field)[:12], flat.verts[:12])
     with pytest.raises(ParameterError, match="the lattice cannot move anything"):
         LatticeField(flat, constraints=Constraints(np.zeros(len(flat.verts))))
+
+
+@each_case("edge, freedom, falloff", [
+    (0.05, [0.0, 0.5, 1.0, 1.0], 0.1),  # two edges are the whole way, which the stand-in has gone already
+    (0.4, [0.0, 0.0625, 0.25, 1.0], 0.8),  # never longer than the fall-off itself
+    (0.0, [0.0, 0.0625, 0.25, 1.0], 0.0),
+])  # fmt: skip
+def test_what_follows_a_stand_in_falls_off_over_two_of_its_edges(
+    edge: float, freedom: list[float], falloff: float
+) -> None:
+    given = Constraints(freedom=np.array([0.0, 0.0625, 0.25, 1.0]), falloff=0.8)
+    followers = given.of_followers(edge)
+    np.testing.assert_allclose(followers.freedom, freedom)
+    assert followers.falloff == pytest.approx(falloff)

@@ -153,3 +153,12 @@ def test_a_rig_that_stayed_stays_in_other_files_too() -> None:
     clothes = load_asset(with_edit(body, edit_of(body, body.replace(positions))))
     assert clothes.rig_digest() == body.rig_digest()
     np.testing.assert_allclose(clothes.surface.positions, positions, atol=0.02)
+
+
+def test_a_rig_that_stayed_stays_at_every_strength() -> None:
+    source = load_asset(arm().glb())
+    positions, jacobians = fatter(source)
+    for kept in (True, False):
+        result = source.replace(positions, jacobians=None if kept else jacobians)
+        half = load_asset(with_strength(source, result, 0.5))
+        assert (half.rig_digest() == source.rig_digest()) is kept
