@@ -96,7 +96,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.locator(".many-card").nth(5).wait_for()
     yield "many"
     page.goto("/#/examples/kept-foot")
-    page.locator(".job-side .badge").wait_for()
+    page.locator(".shape img").first.wait_for()
     yield "example"
     other = finished[:-4] + "0000"  # the same job under another name
     page.route(f"**/{other}**", lambda route: route.continue_(url=route.request.url.replace(other, finished)))

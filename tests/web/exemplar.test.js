@@ -3,7 +3,6 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
 import { estimateWords } from "../../service/web/app/format.js";
-import { fitFindings, fitsOf } from "../../service/web/app/exemplar.js";
 import { isUnused } from "../../service/web/app/groups.js";
 import { documentOf, formOf, isByShape, wishOf } from "../../service/web/app/params.js";
 import { findings } from "../../service/web/app/quality.js";
@@ -64,20 +63,19 @@ test("a job by shape fills the form again", () => {
   assert.ok(isByShape(job));
 });
 
-test("what the asset was fitted to, and how near it came", () => {
+test("what the asset was fitted to", () => {
   const member = { noun: "giraffe", form: "giraffe", pose: "lying", attributes: ["fat", "long neck"] };
-  const fit = { member, target: null, distance_before: 0.0999, distance: 0.00704, kept: 0.93, left_over: ["saddle"], missing: ["horn", "horn", "mane"] };
-  assert.deepEqual(fitFindings({ exemplars: [fit] }, {}), [{
+  const fit = { member, target: null, kept: 0.93, left_over: ["saddle"], missing: ["horn", "horn", "mane"] };
+  assert.deepEqual(findings({ exemplars: [fit] }), [{
     tone: "plain",
     text: "Fitted to a fat giraffe, lying: 93% of the way",
-    note: "On average 0.7% of its size from it, 10% before. Only your asset has: saddle. Only that shape has: horn, mane.",
+    note: "Only your asset has: saddle. Only that shape has: horn, mane.",
   }]);
   const said = (/** @type {any} */ more) => findings({ exemplars: [more] }, { target_2: { filename: "tall.glb" } })[0].text;
   assert.equal(said({ member: { noun: "chair", form: "office-chair", pose: "" } }), "Fitted to an office chair");
   assert.equal(said({ member: { noun: "bird", form: "general", pose: "spread" }, kept: 1 }), "Fitted to a bird, wings spread: 100% of the way");
   assert.equal(said({ member: { target: 1 }, target: "target_2" }), "Fitted to tall.glb");
   assert.equal(said({ member: { noun: "cat", form: "standing-cat", way: "mould" } }), "Moulded into a standing cat");
-  assert.deepEqual([fitsOf(null), fitsOf({ quality: {} })], [[], []]);
 });
 
 test("a fit is not told in steps", () => {

@@ -25,7 +25,7 @@ export class OwnField {
       this.refused,
       this.place,
     );
-    fill(root, intro("Open", "a field", "The file of a surface fit, unfolded to any level: to look at, to measure on, and to save as a mesh."), DEMO ? null : kindsNav("surface"), element);
+    fill(root, intro("Open", "a field", "The file of a surface fit, unfolded to any level: to look at, and to save as a mesh."), DEMO ? null : kindsNav("surface"), element);
     takeDrops(scope, element, ([file]) => this._show(file));
     const file = takeHanded();
     if (file) this._show(file);

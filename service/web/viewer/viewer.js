@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * A mesh on the page: load it, turn it, blend it into its result, colour it by what changed.
+ * A mesh on the page: load it, turn it, blend it into its result.
  *
  *     const viewer = new MeshViewer(container, { label: "Before" });
  *     await viewer.load(buffer, { format: "glb" });
@@ -15,7 +15,6 @@ import { CameraRig, linkCameras } from "./cameras.js";
 import { Deformation } from "./deformation.js";
 import { FrontArrow } from "./front-arrow.js";
 import { withoutMaterials } from "./glb.js";
-import { Heatmap } from "./heatmap.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
 import { disposeAsset, meshesOf, originOf, parseAsset, triangleCount } from "./loading.js";
 import { mountClips } from "./clips.js";
@@ -39,7 +38,6 @@ export class MeshViewer extends EventTarget {
   /** @type {import("three").Object3D | null} */ #root = null;
   /** @type {Puppet | null} */ #puppet = null;
   /** @type {Deformation | null} */ #deformation = null;
-  /** @type {Heatmap | null} */ #heatmap = null;
   /** @type {Wireframe | null} */ #wireframe = null;
   /** @type {FrontArrow | null} */ #front = null;
   #framed = new Box3(); // what the camera was last placed for
@@ -160,7 +158,7 @@ export class MeshViewer extends EventTarget {
   }
 
   /**
-   * Add the result of a deformation of what is loaded; `setMorph` and `setHeatmap` work from then on.
+   * Add the result of a deformation of what is loaded; `setMorph` works from then on.
    * @param {ArrayBuffer} buffer a GLB with the same meshes, vertices and faces
    * @param {{ keepCamera?: boolean }} options `keepCamera`: as long as all of it is in the picture
    * @throws {TopologyError} it has others; what was shown stays
@@ -176,7 +174,6 @@ export class MeshViewer extends EventTarget {
         throw new DOMException("Another file was loaded meanwhile.", "AbortError");
       }
       const morph = this.#deformation?.morph ?? 0;
-      const heat = this.#heatmap?.legend.kind ?? "none";
       this.clearDeformed();
       const pairs = pairMeshes(source, root, this.#converted);
       this.#deformation = new Deformation(pairs, puppet);
@@ -185,7 +182,6 @@ export class MeshViewer extends EventTarget {
       this.setMorph(morph);
       this.#frame();
       if (!this.rig.touched && !(keepCamera && this.#framed.containsBox(this.ownBox))) this.resetView();
-      this.setHeatmap(heat);
     } finally {
       disposeAsset(root);
     }
@@ -248,18 +244,6 @@ export class MeshViewer extends EventTarget {
     this.#moved();
   }
 
-  /**
-   * Colour the mesh by what the deformation does to it.
-   * @param {"none" | import("./deformation.js").Measure} kind
-   * @returns {import("./heatmap.js").Legend | null} null for "none", or where there is no deformation
-   */
-  setHeatmap(kind) {
-    this.#heatmap?.dispose();
-    this.#heatmap = kind === "none" || !this.#deformation ? null : new Heatmap(this.#deformation, kind);
-    this.invalidate();
-    return this.#heatmap?.legend ?? null;
-  }
-
   /** @param {boolean} on lines along all edges */
   setWireframe(on) {
     this.#wireframe?.dispose();
@@ -307,8 +291,6 @@ export class MeshViewer extends EventTarget {
 
   /** Forget the result; the source is shown as it was loaded. */
   clearDeformed() {
-    this.#heatmap?.dispose();
-    this.#heatmap = null;
     this.#deformation?.dispose();
     this.#deformation = null;
     this.#wireframe?.refresh();

@@ -54,7 +54,7 @@ export class SurfaceView {
     );
     fill(
       root,
-      intro("Any surface in", "a few kilobytes", "A coarse mesh and a small network, which a browser unfolds to any level and measures distances on."),
+      intro("Any surface in", "a few kilobytes", "A coarse mesh and a small network, which a browser unfolds to any level."),
       kindsNav("surface"),
       h("div", { class: "create" }, this.assets.element, this.form.element),
       recentJobs(scope),

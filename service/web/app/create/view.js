@@ -3,7 +3,7 @@
  * The workbench: the asset as large as the window allows, words beside it, and at once the shape that they stand for. The
  * page of a job is the same workbench, with that job's state.
  */
-import { Asset } from "../assets.js";
+import { Asset, exampleAsset } from "../assets.js";
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { DEMO } from "../demo.js";
 import { fill, h } from "../dom.js";
@@ -96,6 +96,8 @@ export class Workbench {
     this.others = {};
     /** The asset of the job that the form begins with, and the thread of versions that a job on it belongs to. */
     this.begunWith = { asset: /** @type {Asset | null} */ (null), thread: "" };
+    /** The file of what the example became with which the form begins; empty: there is none. */
+    this.made = "";
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     /** What the form asks for where it asks for the job that is shown, as `shapeKey` has it. */
     this.jobKey = "";
@@ -228,8 +230,15 @@ export class Workbench {
     if (wish) this._restore(wish, this.others);
     this.begun = true;
     if (this.panel) this._isOf(this._key());
+    if (wish && this.made) this._knowMade(this.made);
     this._changed();
     this._storedShapes();
+  }
+
+  /** What an example became is what its form asks for, and is here already. @param {string} name Of its file. */
+  _knowMade(name) {
+    const load = async () => (await exampleAsset(name, this.scope.signal)).bytes();
+    this.live.know({ key: this._key(), label: this.prompt.value, load, strength: 1, tag: "Result" });
   }
 
   /** What a link shows: the asset and the shapes of the job. */
@@ -297,8 +306,9 @@ export class Workbench {
   async _assetOf(from) {
     const before = this.assets.choices;
     try {
-      const { job, asset, others } = await originOf(from, this.scope.signal);
+      const { job, asset, others, result = "" } = await originOf(from, this.scope.signal);
       this.others = others;
+      this.made = result;
       this.begunWith = { asset, thread: job.id ? threadOf(job) : "" };
       if (this.assets.choices === before) await this.assets.use(asset);
       return wishOf(job, await this.fields, this.outputDefaults);

@@ -1,7 +1,5 @@
 // @ts-check
 /** Which faces the regions of a request select, and which of them do not move. No WebGL here, so that node can test it. */
-import { facesAround } from "../distances.js";
-
 /** @typedef {import("./surface.js").NumberedSurface} Surface */
 /** @typedef {Record<string, any>} Region as in `params.regions` of a request */
 
@@ -90,6 +88,17 @@ export function rangesOf(flags) {
     first = last;
   }
   return found;
+}
+
+/** The corners at each vertex, one list after the other. @param {Uint32Array} indices @param {number} count */
+function facesAround(indices, count) {
+  const starts = new Uint32Array(count + 1);
+  for (const vertex of indices) starts[vertex + 1]++;
+  for (let v = 0; v < count; v++) starts[v + 1] += starts[v];
+  const around = new Uint32Array(indices.length);
+  const next = starts.slice();
+  indices.forEach((vertex, corner) => (around[next[vertex]++] = corner));
+  return { starts, around };
 }
 
 /** Who touches whom on a surface, for a brush that stays on it. */
