@@ -60,7 +60,7 @@ def test_an_example_is_changed_first(page: Page) -> None:
     expect(page.get_by_label("Prompt", exact=True)).to_have_value("a mushroom")
     expect(page.locator("#asset-facts")).to_contain_text("vase.glb")
     open_more(page)
-    expect(page.get_by_role("list", name="Regions and handles").get_by_role("listitem")).to_have_count(1)
+    expect(page.get_by_role("list", name="Regions").get_by_role("listitem")).to_have_count(1)
     page.get_by_label("Prompt", exact=True).fill("a lamp")
     page.reload()  # the draft counts from then on
     expect(page.get_by_label("Prompt", exact=True)).to_have_value("a lamp")

@@ -98,7 +98,7 @@ test("words of the user's own come first", () => {
 test("a job that is asked for again has words as they are then, not as they were", () => {
   const params = { guidance: { kind: "exemplar", words: { fruit: "0".repeat(64) } }, seed: 1 };
   const job = { prompt: "a fruit", params, output: {}, files: { asset: {}, words: {} } };
-  assert.equal("words" in wishOf(job, []).kept.params, false);
+  assert.equal("words" in wishOf(job).kept.params, false);
 });
 
 test("what only programs name is left out of sentences, and learnt from the schema", () => {

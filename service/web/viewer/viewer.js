@@ -13,7 +13,6 @@
 import { Box3 } from "../vendor/three/three.module.js";
 import { CameraRig, linkCameras } from "./cameras.js";
 import { Deformation } from "./deformation.js";
-import { FrontArrow } from "./front-arrow.js";
 import { withoutMaterials } from "./glb.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
 import { disposeAsset, meshesOf, originOf, parseAsset, triangleCount } from "./loading.js";
@@ -39,7 +38,6 @@ export class MeshViewer extends EventTarget {
   /** @type {Puppet | null} */ #puppet = null;
   /** @type {Deformation | null} */ #deformation = null;
   /** @type {Wireframe | null} */ #wireframe = null;
-  /** @type {FrontArrow | null} */ #front = null;
   #framed = new Box3(); // what the camera was last placed for
   #converted = false;
   #grounded = true; // the ground lies under the shape that is shown
@@ -229,7 +227,7 @@ export class MeshViewer extends EventTarget {
         this.#grounded = false;
         this.#ground();
         this.stage.refreshShadow();
-        return this.#picture(renderer, { width, height, background });
+        return drawSnapshot(renderer, this.stage, this.rig.camera, { width, height, background });
       });
     } finally {
       this.#grounded = false;
@@ -249,27 +247,6 @@ export class MeshViewer extends EventTarget {
     this.#wireframe?.dispose();
     this.#wireframe = on ? new Wireframe() : null;
     if (this.#root) this.#wireframe?.attach(this.#root);
-    this.invalidate();
-  }
-
-  /**
-   * Show which side is taken as the front. The event `frontchange` says where the pointer turned it.
-   * @param {number | null} degrees 0 is +Z, 90 is +X; null shows nothing
-   * @param {boolean} faint whether it is only a guess
-   */
-  setFront(degrees, faint = false) {
-    const shown = this.#front?.mesh.visible ?? false;
-    if (degrees === null) this.#front?.hide();
-    else {
-      const turned = (/** @type {number} */ to, /** @type {boolean} */ done) => this.dispatchEvent(new CustomEvent("frontchange", { detail: { degrees: to, done } }));
-      this.#front ??= new FrontArrow(this.stage, this.rig, this.surface, turned);
-      this.#front.show(degrees, faint);
-    }
-    // The camera makes room for it once.
-    if (shown !== (degrees !== null)) {
-      this.#frame();
-      if (this.#root && !this.rig.touched) this.resetView();
-    }
     this.invalidate();
   }
 
@@ -303,17 +280,7 @@ export class MeshViewer extends EventTarget {
     if (!this.#root) throw new Error("Nothing is loaded.");
     this.rig.update();
     this.#ground();
-    return this.#picture(this.#start(), { width, height, background });
-  }
-
-  /** Without the arrow, which is no part of the shape. @param {import("./renderer.js").SharedRenderer} renderer @param {import("./snapshot.js").SnapshotOptions} options @returns {Promise<Blob>} PNG */
-  #picture(renderer, options) {
-    const arrow = this.#front?.mesh;
-    const shown = arrow?.visible ?? false;
-    if (arrow) arrow.visible = false;
-    const picture = drawSnapshot(renderer, this.stage, this.rig.camera, options); // it draws before it returns
-    if (arrow) arrow.visible = shown;
-    return picture;
+    return drawSnapshot(this.#start(), this.stage, this.rig.camera, { width, height, background });
   }
 
   /**
@@ -341,7 +308,6 @@ export class MeshViewer extends EventTarget {
     this.#turn++;
     this.#clear();
     this.stopKeys();
-    this.#front?.dispose();
     this.rig.dispose();
     this.stage.dispose();
     this.surface.dispose();
@@ -400,7 +366,6 @@ export class MeshViewer extends EventTarget {
     }
     this.#deformation?.show(this.#deformation.morph);
     this.#grounded = false;
-    this.#front?.enclose(still);
     this.ownBox.copy(still).union(moving);
     this.rig.setBox(this.ownBox);
   }

@@ -188,5 +188,5 @@ export class WordsView {
 
 /** @param {string} name @param {string} label @param {string} placeholder @param {string} help */
 function textRow(name, label, placeholder, help) {
-  return fieldRow({ name: `word-${name}`, label, help, type: "text" }, ["", placeholder], () => {});
+  return fieldRow({ name: `word-${name}`, label, help }, placeholder);
 }
