@@ -40,7 +40,6 @@ const VIEWS = {
   api: () => import("./api/view.js").then(({ showReference }) => showReference),
   usage: () => import("./api/view.js").then(({ showUsage }) => showUsage),
   jobs: ({ state, search }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { state, search })),
-  group: ({ id }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { group: id })),
   job: ({ id }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, id)),
   shared: (route) => VIEWS.job(route),
   unknown: async ({ path }) => (root) => fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${path}. `, h("a", { href: "#/" }, "Create something"))),
@@ -93,7 +92,7 @@ async function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", many: "Many files", api: "API", usage: "Usage", examples: "Examples", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", many: "Many files", api: "API", usage: "Usage", examples: "Examples", jobs: "Jobs", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

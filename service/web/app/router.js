@@ -7,7 +7,7 @@
  *   | {name: "family", from: string | null}
  *   | {name: "examples" | "field" | "words" | "api" | "usage"}
  *   | {name: "jobs", state: string | null, search?: string}
- *   | {name: "job" | "group", id: string}
+ *   | {name: "job", id: string}
  *   | {name: "shared", id: string, link: string}
  *   | {name: "many", id?: string}
  *   | {name: "compare", ids: [string, string]}
@@ -36,7 +36,7 @@ const ROUTES = [
   ["jobs", [], (_, query) => ({ name: "jobs", state: stateOf(query.get("state")), search: (query.get("q") ?? "").slice(0, MAX_SEARCH) })],
   ["jobs", [JOB], ([id]) => ({ name: "job", id })],
   ["shared", [JOB, LINK], ([id, link]) => ({ name: "shared", id, link })],
-  ["groups", [GROUP], ([id]) => ({ name: "group", id })],
+  ["groups", [GROUP], ([id]) => ({ name: "many", id })],
   ["examples", [], () => ({ name: "examples" })],
   ["examples", [EXAMPLE], ([example]) => ({ name: "create", from: null, example })],
   ["compare", [JOB, JOB], ([a, b]) => ({ name: "compare", ids: [a, b] })],
@@ -79,8 +79,7 @@ export function routeHash(route) {
     case "jobs":
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":
-    case "group":
-      return `#/${route.name}s/${route.id}`;
+      return `#/jobs/${route.id}`;
     case "shared":
       return `#/shared/${route.id}/${route.link}`;
     case "many":

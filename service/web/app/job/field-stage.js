@@ -35,7 +35,7 @@ export class FieldStage extends PictureStage {
     this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOn);
     this.element = h(
       "section",
-      { class: "job-stage single field-stage", "aria-label": "Surface" },
+      { class: "job-stage field-stage", "aria-label": "Surface" },
       h("div", { class: "stage pair-stage" }, this.box.element),
       this.tools,
       this.levels.row,

@@ -18,16 +18,15 @@ export function stateBadge(state) {
 }
 
 export class JobCard {
-  /** @param {any} job @param {import("../scope.js").Scope} scope @param {{heading?: string, level?: "h2" | "h3", onSelect?: () => void}} [options] */
+  /** @param {any} job @param {import("../scope.js").Scope} scope @param {{level?: "h2" | "h3", onSelect?: () => void}} [options] */
   constructor(job, scope, options = {}) {
     this.scope = scope;
     this.id = job.id;
-    this.heading = options.heading ?? "";
     this.picture = h("div", { class: "card-picture" });
     this.badge = h("span", null);
     this.meta = h("span", { class: "small muted" });
-    this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || jobTitle(job));
-    this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || jobTitle(job)}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
+    this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, jobTitle(job));
+    this.box = h("input", { type: "checkbox", "aria-label": `Select ${jobTitle(job)}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
     this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "row card-meta" }, this.badge, this.meta)));
     this.state = "";
     this.show(job);
@@ -40,7 +39,7 @@ export class JobCard {
     const { eta_s: eta } = job.progress;
     this.meta.textContent = running
       ? [percent(fraction), eta === null ? "" : `${roughly(eta)} left`].filter(Boolean).join(" · ")
-      : [this.heading ? (job.prompt ?? "") : job.asset?.filename, this.heading ? "" : job.unreadable ? "of another version" : `variation ${job.params?.seed ?? 0}`, ago(job.created_at)].filter(Boolean).join(" · ");
+      : [job.asset?.filename, job.unreadable ? "of another version" : "", ago(job.created_at)].filter(Boolean).join(" · ");
     this.box.disabled = !isTerminal(job.state);
     if (running) this._bar(fraction);
     if (job.state === this.state) return;
