@@ -1,25 +1,7 @@
 // @ts-check
-/** Rows of what was said of an asset, and fields for numbers. */
-import { button, h, invalid } from "../../dom.js";
+/** Rows of what was said of an asset. */
+import { button, h } from "../../dom.js";
 import { regionWords } from "./model.js";
-
-/** A field for a number. @param {string} label For screen readers. @param {() => number | null | undefined} get @param {(value: number) => void} set */
-export function numberField(label, get, set) {
-  const input = h("input", { type: "text", inputmode: "decimal", class: "number", autocomplete: "off", "aria-label": label });
-  const show = () => {
-    if (document.activeElement === input || input.hasAttribute("aria-invalid")) return;
-    const value = get();
-    input.value = value === null || value === undefined ? "" : String(Number(value.toPrecision(6)));
-  };
-  input.addEventListener("input", () => {
-    const text = input.value.trim().replace(",", ".");
-    const wrong = text === "" || !Number.isFinite(Number(text));
-    invalid(input, wrong);
-    set(wrong ? /** @type {any} */ (get()) : Number(text));
-  });
-  show();
-  return { input, show };
-}
 
 /** @param {string} words @param {() => void} remove @param {...(Node | null)} parts */
 export function frame(words, remove, ...parts) {

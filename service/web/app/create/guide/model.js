@@ -79,7 +79,6 @@ export function wrapped(degrees) {
 
 /** What cannot be sent, in a sentence; empty where all is fine. @param {Guide} guide */
 export function guideProblem({ pictures }) {
-  if (pictures.some(({ azimuth, elevation }) => !(Math.abs(azimuth) <= 360 && Math.abs(elevation) <= 90))) return "An azimuth is at most 360 degrees, an elevation at most 90.";
   const same = pictures.findIndex((one, i) => pictures.slice(0, i).some((other) => Math.abs(wrapped(one.azimuth - other.azimuth)) < 1 && Math.abs(one.elevation - other.elevation) < 1));
   return same < 0 ? "" : `Picture ${same + 1} has the direction of another one.`;
 }

@@ -8,7 +8,6 @@ import { bytes } from "../../format.js";
 import { plainWords } from "../../plain.js";
 import { placeOf } from "../../groups.js";
 import { fileInput } from "../../picking.js";
-import { numberField } from "../control/rows.js";
 import { guideFiles, guideProblem, isTarget, MOST_PICTURES, noGuide, GUIDE_PARAMS, targetsOf } from "./model.js";
 import { PictureView } from "./picture-view.js";
 import { askForSketch } from "./sketch-dialog.js";
@@ -32,8 +31,6 @@ export class GuidePanel {
     this.files = [];
     this.targets = new TargetView(assets, scope);
     this.pictures = new PictureView(assets, scope, this);
-    /** @type {(() => void)[]} */
-    this.shows = [];
     this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files));
     this.pictureInput = fileInput("picture-file", "Picture file", "image/png,image/jpeg,image/webp", (files) => this.take(files), true);
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
@@ -143,14 +140,14 @@ export class GuidePanel {
     this.onChange();
   }
 
-  /** A value is another one. */
-  changed() {
-    for (const show of this.shows) show();
+  /** A picture has another direction. @param {number} at */
+  turned(at) {
+    const said = this.body.children[at]?.querySelector(".direction");
+    if (said) said.textContent = directionWords(this.guide.pictures[at]);
     this.onChange();
   }
 
   _show() {
-    this.shows = [];
     this.chooseTarget.hidden = this.draw.hidden = !this.isEmpty;
     this.choosePicture.hidden = this.target !== null || this.files.length >= MOST_PICTURES;
     fill(this.body, this.target ? this.meshes.map((mesh) => this._targetRow(mesh)) : this.files.map((file, i) => this._pictureRow(file, i)));
@@ -164,15 +161,6 @@ export class GuidePanel {
 
   /** @param {Asset} file @param {number} at */
   _pictureRow(file, at) {
-    const view = this.guide.pictures[at];
-    const angle = (/** @type {"azimuth" | "elevation"} */ name, /** @type {string} */ label) => {
-      const field = numberField(`${label} of picture ${at + 1}, degrees`, () => view[name], (value) => {
-        view[name] = value;
-        this.changed();
-      });
-      this.shows.push(field.show);
-      return h("label", null, h("span", { class: "small muted" }, label), field.input);
-    };
     const fit = h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(this.pictures.fitting === at), on: { click: () => (this.pictures.fitting === at ? this.pictures.end() : this.pictures.fit(at)) } }, this.pictures.fitting === at ? "Done" : "Turn the asset to fit");
     fit.hidden = !this.pictures.possible;
     const image = h("img", { src: this.pictures.url(file), alt: "" });
@@ -184,7 +172,7 @@ export class GuidePanel {
         "div",
         null,
         h("div", { class: "control-head" }, h("strong", null, file.name), button(`Remove picture ${at + 1}`, () => this._removePicture(at), { icon: "trash", quiet: true, class: "button-quiet" })),
-        h("div", { class: "angles" }, angle("azimuth", "Azimuth"), angle("elevation", "Elevation")),
+        h("p", { class: "small muted direction" }, directionWords(this.guide.pictures[at])),
         fit,
       ),
     );
@@ -198,9 +186,8 @@ export class GuidePanel {
   /** Return whether it can be sent; what cannot is said. */
   check() {
     const problem = guideProblem(this.guide);
-    const wrong = this.element.querySelector('[aria-invalid="true"]');
     this._refuse(problem);
-    return !problem && !wrong;
+    return !problem;
   }
 
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
@@ -214,6 +201,11 @@ export class GuidePanel {
   }
 
   focusProblem() {
-    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("button:not([hidden])"))?.focus();
+    /** @type {HTMLElement | null} */ (this.element.querySelector("button:not([hidden])"))?.focus();
   }
+}
+
+/** From where a picture shows the asset. @param {import("./model.js").Direction} direction */
+function directionWords({ azimuth, elevation }) {
+  return `Seen from ${azimuth}°${elevation ? `, ${elevation}° ${elevation > 0 ? "above" : "below"}`.replace("-", "") : ""}`;
 }
