@@ -57,7 +57,7 @@ export class WordsView {
       root,
       intro("Words", "of your own", "Name meshes of yours, and prompts can say that name at once: as what an asset should become, or as what it is."),
       kindsNav("words"),
-      h("div", { class: "create" }, this.zone.element, this.form.element),
+      h("div", { class: "bench" }, this.zone.element, this.form.element),
       this.list,
     );
     this._show();
