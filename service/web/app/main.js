@@ -15,7 +15,7 @@ let scope = new Scope();
 let first = true;
 let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", many: "create", examples: "examples", shared: "shared", api: "api", usage: "api" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", many: "create", examples: "examples", shared: "shared", api: "api", usage: "api", unknown: "" });
 const RELOAD_MS = 30_000;
 const AGAIN_MS = 1000;
 const SHOWN_WITHOUT_SERVER = new Set(["examples", "shared", "field"]);
