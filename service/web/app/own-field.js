@@ -14,7 +14,7 @@ export class OwnField {
     this.scope = scope;
     this.stage = new Scope();
     scope.add(() => this.stage.dispose());
-    this.place = h("div", null);
+    this.place = h("div", { class: "results" });
     this.refused = h("div", { class: "field-problem", role: "alert", hidden: true });
     const input = fileInput("field-file", "Field file", ".ndf", ([file]) => this._show(file));
     const element = h(

@@ -184,7 +184,7 @@ export class Workbench {
     this.code = h("details", { class: "advanced", on: { toggle: () => this._showCode() } }, h("summary", null, "As code"), this.program);
     this.inUse = h("span", { class: "small muted" });
     const making = this.shared ? [] : [this.settings.element, this.control.element, this.code];
-    this.more = h("details", { class: "advanced bench-details" }, h("summary", null, "Details ", this.inUse), this.panel?.results, this.comparison.view, making, this.panel?.settings);
+    this.more = h("details", { class: "advanced bench-details", on: { toggle: () => this.control.place() } }, h("summary", null, "Details ", this.inUse), this.panel?.results, this.comparison.view, making, this.panel?.settings);
     const words = [this.restored, this.prompt.element, this.outlook, this.problem, this.parts.element, this.guide.element, this.live.lacks, this.live.element];
     this.form.element.append(
       ...(this.panel ? [this.panel.head, this.panel.top] : [h("h1", null, "Describe what it ", h("em", null, "should become"))]),

@@ -47,6 +47,7 @@ export class ControlPanel {
     });
     this.bar = new Toolbar(this);
     this.toolbar = this.bar.element;
+    /** @type {HTMLDetailsElement} */
     this.element = this._fold();
     this._show();
   }
@@ -62,7 +63,7 @@ export class ControlPanel {
       h("div", { class: "row" }, this.undoButton, this.clearButton),
       labelled("control-symmetry", "Symmetry", this.symmetry),
     );
-    fold.addEventListener("toggle", () => this._place());
+    fold.addEventListener("toggle", () => this.place());
     return fold;
   }
 
@@ -79,7 +80,7 @@ export class ControlPanel {
     this._aimElsewhere();
     this._belong();
     this.history.reset(this.control);
-    if (!isEmpty(this.control)) /** @type {HTMLDetailsElement} */ (this.element).open = true;
+    if (!isEmpty(this.control)) this.element.open = true;
     this._show();
   }
 
@@ -237,15 +238,15 @@ export class ControlPanel {
     this.undoButton.disabled = !this.history.past.length;
     this.clearButton.disabled = isEmpty(this.control) && !unaimed(this.control.regions).length;
     this.bar.show(this.tool, this.view.numbered, !this.undoButton.disabled);
-    this._place();
+    this.place();
     this.reader?.press();
     say(this.problem, controlProblem(this.control, this.subdivided) || this.view.problem);
   }
 
-  /** The brush is there while this panel is open, or a part is painted. */
-  _place() {
-    const { open } = /** @type {HTMLDetailsElement} */ (this.element ?? {});
-    this.toolbar.hidden = !this.view.possible || !(open || (isPart(this.action) && this.tool !== "turn"));
+  /** The brush is there while this panel is seen, or a part is painted. */
+  place() {
+    const seen = this.element?.checkVisibility() && this.element.open;
+    this.toolbar.hidden = !this.view.possible || !(seen || (isPart(this.action) && this.tool !== "turn"));
   }
 
   /** @param {boolean} subdivided Whether the long edges are split first. @returns {boolean} whether it can be sent */
@@ -253,7 +254,7 @@ export class ControlPanel {
     this.subdivided = subdivided;
     this._words();
     const good = !controlProblem(this.control, subdivided);
-    if (!good) /** @type {HTMLDetailsElement} */ (this.element).open = true;
+    if (!good) this.element.open = true;
     return good;
   }
 
@@ -264,7 +265,7 @@ export class ControlPanel {
     const said = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
     if (own.every((error) => READING_PARAMS.includes(placeOf(error)[0]))) this.reader?.refuse(said);
     else {
-      /** @type {HTMLDetailsElement} */ (this.element).open = true;
+      this.element.open = true;
       say(this.problem, said);
     }
     return own.length === errors.length;
