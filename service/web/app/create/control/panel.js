@@ -10,6 +10,7 @@ import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
 
 /** @typedef {import("./model.js").Control} Control */
+/** @typedef {import("../parts/sentence.js").Part} Part */
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
 
 const MOST_REGIONS = 64;
@@ -139,17 +140,23 @@ export class ControlPanel {
     this.use("turn");
   }
 
-  /** What happens to a part, as a region says it; empty: nothing is said. @param {string} name */
-  actionOf(name) {
-    return String(this.control.regions.find(({ label }) => label === name)?.action ?? "");
+  /** The region that says what happens to a part; that of a job has no label. @param {Part} part */
+  _regionOf({ name, faces }) {
+    return this.control.regions.find((region) => !isPart(region.action) && (region.label === name || JSON.stringify(region.faces) === JSON.stringify(faces)));
   }
 
-  /** Say what happens to a part, or no more. @param {import("../parts/sentence.js").Part} part @param {string} action */
-  mark({ name, faces }, action) {
-    const before = this.actionOf(name);
-    this.control.regions = this.control.regions.filter(({ label }) => label !== name);
-    if (before === action) this._structure();
-    else this.addRegion({ faces: structuredClone(faces), action, label: name });
+  /** What happens to a part; empty: nothing is said. @param {Part} part */
+  actionOf(part) {
+    const region = this._regionOf(part);
+    return region ? String(region.action ?? "keep") : "";
+  }
+
+  /** Say what happens to a part, or no more. @param {Part} part @param {string} action */
+  mark(part, action) {
+    const region = this._regionOf(part);
+    this.control.regions = this.control.regions.filter((each) => each !== region);
+    if (region && (region.action ?? "keep") === action) this._structure();
+    else this.addRegion({ faces: structuredClone(part.faces), action, label: part.name });
   }
 
   /** @param {Record<string, any>} region */

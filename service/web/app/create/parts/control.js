@@ -242,7 +242,7 @@ export class PartsControl {
     this.kept.hidden = !part;
     if (!part) return;
     this.kept.setAttribute("aria-label", `What happens to the ${part.name}`);
-    const chosen = this.panel.actionOf(part.name);
+    const chosen = this.panel.actionOf(part);
     const pairs = /** @type {[string, string][]} */ ([["keep", "Keep as it is"], ["only", "Only this moves"]]);
     refill(this.kept, pairs.map(([action, text]) => h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(chosen === action), on: { click: () => this.panel.mark(part, action) } }, text)));
   }
