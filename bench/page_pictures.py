@@ -1,13 +1,11 @@
 """Take the pictures of the web page for the docs, with a real browser and a real service.
 
-python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png, web_phone.png and
-                                              web_control.png
+python -m bench.page_pictures                 writes docs/pictures/web_job.png, web_list_dark.png and web_phone.png
 """
 
 from __future__ import annotations
 
 import os
-import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -75,29 +73,6 @@ def take(browser: Browser, url: str, path: Path, view: str, ready: str, press: s
             page.evaluate("() => scrollTo(0, 0)")  # the click may have scrolled
 
 
-def take_control(browser: Browser, url: str, path: Path) -> None:
-    """Save a picture of the form with painted triangles and a handle."""
-    with opened(browser, url, "/", path, viewport={"width": 1360, "height": 1120}) as page:
-        page.set_input_files("#asset-file", ROOT / "examples" / "vase.glb")
-        page.get_by_label("Prompt", exact=True).fill("a fat penguin")
-        page.locator(".bench-details > summary").click()
-        page.get_by_text("Control", exact=True).click()
-        rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
-        canvas = page.locator(".asset-panel .viewer").bounding_box()
-        assert canvas is not None
-        strokes = {"Paint": [(0.47, 0.68), (0.53, 0.68)], "Handle": [(0.42, 0.45), (0.3, 0.4)]}
-        for count, (tool, ends) in enumerate(strokes.items(), start=1):
-            page.get_by_role("group", name="Tool").get_by_text(tool, exact=True).click()
-            places = [(canvas["x"] + x * canvas["width"], canvas["y"] + y * canvas["height"]) for x, y in ends]
-            while rows.count() < count:  # until the tools are loaded
-                page.mouse.move(*places[0])
-                page.mouse.down()
-                page.mouse.move(*places[1], steps=8)
-                page.mouse.up()
-        page.locator("#estimate", has_text=re.compile("fit|steps")).wait_for()
-        page.locator(".control-panel").scroll_into_view_if_needed()
-
-
 def main() -> None:
     """Take the pictures of the web page."""
     with tempfile.TemporaryDirectory(prefix="meshdeform-pictures-") as folder, sync_playwright() as playwright:
@@ -109,7 +84,6 @@ def main() -> None:
             take(launched, url, PICTURES / "web_job.png", f"/#/jobs/{job}", ".verdict p", "Side by side", **JOB)
             take(launched, url, PICTURES / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
             take(launched, url, PICTURES / "web_phone.png", f"/#/jobs/{job}", ".verdict p", **PHONE)
-            take_control(launched, url, PICTURES / "web_control.png")
 
 
 if __name__ == "__main__":

@@ -65,11 +65,8 @@ def views(page: Page, finished: str) -> Iterator[str]:
     """Each view of the page, once it is complete."""
     open_form(page)
     open_more(page)
-    page.get_by_text("Advanced", exact=True).click()
     page.get_by_text(re.compile(r"^All \d+ nouns")).click()
     page.get_by_text("Control", exact=True).click()
-    for tool in ("Add a box", "Add triangles", "Add a handle"):
-        page.locator(".control-panel").get_by_role("button", name=tool).click()
     page.evaluate("() => document.activeElement.blur()")
     page.get_by_role("heading", name="Recent jobs").wait_for()
     yield "form"
@@ -86,8 +83,8 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.locator(".card").first.wait_for()
     page.get_by_role("button", name="Select", exact=True).click()
     yield "jobs"
-    page.goto("/#/groups/access")
-    page.locator(".card img").first.wait_for()
+    page.goto("/#/groups/access")  # they hang on the wall
+    page.locator(".many-card .badge-good, .many-card .badge-doubtful, .many-card .badge-keep_source").first.wait_for()
     yield "group"
     page.goto("/#/examples")
     page.locator(".gallery .card").first.wait_for()
@@ -96,7 +93,9 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.locator(".many-card").nth(5).wait_for()
     yield "many"
     page.goto("/#/examples/kept-foot")
-    page.locator(".job-side .badge").wait_for()
+    page.locator(".shape img").first.wait_for()
+    open_more(page)
+    page.get_by_role("list", name="Regions").get_by_role("listitem").wait_for()
     yield "example"
     other = finished[:-4] + "0000"  # the same job under another name
     page.route(f"**/{other}**", lambda route: route.continue_(url=route.request.url.replace(other, finished)))

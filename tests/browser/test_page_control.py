@@ -1,7 +1,8 @@
-"""The page's tools for control: what is painted, boxed, picked and dragged is what the worker keeps and moves."""
+"""The page's control: what is painted, or a part that is kept, is what the worker keeps."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,7 +62,7 @@ def tool(page: Page, name: str) -> None:
 
 
 @pytest.mark.without_pictures
-def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service: Service, tmp_path: Path) -> None:
+def test_painted_faces_are_kept(page: Page, service: Service, tmp_path: Path) -> None:
     asset = two_parts(tmp_path / "balls.glb")
     open_form(page)
     choose(page, asset)
@@ -70,7 +71,7 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     open_more(page)
     page.get_by_text("Control", exact=True).click()
     tool(page, "Paint")
-    rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
+    rows = page.get_by_role("list", name="Regions").get_by_role("listitem")
 
     # The camera stands to the right of the front: the ball that it sees on the right is `right`.
     def painted() -> bool:
@@ -85,23 +86,17 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     drag(page, viewer, (0.05, 0.1), (0.06, 0.1))
     assert rows.first.inner_text() == said
 
-    tool(page, "Part")
-    page.get_by_role("group", name="Parts by").get_by_text("Materials", exact=True).click()
-    drag(page, viewer, (0.66, 0.6), (0.66, 0.6))
-    expect(rows.nth(1)).to_contain_text("Material lower")
+    tool(page, "Turn")
+    page.get_by_role("button", name="Clear all").click()
+    expect(rows).to_have_count(0)
     page.keyboard.press("Control+z")
     expect(rows).to_have_count(1)
-
-    tool(page, "Handle")
-    drag(page, viewer, (0.36, 0.45), (0.3, 0.3))
-    expect(rows.nth(1)).to_contain_text("Handle 1")
-    expect(page.get_by_label("Goes to y")).not_to_have_value(page.get_by_label("Point y").input_value())
 
     page.get_by_label("Prompt", exact=True).fill("a tall vase")
     set_steps(page, 3)
     page.reload()  # a draft has all of it
     open_more(page)
-    expect(rows).to_have_count(2)
+    expect(rows).to_have_count(1)
     expect(page.locator("#estimate")).to_contain_text("3 steps")
     job = start(page)
     assert service.finished(job)["state"] == "succeeded"
@@ -122,25 +117,20 @@ def test_painted_faces_are_kept_and_a_dragged_point_arrives(page: Page, service:
     kept = np.unique(source.surface.triangles[numbers])
     np.testing.assert_array_equal(result.positions[kept], source.surface.positions[kept])
     assert np.abs(result.positions - source.surface.positions).max() > 0.01
-    [handle] = control["handles"]
-    assert np.linalg.norm(np.array(handle["position"]) - [-1.2, 0, 0]) == pytest.approx(1, abs=0.06)
-    nearest = np.linalg.norm(result.positions - handle["to"], axis=1).min()
-    assert nearest < 0.35, "the surface is where the point was dragged"
-
     open_more(page)
-    expect(rows).to_have_count(2)  # the page of the job is the form with all of it
+    expect(rows).to_have_count(1)  # the page of the job is the form with all of it
     # Another file has other triangles.
     page.get_by_role("link", name="Create", exact=True).click()
     page.get_by_role("button", name="Choose a file").wait_for()
     open_more(page)
-    expect(rows).to_have_count(2)
+    expect(rows).to_have_count(1)
     page.get_by_role("button", name="Sphere", exact=True).click()
     until_noted(page, "belonged to the other file")
     expect(rows).to_have_count(0)
 
 
 @pytest.mark.without_3d
-def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
+def test_a_part_is_kept_by_the_keyboard_alone(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
     open_form(page)
     choose(page, two_parts(tmp_path / "balls.glb"))
     page.get_by_label("Prompt", exact=True).fill("a tall vase")
@@ -148,60 +138,55 @@ def test_all_of_it_is_typed(page: Page, watch: Watch, service: Service, tmp_path
     open_more(page)
     page.get_by_text("Control", exact=True).click()
     expect(page.get_by_role("group", name="Tool")).to_be_hidden()
-    page.get_by_role("button", name="Add a box").click()
-    for end, place in (("From", (-3, -3, -3)), ("To", (3, 0, 3))):
-        for axis, value in zip("xyz", place, strict=True):
-            page.get_by_label(f"{end} {axis}").fill(str(value))
-    page.get_by_label("Region 1: what happens to it").select_option("only")
-    page.get_by_label("Part to add").select_option(label="left")
-    page.get_by_role("button", name="Add part").click()
-    page.get_by_role("button", name="Add triangles").click()
-    page.get_by_label("Triangles", exact=True).fill("0-3, 7-")
+    part = page.get_by_role("group", name="Parts").get_by_role("button", name="left")
+    part.press("Enter")
+    keeps = page.get_by_role("button", name="Keep as it is")
+    keeps.press("Enter")
+    expect(keeps).to_have_attribute("aria-pressed", "true")
+    expect(keeps).to_be_focused()
+    rows = page.get_by_role("list", name="Regions").get_by_role("listitem")
+    expect(rows).to_have_text(re.compile("The left"))
     page.get_by_label("Symmetry").select_option("z")
-    page.get_by_label("Fall-off").fill("0.2")
-    begin = keep(page)
-    begin.click()
-    expect(page.get_by_label("Triangles", exact=True)).to_be_focused()
-    page.get_by_label("Triangles", exact=True).fill("0-3, 7")
     # Split edges number the triangles anew.
+    begin = keep(page)
     page.get_by_label("Split long edges first").check()
-    expect(page.get_by_text("Painted triangles are numbered as in the file")).to_be_visible()
+    expect(page.get_by_text("Triangles are numbered as in the file")).to_be_visible()
     begin.click()
     assert watch.posted() == []
     page.get_by_label("Split long edges first").uncheck()
     expect(page.locator("#estimate")).to_contain_text("2 steps")
     job = start(page)
     control = service.job(job)["params"]["control"]
-    assert [{k: v for k, v in region.items() if v is not None} for region in control["regions"]] == [
-        {"box": {"min": [-3, -3, -3], "max": [3, 0, 3]}, "action": "only"},
-        {"node": "left", "action": "keep"},
-        {"faces": [[0, 3], 7], "action": "keep"},
-    ]
-    assert (control["symmetry"], control["falloff"]) == ("z", 0.2)
+    (region,) = control["regions"]
+    source = load_asset((tmp_path / "balls.glb").read_bytes())
+    names = {node["index"]: node["name"] for node in source.parts().nodes}
+    numbers = [number for first, last in region["faces"] for number in range(first, last + 1)]
+    assert {names[node] for node in source.parts().node_of_triangle[numbers]} == {"left"}
+    assert (region["action"], control["symmetry"]) == ("keep", "z")
     assert service.finished(job)["state"] == "succeeded"
     until_judged(page)
     open_more(page)
-    rows = page.get_by_role("list", name="Regions and handles").get_by_role("listitem")
-    expect(rows).to_have_count(3)
+    expect(rows).to_have_count(1)
     page.get_by_role("button", name="Clear all").click()
     expect(rows).to_have_count(0)
     page.get_by_role("button", name="Undo").first.click()
-    expect(rows).to_have_count(3)
+    expect(rows).to_have_count(1)
 
 
 @pytest.mark.without_pictures
-def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service, tmp_path: Path) -> None:
+def test_a_target_or_a_picture(page: Page, service: Service, tmp_path: Path) -> None:
     open_form(page)
     expect(page.locator("#asset-facts")).to_contain_text("triangles")
     Image.fromarray(np.pad(np.zeros((40, 20), np.uint8), 20, constant_values=255)).save(tmp_path / "front.png")
     page.set_input_files("#picture-file", tmp_path / "front.png")
-    azimuth = page.get_by_label("Azimuth of picture 1")
-    expect(azimuth).to_have_value("0")
+    direction = page.locator(".direction")
+    expect(direction).to_have_text("Seen from 0°")
     expect(page.locator(".picture-veil")).to_be_visible()
     drag(page, page.locator(".asset-panel .viewer"), (0.5, 0.5), (0.4, 0.5))
-    expect(azimuth).not_to_have_value("0")
-    assert 5 < float(azimuth.input_value()) < 90, "dragged to the left, the asset shows its left side"
-    azimuth.fill("90")
+    expect(direction).not_to_have_text("Seen from 0°")
+    seen = re.search(r"from (\d+)°", direction.inner_text())
+    assert seen, "dragged to the left, the asset shows its left side"
+    assert 5 < int(seen[1]) < 90
     set_steps(page, 2)
     expect(page.locator("#estimate")).to_contain_text("2 steps")  # the server takes the picture, without a prompt
     expect(page.get_by_role("button", name="Fit to another mesh")).to_be_hidden()
@@ -210,33 +195,16 @@ def test_a_target_with_pairs_of_points_or_a_picture(page: Page, service: Service
 
     page.set_input_files("#target-file", two_parts(tmp_path / "balls.glb"))
     expect(page.get_by_label("Prompt", exact=True)).to_be_hidden()
-    expect(page.locator(".front-control")).to_be_hidden()  # it would not be sent
-    source, target = page.locator(".asset-panel .viewer").nth(0), page.locator(".asset-panel .viewer").nth(1)
+    target = page.locator(".asset-panel .viewer").nth(1)
     until_shown(page, LOWER)
-    page.get_by_role("button", name="Click pairs of points").click()
-    pairs = page.get_by_role("list", name="Pairs of points").get_by_role("listitem")
-
-    def paired() -> bool:
-        drag(page, source, (0.5, 0.5), (0.5, 0.5))
-        drag(page, target, (0.7, 0.5), (0.7, 0.5))
-        return pairs.count() > 0
-
-    until("the tools are loaded", paired)
-    number = pairs.count()
     until("both files are kept", lambda: {"sphere.glb", "balls.glb"} <= {*kept_files(page)})
     page.reload()  # a draft has both
-    expect(pairs).to_have_count(number)
     expect(target.locator(".viewer-tag")).to_have_text("Target")
     expect(page.locator("#estimate")).to_contain_text("2 steps")
     job = start(page)
     document = service.job(job)
     guidance = document["params"]["guidance"]
     assert (guidance["kind"], document["target"]["filename"]) == ("target", "balls.glb")
-    [pair, *_] = guidance["landmarks"]
-    radius = np.abs(load_asset(service.http.get(f"/v1/jobs/{job}/asset").content).surface.positions).max()
-    assert np.linalg.norm(pair["source"]) == pytest.approx(radius, rel=0.02)
-    assert np.linalg.norm(np.array(pair["target"]) - [1.2, 0, 0]) == pytest.approx(1, abs=0.06)
     service.http.post(f"/v1/jobs/{job}/cancel")
     service.finished(job)
-    expect(pairs).to_have_count(number)
     expect(target.locator(".viewer-tag")).to_have_text("Target")

@@ -142,6 +142,12 @@ def test_what_is_typed_is_seen_and_a_click_takes_another_design(page: Page, show
     # The designs stay: only the file of the one that was taken is new.
     assert shown.forms.count("positions") == 6
     expect(page.locator(".outlook:visible")).to_have_text("It leans.")
+    # One that is gone back to stays in its place.
+    shapes = page.get_by_role("group", name="Shapes so far").get_by_role("button")
+    expect(shapes).to_have_count(2)
+    shapes.first.click()
+    expect(page.locator("#seed")).to_have_value("10")
+    expect(shapes.first).to_have_attribute("aria-pressed", "true")
 
 
 def test_strength_moves_the_mesh_without_a_request(page: Page, shown: Previews) -> None:

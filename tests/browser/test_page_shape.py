@@ -40,7 +40,6 @@ def test_a_word_is_used_by_its_shape(page: Page, service: Service, axe: str, sma
     expect(quality).to_be_visible()
     way.select_option("shape")
     expect(quality).to_be_hidden()
-    expect(page.get_by_label("Negative prompt")).to_be_hidden()
 
     # What can hardly be is said, with what would work; it can start all the same.
     warning = page.locator(".outlook", has_text="nothing that could become")
@@ -63,39 +62,21 @@ def test_a_word_is_used_by_its_shape(page: Page, service: Service, axe: str, sma
 
 
 @pytest.mark.without_3d
-def test_the_nearest_of_several_meshes_is_the_target(
-    page: Page, service: Service, small_sphere: Path, tmp_path: Path
-) -> None:
+def test_another_mesh_is_the_target(page: Page, service: Service, small_sphere: Path, tmp_path: Path) -> None:
     meshes = [write_ellipsoid(tmp_path / f"{name}.obj", height) for name, height in (("flat", 0.5), ("tall", 2.0))]
     open_form(page)
     choose(page, small_sphere)
-    open_more(page)
-    way = page.get_by_label("How", exact=True)
     heads = page.locator(".guide-head")
-    way.select_option("pictures")
-    # Pushed to a mesh, the asset has one target: another takes its place.
-    for mesh in meshes:
+    for mesh in meshes:  # another takes its place
         page.set_input_files("#target-file", mesh)
-        expect(heads).to_have_count(1)
-        expect(heads).to_contain_text(mesh.name)
-    way.select_option("shape")
-    page.set_input_files("#target-file", meshes[0])
-    expect(heads).to_have_text([re.compile("Target 1tall.obj"), re.compile("Target 2flat.obj")])
-    expect(page.get_by_text("nearest to your asset")).to_be_visible()
-    expect(way.locator("option[value=pictures]")).to_be_disabled()
-    page.get_by_role("button", name="Show target 1").click()
-    expect(page.get_by_role("button", name="Show target 1")).to_have_attribute("aria-pressed", "true")
+        expect(heads).to_have_text(re.compile(f"Target mesh{mesh.name}"))
     expect(page.locator("#estimate")).to_contain_text("A fit")
     with service.held_jobs():
         job = start(page)
         document = service.job(job)
         service.http.post(f"/v1/jobs/{job}/cancel")
     assert document["params"]["guidance"] == {"kind": "exemplar"}
-    assert {part: file["filename"] for part, file in document["files"].items() if part != "asset"} == {
-        "target": "tall.obj",
-        "target_2": "flat.obj",
-    }
-    expect(heads).to_have_count(2)
-    page.get_by_role("button", name="Remove target 1").click()
-    expect(heads).to_have_text([re.compile("Target meshflat.obj")])
-    expect(way.locator("option[value=pictures]")).to_be_enabled()
+    assert document["files"]["target"]["filename"] == "tall.obj"
+    expect(heads).to_have_text(re.compile("Target meshtall.obj"))
+    page.get_by_role("button", name="Remove the target").click()
+    expect(heads).to_have_count(0)

@@ -1,22 +1,22 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { controlOf, controlParams, controlProblem, facesOf, facesText, History, isEmpty, noControl } from "../../service/web/app/create/control/model.js";
+import { controlOf, controlParams, controlProblem, History, isEmpty, noControl, regionWords } from "../../service/web/app/create/control/model.js";
 import { documentOf, fileKey, wishOf } from "../../service/web/app/params.js";
 import { readObjFaces } from "../../service/web/viewer/control/obj-faces.js";
 import { keptFaces, Neighbours, rangesOf, selectedFaces, unionOf } from "../../service/web/viewer/control/selecting.js";
 
-const FORM = { fields: [], groups: { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} }, unused: {}, input: {} } };
+const GROUPS = { control: { regions: {}, handles: {}, symmetry: {}, falloff: {}, rigid: {} }, guidance: { sds: { prompts: {} }, target: {} }, unused: {}, input: {} };
 const ASKED = {
   regions: [{ faces: [0, [4, 9]], action: "keep" }, { box: { min: [0, 0, 0], max: [1, 2, 1] }, action: "only" }],
-  handles: [{ position: [0, 1, 0], to: [0, 1.5, 0] }],
   symmetry: "x",
-  falloff: 0.2,
 };
+
+const OTHERS = { rigid: [{ node: "wheel" }], handles: [{ position: [0, 1, 0], to: [0, 1.5, 0] }], falloff: 0.2 };
 
 test("further prompts of a job are kept as they are, and the faces of a part are those of all its regions", () => {
   const prompts = [{ prompt: "a mushroom", weight: 3, regions: [{ node: "Head" }] }];
-  const wish = wishOf({ prompt: "", params: { guidance: { prompts } } }, []);
-  const document = documentOf(wish, null, FORM);
+  const wish = wishOf({ prompt: "", params: { guidance: { prompts } } });
+  const document = documentOf(wish, null, GROUPS);
   assert.deepEqual([document.params.guidance.prompts, "prompt" in document], [prompts, false]);
   assert.deepEqual([...unionOf([Uint8Array.from([1, 0, 0]), null, Uint8Array.from([0, 1, 0])], 3)], [1, 1, 0]);
 });
@@ -27,33 +27,27 @@ test("a request asks for what the form holds, and the form holds what a job aske
   assert.deepEqual(controlParams(noControl()), {});
   assert.equal(isEmpty({ ...noControl(), regions: [{ faces: [], action: "keep" }] }), true);
   // As the API returns them: with members that are null.
-  const told = controlOf({ regions: [{ node: "Hinge", box: null, action: "keep" }], handles: [{ vertex: null, position: [0, 0, 0], to: [1, 0, 0], weight: 0.5 }] });
+  const told = controlOf({ regions: [{ node: "Hinge", box: null, action: "keep" }] });
   assert.deepEqual(told.regions, [{ node: "Hinge", action: "keep" }]);
-  assert.equal(told.handles[0].vertex, undefined);
+  // The name of a part is for people.
+  const head = { faces: [[0, 3]], action: "keep", label: "head" };
+  assert.deepEqual(controlParams({ ...noControl(), regions: [head] }).regions, [{ faces: [[0, 3]], action: "keep" }]);
+  assert.deepEqual([head, ...control.regions, told.regions[0]].map(regionWords), ["The head", "Painted, 7 triangles", "box", "node Hinge"]);
 });
 
 test("a job that is asked for again brings its control, and nothing twice", () => {
-  const job = { prompt: "a vase", params: { control: { ...ASKED, rigid: [{ node: "wheel" }] } }, output: {}, asset: { filename: "a.glb", size: 7 } };
-  const wish = wishOf(job, []);
+  const job = { prompt: "a vase", params: { control: { ...ASKED, ...OTHERS } }, output: {}, asset: { filename: "a.glb", size: 7 } };
+  const wish = wishOf(job);
   assert.equal(wish.control.of, fileKey("a.glb", 7));
-  assert.deepEqual(wish.kept.params, { rigid: [{ node: "wheel" }] });
-  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documentOf(wish, null, FORM).params;
+  assert.deepEqual(wish.kept.params, OTHERS, "what the form has no field for");
+  const { checkpoint_every_steps: _, seed: __, preset: ___, ...params } = documentOf(wish, null, GROUPS).params;
   assert.deepEqual(params, { ...job.params, guidance: { kind: "sds" } });
-});
-
-test("triangles are typed as numbers and ranges", () => {
-  assert.deepEqual(facesOf("0-12, 40 41"), [[0, 12], 40, 41]);
-  assert.deepEqual(facesOf(""), []);
-  for (const text of ["a", "3-1", "1.5", "-2", "1-"]) assert.equal(facesOf(text), null, text);
-  assert.equal(facesText([[0, 12], 40]), "0-12, 40");
 });
 
 test("what cannot be sent is said", () => {
   const good = controlOf(ASKED);
   assert.equal(controlProblem(good, false), "");
   assert.match(controlProblem(good, true), /numbered as in the file/);
-  assert.match(controlProblem({ ...good, falloff: "2" }, false), /from 0 to 1/);
-  assert.match(controlProblem({ ...noControl(), regions: [{ box: { min: [0, 3, 0], max: [1, 2, 1] } }] }, false), /along y/);
 });
 
 test("undo goes back step by step, and the same state is no step", () => {
@@ -66,27 +60,20 @@ test("undo goes back step by step, and the same state is no step", () => {
   assert.equal(history.undo(), null);
 });
 
-// A strip of four triangles over five places, in two parts.
+// A strip of four triangles over six places.
 const STRIP = {
   count: 4,
   places: Float32Array.from([0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0, 4, 0, 0, 5, 1, 0]),
   shown: Float32Array.from([0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0, 4, 0, 0, 5, 1, 0]),
   groups: Uint32Array.from([0, 1, 2, 3, 4, 5]),
   corners: Uint32Array.from([0, 1, 2, 1, 3, 2, 2, 3, 4, 3, 5, 4]),
-  parts: [{ node: 1, mesh: 0, material: 0, first: 0, count: 3 }, { node: 2, mesh: 1, material: -1, first: 3, count: 1 }],
-  below: (node) => new Set(node === 0 ? [0, 1, 2] : [node]),
 };
-const NAMED = { nodes: [{ index: 1, name: "body" }, { index: 2, name: "wheel" }, { index: 3, name: "wheel" }], materials: [{ index: 0, name: "red" }], mesh_names: [] };
 
 test("a region selects what the service selects", () => {
-  const faces = (region) => selectedFaces(region, STRIP, NAMED) && [...selectedFaces(region, STRIP, NAMED)];
+  const faces = (region) => selectedFaces(region, STRIP) && [...selectedFaces(region, STRIP)];
   assert.deepEqual(faces({ faces: [0, [2, 3]] }), [1, 0, 1, 1]);
   assert.deepEqual(faces({ box: { min: [0, 0, 0], max: [3, 1, 0] } }), [1, 1, 0, 0]);
-  assert.deepEqual(faces({ sphere: { center: [1, 0.5, 0], radius: 1.2 } }), [1, 0, 0, 0]);
-  assert.deepEqual(faces({ capsule: { start: [2, 0, 0], end: [4, 0, 0], radius: 1 } }), [0, 0, 1, 0]);
-  assert.deepEqual(faces({ node: "wheel" }), [0, 0, 0, 1]);
-  assert.deepEqual(faces({ node: 0 }), [1, 1, 1, 1]);
-  assert.deepEqual(faces({ material: "red" }), [1, 1, 1, 0]);
+  assert.equal(faces({ node: "wheel" }), null);
   assert.equal(faces({ joint: { name: "Head" } }), null);
 });
 
@@ -119,8 +106,8 @@ test("what a pointer changed is taken back as if it had not been", () => {
   const first = { ...noControl(), symmetry: "x" };
   history.add(first);
   const back = history.mark();
-  history.add({ ...first, falloff: "0.2" });
-  history.add({ ...first, falloff: "0.3" });
+  history.add({ ...first, symmetry: "y" });
+  history.add({ ...first, symmetry: "z" });
   assert.deepEqual(back(), first);
   assert.equal(history.past.length, 1);
   history.add(first);

@@ -3,43 +3,40 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
 import { estimateWords } from "../../service/web/app/format.js";
-import { fitFindings, fitsOf } from "../../service/web/app/exemplar.js";
-import { isUnused } from "../../service/web/app/groups.js";
-import { documentOf, formOf, isByShape, wishOf } from "../../service/web/app/params.js";
+import { groupsOf, isUnused } from "../../service/web/app/groups.js";
+import { documentOf, isByShape, wishOf } from "../../service/web/app/params.js";
 import { findings } from "../../service/web/app/quality.js";
 
-const WISH = { prompt: "a giraffe", model: "builtin", preset: "preview", seed: 7, subdivide: false, advanced: {}, kept: { params: {}, output: {} }, byShape: true };
+const WISH = { prompt: "a giraffe", model: "builtin", preset: "preview", seed: 7, subdivide: false, strength: "", kept: { params: {}, output: {} }, byShape: true };
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
 // The server says what a schema cannot: which of the common parameters a fit does without.
-const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas, "x-unused": { exemplar: ["steps", "carrier", "preset", "checkpoint_every_steps"] } });
+const GROUPS = groupsOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas, "x-unused": { exemplar: ["steps", "carrier", "preset", "checkpoint_every_steps"] } });
 
 /** @param {any} more Of the wish. */
-const asked = (more = {}) => documentOf({ ...WISH, ...more }, 20, FORM);
+const asked = (more = {}) => documentOf({ ...WISH, ...more }, 20, GROUPS);
 
 test("by shape, a request has what a fit takes, and nothing of the model's", () => {
-  const advanced = { strength: "0.9", steps: "40", carrier: "lattice", guidance_scale: "9", negative_prompt: "a chair", appearance: "clay" };
-  assert.deepEqual(asked({ advanced }), { prompt: "a giraffe", params: { seed: 7, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} });
+  const kept = { params: { steps: 40, carrier: "lattice", guidance_scale: 9, negative_prompt: "a chair" }, output: {} };
+  assert.deepEqual(asked({ kept, strength: "0.9" }), { prompt: "a giraffe", params: { seed: 7, guidance: { kind: "exemplar", strength: 0.9 } }, output: {} });
   // The model, on the other hand, has no such strength.
-  assert.deepEqual(asked({ advanced: { strength: "0.9" }, byShape: false }).params.guidance, { kind: "sds", model: "builtin" });
+  assert.deepEqual(asked({ strength: "0.9", byShape: false }).params.guidance, { kind: "sds", model: "builtin" });
 });
 
 test("the form shows what the way has", () => {
-  const shown = (/** @type {string} */ kind) => FORM.fields.map(({ name }) => name).filter((name) => !isUnused(name, kind, FORM.groups));
-  assert.ok(shown("exemplar").includes("strength") && shown("exemplar").includes("orientation"));
-  for (const name of ["steps", "carrier", "guidance_scale", "negative_prompt", "appearance"]) assert.ok(!shown("exemplar").includes(name), name);
-  assert.ok(shown("sds").includes("steps") && shown("sds").includes("guidance_scale") && !shown("sds").includes("strength"));
-  const strength = FORM.fields.find(({ name }) => name === "strength");
-  assert.deepEqual([strength?.min, strength?.max, typeof strength?.standard], [0, 1, "number"]);
+  const shown = (/** @type {string} */ kind) => ["preset", "model", "orientation"].filter((name) => !isUnused(name, kind, GROUPS));
+  assert.deepEqual(shown("exemplar"), ["orientation"]);
+  assert.deepEqual(shown("sds"), ["preset", "model", "orientation"]);
+  assert.deepEqual(shown("target"), ["preset"]);
 });
 
 test("one target is pushed or fitted to, and of several the nearest is fitted to", () => {
-  const [pair] = [{ source: [0, 1, 0], target: [0, 2, 0] }];
-  const guide = { ...noGuide(), align: "none", landmarks: [pair] };
-  assert.deepEqual(guideParams(guide, 1, ""), { guidance: "target", align: "none", landmarks: [pair] });
-  assert.deepEqual(guideParams(guide, 1, "", true), { guidance: "exemplar", align: "none", landmarks: [pair] });
-  // The pairs are places on one target.
-  for (const byShape of [false, true]) assert.deepEqual(guideParams(guide, 2, "", byShape), { guidance: "exemplar", align: "none" });
-  const document = asked({ prompt: "", guide: { ...guide, targets: 2 } });
+  const guide = noGuide();
+  assert.deepEqual(guideParams(guide, 1, ""), { guidance: "target" });
+  assert.deepEqual(guideParams(guide, 1, "", true), { guidance: "exemplar" });
+  for (const byShape of [false, true]) assert.deepEqual(guideParams(guide, 2, "", byShape), { guidance: "exemplar" });
+  // What a job said of its own target is kept.
+  const kept = { params: { align: "none" }, output: {} };
+  const document = asked({ prompt: "", guide: { ...guide, targets: 2 }, kept });
   assert.deepEqual(document, { params: { seed: 7, guidance: { kind: "exemplar", align: "none" } }, output: {} });
 
   const files = guideFiles(["a", "b", "c"], []);
@@ -56,28 +53,27 @@ test("pictures stand beside a prompt by shape, and without one alone", () => {
 test("a job by shape fills the form again", () => {
   const params = { seed: 3, guidance: { kind: "exemplar", strength: 0.8, orientation: 90 } };
   const job = { prompt: "a cat", params, output: {}, files: { asset: {} } };
-  const wish = wishOf(job, FORM.fields);
-  assert.deepEqual([wish.byShape, wish.advanced, wish.kept.params], [true, { strength: "0.8", orientation: "90" }, {}]);
-  assert.deepEqual(documentOf(wish, null, FORM), { prompt: "a cat", params, output: {} });
+  const wish = wishOf(job);
+  assert.deepEqual([wish.byShape, wish.strength, wish.control?.front, wish.kept.params], [true, "0.8", "90", {}]);
+  assert.deepEqual(documentOf(wish, null, GROUPS), { prompt: "a cat", params, output: {} });
   const several = { ...job, prompt: "", files: { asset: {}, target: {}, target_2: {} } };
-  assert.equal(wishOf(several, FORM.fields).guide?.targets, 2);
+  assert.equal(wishOf(several).guide?.targets, 2);
   assert.ok(isByShape(job));
 });
 
-test("what the asset was fitted to, and how near it came", () => {
+test("what the asset was fitted to", () => {
   const member = { noun: "giraffe", form: "giraffe", pose: "lying", attributes: ["fat", "long neck"] };
-  const fit = { member, target: null, distance_before: 0.0999, distance: 0.00704, kept: 0.93, left_over: ["saddle"], missing: ["horn", "horn", "mane"] };
-  assert.deepEqual(fitFindings({ exemplars: [fit] }, {}), [{
+  const fit = { member, target: null, kept: 0.93, left_over: ["saddle"], missing: ["horn", "horn", "mane"] };
+  assert.deepEqual(findings({ exemplars: [fit] }), [{
     tone: "plain",
     text: "Fitted to a fat giraffe, lying: 93% of the way",
-    note: "On average 0.7% of its size from it, 10% before. Only your asset has: saddle. Only that shape has: horn, mane.",
+    note: "Only your asset has: saddle. Only that shape has: horn, mane.",
   }]);
   const said = (/** @type {any} */ more) => findings({ exemplars: [more] }, { target_2: { filename: "tall.glb" } })[0].text;
   assert.equal(said({ member: { noun: "chair", form: "office-chair", pose: "" } }), "Fitted to an office chair");
   assert.equal(said({ member: { noun: "bird", form: "general", pose: "spread" }, kept: 1 }), "Fitted to a bird, wings spread: 100% of the way");
   assert.equal(said({ member: { target: 1 }, target: "target_2" }), "Fitted to tall.glb");
   assert.equal(said({ member: { noun: "cat", form: "standing-cat", way: "mould" } }), "Moulded into a standing cat");
-  assert.deepEqual([fitsOf(null), fitsOf({ quality: {} })], [[], []]);
 });
 
 test("a fit is not told in steps", () => {

@@ -1,53 +1,34 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { placeOf, plainParams } from "../../service/web/app/groups.js";
-import { checkpointEvery, documentOf, fieldProblem, formOf, integerProblem, keptText, nothingKept, numbersOf, randomSeed, wishOf } from "../../service/web/app/params.js";
+import { groupsOf, placeOf, plainParams } from "../../service/web/app/groups.js";
+import { noControl } from "../../service/web/app/create/control/model.js";
+import { checkpointEvery, documentOf, fieldProblem, integerProblem, keptText, nothingKept, numbersOf, randomSeed, wishOf } from "../../service/web/app/params.js";
 
-const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, subdivide: false, advanced: {}, kept: { params: {}, output: {} } };
+const WISH = { prompt: " a mushroom ", model: "builtin", preset: "preview", seed: 7, subdivide: false, strength: "", kept: { params: {}, output: {} } };
 // What the server serves as web/parameters.json has the same members.
 const openapi = JSON.parse(readFileSync(new URL("../../openapi/openapi.json", import.meta.url), "utf8"));
-const FORM = formOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas });
-const FIELDS = FORM.fields;
-const field = (name) => FIELDS.find((found) => found.name === name);
-
-test("the form offers what the server declares", () => {
-  const offered = FIELDS.map((found) => found.name);
-  assert.ok(offered.includes("steps") && offered.includes("negative_prompt") && !offered.includes("seed"));
-  assert.deepEqual(field("steps"), {
-    name: "steps", label: "Steps", help: "Optimiser iterations.", type: "integer", choices: undefined, min: 1, above: undefined, max: 50000,
-  });
-  assert.deepEqual(field("safeguard").choices.map(([value]) => value), ["intersections", "flips", "none"]);
-  assert.equal(field("negative_prompt").type, "text");
-  assert.deepEqual(formOf(null).fields, []);
-});
+const GROUPS = groupsOf({ ...openapi.components.schemas.DeformParams, $defs: openapi.components.schemas });
 
 test("one job asks for what was chosen and nothing else", () => {
-  assert.deepEqual(documentOf(WISH, 80, FORM), {
+  assert.deepEqual(documentOf(WISH, 80, GROUPS), {
     prompt: "a mushroom", params: { preset: "preview", checkpoint_every_steps: 8, seed: 7, guidance: { kind: "sds", model: "builtin" } }, output: {},
   });
 });
 
-test("what was typed under Advanced goes along as numbers; what is empty or wrong does not", () => {
-  const advanced = { steps: "40", learning_rate: " 0.01 ", safeguard: "none", normal_weight: "-2.5", guidance_scale: "" };
-  const { params } = documentOf({ ...WISH, advanced }, 80, FORM);
-  assert.deepEqual(params, { preset: "preview", steps: 40, learning_rate: 0.01, safeguard: "none", checkpoint_every_steps: 4, seed: 7, guidance: { kind: "sds", model: "builtin" } });
-});
-
 test("the front is a word or a number", () => {
-  assert.deepEqual(field("orientation").choices.map(([value]) => value), ["auto", "keep", "90", "180", "270"]);
-  const asked = (text) => documentOf({ ...WISH, advanced: { orientation: text } }, 80, FORM).params.guidance.orientation;
+  const asked = (front) => documentOf({ ...WISH, control: { ...noControl(), front } }, 80, GROUPS).params.guidance.orientation;
   assert.deepEqual(["90", "keep", ""].map(asked), [90, "keep", undefined]);
-  assert.equal(wishOf({ params: { guidance: { orientation: 180 } } }, FIELDS).advanced.orientation, "180");
+  assert.equal(wishOf({ params: { guidance: { orientation: 180 } } }).control.front, "180");
 });
 
 test("what is wrong is said", () => {
-  assert.equal(fieldProblem(field("steps"), ""), "");
-  assert.match(fieldProblem(field("steps"), "2.5"), /whole/);
-  assert.match(fieldProblem(field("steps"), "many"), /number/);
-  assert.match(fieldProblem(field("steps"), "0"), /At least 1/);
-  assert.match(fieldProblem(field("steps"), "60000"), /50,000/);
-  assert.match(fieldProblem(field("learning_rate"), "0"), /More than 0/);
+  const steps = { name: "steps", label: "Steps", help: "", type: "integer", min: 1, max: 50000 };
+  assert.equal(fieldProblem(steps, ""), "");
+  assert.match(fieldProblem(steps, "2.5"), /whole/);
+  assert.match(fieldProblem(steps, "many"), /number/);
+  assert.match(fieldProblem(steps, "0"), /At least 1/);
+  assert.match(fieldProblem(steps, "60000"), /50,000/);
 });
 
 test("a whole number is not rounded, cut or guessed", () => {
@@ -63,33 +44,33 @@ test("a job's own parameters fill the form again, and what it has no field for i
     params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { timestep_min: 0.5 }, control: { exclude: ["Ground"] }, input: { up: "z" }, checkpoint_every_steps: 7 },
     output: { morph: true, subdivide: true, other: 1 },
   };
-  const kept = { params: { timestep_min: 0.5, exclude: ["Ground"], up: "z" }, output: { morph: true, other: 1 } };
-  const wish = wishOf(job, FIELDS);
-  const control = { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [], of: "" };
-  const guide = { align: "", landmarks: [], pictures: [], targets: 0 };
-  assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, subdivide: true, rig: "", advanced: { learning_rate: "0.01" }, kept });
-  const document = documentOf(wish, null, FORM);
+  const kept = { params: { learning_rate: 0.01, timestep_min: 0.5, exclude: ["Ground"], up: "z" }, output: { morph: true, other: 1 } };
+  const wish = wishOf(job);
+  const control = { ...noControl(), of: "" };
+  const guide = { pictures: [], targets: 0 };
+  assert.deepEqual(wish, { control, guide, byShape: false, prompt: "a vase", model: "", preset: "paper", seed: 3, subdivide: true, rig: "", strength: "", kept });
+  const document = documentOf(wish, null, GROUPS);
   assert.deepEqual(document, {
     prompt: "a vase", params: { preset: "paper", seed: 3, learning_rate: 0.01, guidance: { kind: "sds", timestep_min: 0.5 }, control: { exclude: ["Ground"] }, input: { up: "z" } }, output: { morph: true, subdivide: true, other: 1 },
   });
-  assert.equal(keptText(kept), 'timestep_min 0.5, exclude ["Ground"], up z, output.morph true, output.other 1');
+  assert.equal(keptText(kept), 'learning_rate 0.01, timestep_min 0.5, exclude ["Ground"], up z, output.morph true, output.other 1');
   // What every job has is not kept, in whatever order its members are.
   const paths = { morph_path: { seconds: 1, frames: 8 }, other: { frames: 8 } };
-  assert.deepEqual(wishOf({ output: paths }, FIELDS, { morph_path: { frames: 8, seconds: 1 }, other: { frames: 4 } }).kept.output, { other: { frames: 8 } });
+  assert.deepEqual(wishOf({ output: paths }, { morph_path: { frames: 8, seconds: 1 }, other: { frames: 4 } }).kept.output, { other: { frames: 8 } });
   assert.equal(keptText(nothingKept()), "");
 });
 
 test("the rig is asked for where someone chose it", () => {
-  assert.deepEqual(documentOf({ ...WISH, rig: "keep" }, 80, FORM).output, { rig: "keep" });
-  const again = wishOf({ output: { rig: "follow" } }, FIELDS, { rig: "keep" });
+  assert.deepEqual(documentOf({ ...WISH, rig: "keep" }, 80, GROUPS).output, { rig: "keep" });
+  const again = wishOf({ output: { rig: "follow" } }, { rig: "keep" });
   assert.deepEqual([again.rig, again.kept.output], ["follow", {}]);
 });
 
 test("each parameter is in its group, and what another kind of guidance has stays here", () => {
-  const guide = { align: "none", landmarks: [], pictures: [{ azimuth: 0, elevation: 0 }] };
-  const asked = (more) => documentOf({ ...WISH, advanced: { guidance_scale: "9", steps: "40" }, ...more }, 80, FORM).params;
+  const guide = { pictures: [{ azimuth: 0, elevation: 0 }] };
+  const asked = (more) => documentOf({ ...WISH, kept: { params: { guidance_scale: 9, steps: 40 }, output: {} }, ...more }, 80, GROUPS).params;
   const common = { preset: "preview", steps: 40, checkpoint_every_steps: 4, seed: 7 };
-  assert.deepEqual(asked({ guide: { ...guide, targets: 1 } }), { ...common, guidance: { kind: "target", align: "none" } });
+  assert.deepEqual(asked({ guide: { ...guide, targets: 1 } }), { ...common, guidance: { kind: "target" } });
   assert.deepEqual(asked({ guide, prompt: "" }), { ...common, guidance: { kind: "silhouettes", silhouettes: guide.pictures } });
   const prompted = asked({ guide });
   assert.deepEqual(prompted, { ...common, guidance: { kind: "sds", silhouettes: guide.pictures, model: "builtin", guidance_scale: 9 } });

@@ -48,11 +48,11 @@ test("an asset is told as what it is read as, and as no surer than that", () => 
   assert.deepEqual(nounOptions(given, "mouse").map(([value]) => value), ["mouse", "elephant", "cow", "", ELSE]);
 });
 
-test("the front is one of four sides, or an angle", () => {
-  assert.deepEqual(frontOptions(READING, "").map(([value]) => value), ["", "0", "90", "180", "270", ELSE]);
+test("the front is one of eight sides, or an angle", () => {
+  assert.deepEqual(frontOptions(READING, "").map(([value]) => value), ["", "0", "45", "90", "135", "180", "225", "270", "315"]);
   const first = (front_azimuth_deg, said = "") => frontOptions({ ...READING, front_azimuth_deg }, said)[0][1];
-  assert.deepEqual([first(90), first(-90), first(45), first(null)], ["+X", "−X", "45°", "no side that is the front"]);
-  assert.deepEqual(frontOptions(READING, "35").at(-2), ["35", "35°, by hand"]);
+  assert.deepEqual([first(90), first(-90), first(50), first(null)], ["+X", "−X", "50°", "no side that is the front"]);
+  assert.deepEqual(frontOptions(READING, "35").at(-1), ["35", "35°"]);
   assert.equal(first(90, "0"), "As it was read");
 });
 
@@ -88,10 +88,10 @@ test("corrections are sent as documented, kept for the next job, and said", () =
   assert.deepEqual(controlParams(control), { ...asked, parts: [asked.parts[0], { name: "trunk", faces: [[0, 8]] }] });
   assert.deepEqual(controlParams(readingOf(control)), controlParams(controlOf({ ...asked, regions: [] })));
   assert.equal(isEmpty(readingOf(control)), true, "they say nothing about what may move");
-  const wish = wishOf({ prompt: "longer legs", params: { guidance: { source_noun: "elephant" }, control: { parts: asked.parts } } }, []);
+  const wish = wishOf({ prompt: "longer legs", params: { guidance: { source_noun: "elephant" }, control: { parts: asked.parts } } });
   assert.deepEqual(wish.kept.params, {});
-  const form = { fields: [], groups: { control: { parts: {}, regions: {} }, guidance: { sds: { source_noun: {} }, target: {} }, unused: {}, input: {} } };
-  const { guidance, control: sent } = documentOf(wish, null, form).params;
+  const groups = { control: { parts: {}, regions: {} }, guidance: { sds: { source_noun: {} }, target: {} }, unused: {}, input: {} };
+  const { guidance, control: sent } = documentOf(wish, null, groups).params;
   assert.deepEqual(guidance, { kind: "sds", source_noun: "elephant" });
   assert.deepEqual(sent.parts[1], { name: "trunk", faces: [[0, 8]] });
   assert.deepEqual(moved(control.regions, ["trunk"], "nose")[1].action, "part:nose");

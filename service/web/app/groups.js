@@ -10,7 +10,7 @@
  * @property {Record<string, string[]>} unused Parameters outside of the groups that a kind of guidance does without.
  */
 
-/** @param {any} schema The JSON schema of a job's parameters. @returns {Groups} */
+/** @param {any} schema The JSON schema of a job's parameters; null: none are known. @returns {Groups} */
 export function groupsOf(schema) {
   const members = (/** @type {{$ref: string}} */ { $ref }) => schema.$defs[/** @type {string} */ ($ref.split("/").at(-1))].properties;
   const { control, input, guidance } = schema?.properties ?? {};

@@ -15,16 +15,17 @@ let scope = new Scope();
 let first = true;
 let turn = 0;
 /** The link at the top that stands for a view, where it is not that to the jobs. */
-const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", many: "create", examples: "examples", example: "examples", shared: "shared", api: "api", usage: "api" });
+const SECTIONS = /** @type {Record<string, string>} */ ({ create: "create", surface: "create", field: "create", family: "create", words: "create", many: "create", examples: "examples", shared: "shared", api: "api", usage: "api", unknown: "" });
 const RELOAD_MS = 30_000;
 const AGAIN_MS = 1000;
-const SHOWN_WITHOUT_SERVER = new Set(["examples", "example", "shared", "field"]);
+const SHOWN_WITHOUT_SERVER = new Set(["examples", "shared", "field"]);
 
 /** @typedef {(root: HTMLElement, scope: Scope) => unknown} View Shows it. */
 
 /** Load the modules of a view. @type {Record<string, (route: any) => Promise<View>>} */
 const VIEWS = {
   async create(route) {
+    if (DEMO) return import("./examples/view.js").then(({ ExampleView }) => (root, scope) => new ExampleView(root, scope, route.example));
     const [{ Workbench }, { exampleOrigin, resultOrigin }] = await Promise.all([import("./create/view.js"), import("./create/origins.js")]);
     const example = route.example ? exampleOrigin(route.example) : null;
     return (root, scope) => new Workbench(root, scope, { from: route.result ? resultOrigin(route.from) : (route.from ?? example) });
@@ -35,12 +36,10 @@ const VIEWS = {
   many: ({ id }) => import("./many/view.js").then(({ ManyView }) => (root, scope) => new ManyView(root, scope, id ?? "")),
   words: () => import("./words/view.js").then(({ WordsView }) => (root, scope) => new WordsView(root, scope)),
   examples: () => import("./examples/view.js").then(({ showExamples }) => showExamples),
-  example: ({ id }) => import("./examples/view.js").then(({ ExampleView }) => (root, scope) => new ExampleView(root, scope, id)),
   compare: ({ ids: [before, after] }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, after, before)),
   api: () => import("./api/view.js").then(({ showReference }) => showReference),
   usage: () => import("./api/view.js").then(({ showUsage }) => showUsage),
   jobs: ({ state, search }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { state, search })),
-  group: ({ id }) => import("./jobs/list.js").then(({ ListView }) => (root, scope) => new ListView(root, scope, { group: id })),
   job: ({ id }) => import("./job/view.js").then(({ openJob }) => (root, scope) => openJob(root, scope, id)),
   shared: (route) => VIEWS.job(route),
   unknown: async ({ path }) => (root) => fill(root, h("h1", null, "Not found"), h("p", { class: "lead" }, `There is no page ${path}. `, h("a", { href: "#/" }, "Create something"))),
@@ -63,7 +62,7 @@ async function showUnloaded(root, scope) {
 
 async function show() {
   const wanted = parseRoute(location.hash);
-  const route = DEMO && !SHOWN_WITHOUT_SERVER.has(wanted.name) ? /** @type {const} */ ({ name: "examples" }) : wanted;
+  const route = DEMO && !SHOWN_WITHOUT_SERVER.has(wanted.name) && !("example" in wanted) ? /** @type {const} */ ({ name: "examples" }) : wanted;
   if (DEMO) rewind();
   turn += 1;
   const mine = turn;
@@ -93,7 +92,7 @@ async function show() {
   // As after a page load: at the top, and the keyboard at the new content.
   window.scrollTo(0, 0);
   main.focus({ preventScroll: true });
-  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", many: "Many files", api: "API", usage: "Usage", examples: "Examples", example: "Example", jobs: "Jobs", group: "Variations", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
+  announce({ create: "New job", surface: "New surface fit", field: "Open a field", family: "New family", words: "Your words", many: "Many files", api: "API", usage: "Usage", examples: "Examples", jobs: "Jobs", job: "Job", shared: "Shared job", compare: "Comparison", unknown: "Not found" }[route.name]);
 }
 
 function showTools() {

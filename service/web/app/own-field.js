@@ -14,7 +14,7 @@ export class OwnField {
     this.scope = scope;
     this.stage = new Scope();
     scope.add(() => this.stage.dispose());
-    this.place = h("div", null);
+    this.place = h("div", { class: "results" });
     this.refused = h("div", { class: "field-problem", role: "alert", hidden: true });
     const input = fileInput("field-file", "Field file", ".ndf", ([file]) => this._show(file));
     const element = h(
@@ -25,7 +25,7 @@ export class OwnField {
       this.refused,
       this.place,
     );
-    fill(root, intro("Open", "a field", "The file of a surface fit, unfolded to any level: to look at, to measure on, and to save as a mesh."), DEMO ? null : kindsNav("surface"), element);
+    fill(root, intro("Open", "a field", "The file of a surface fit, unfolded to any level: to look at, and to save as a mesh."), DEMO ? null : kindsNav("surface"), element);
     takeDrops(scope, element, ([file]) => this._show(file));
     const file = takeHanded();
     if (file) this._show(file);

@@ -1,21 +1,16 @@
 // @ts-check
 /**
- * The parameters that the page offers, and the request that a form means. What there is, its bounds and its words come
- * from the server, which checks every request again.
+ * The request that a form means, and the form that a job means. The server checks every request again.
  *
- * @typedef {object} Field
+ * @typedef {object} Field A number of a kind of job.
  * @property {string} name
  * @property {string} label
  * @property {string} help
- * @property {"integer" | "number" | "choice" | "text"} type
+ * @property {"integer" | "number"} type
  * @property {number} [min]
  * @property {number} [above] What it must be more than.
  * @property {number} [max]
- * @property {[string, string][]} [choices] Value and label.
- * @property {boolean} [numbers] Whether some of the choices are numbers.
- * @property {number} [standard] Its default, where the page shows it.
- *
- * @typedef {{fields: Field[], groups: import("./groups.js").Groups}} Form What a form offers, and the groups in which a request has it.
+ * @property {number} [standard] Its default.
  *
  * @typedef {object} Wish
  * @property {string} prompt
@@ -24,8 +19,8 @@
  * @property {number} seed
  * @property {boolean} subdivide
  * @property {string} [rig] What becomes of joints, morph targets and clips; empty: what the server does.
- * @property {Record<string, string>} advanced What was typed, by parameter; empty where the preset decides.
- * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, handles and symmetry; `of` is the
+ * @property {string} [strength] How far a fit goes; empty: as the server has it.
+ * @property {(import("./create/control/model.js").Control & {of?: string}) | null} [control] Regions, symmetry and corrections; `of` is the
  *   file that they are for.
  * @property {boolean} [byShape] Whether the asset is fitted to the shape that its prompt stands for, instead of pushed by a model.
  * @property {(import("./create/guide/model.js").Guide & {targets?: number}) | null} [guide] What its files besides the asset are for.
@@ -39,7 +34,7 @@
 import { CONTROL_PARAMS, controlOf, controlParams, noControl } from "./create/control/model.js";
 import { EXEMPLAR, GUIDE_PARAMS, guideOf, guideParams, isTarget, noGuide } from "./create/guide/model.js";
 import { count, titled } from "./format.js";
-import { groupedParams, groupsOf, plainParams } from "./groups.js";
+import { groupedParams, plainParams } from "./groups.js";
 
 export const PRESETS = /** @type {[string, string, string][]} */ ([
   ["preview", "Preview", "A quick first look"],
@@ -49,26 +44,6 @@ export const PRESETS = /** @type {[string, string, string][]} */ ([
 /** As the API and the command line have it. */
 export const USUAL_PRESET = "balanced";
 export const MAX_SEED = Number.MAX_SAFE_INTEGER;
-
-/**
- * The parameters that the form offers, as the server declares them.
- * @param {any} schema What `web/parameters.json` says: the JSON schema of a job's parameters.
- * @returns {Form}
- */
-export function formOf(schema) {
-  const groups = groupsOf(schema);
-  const offered = Object.entries({ ...schema?.properties, ...groups.guidance.sds, ...groups.guidance[EXEMPLAR] }).filter(([, member]) => member["x-form"]);
-  const fields = offered.map(([name, member]) => {
-    const { label, help, choices } = member["x-form"];
-    const kinds = member.anyOf ?? [member];
-    const kind = kinds.find((/** @type {any} */ one) => one.type !== "null") ?? {};
-    const numbers = Boolean(choices) && kinds.some((/** @type {any} */ one) => one.type === "number");
-    const type = choices ? "choice" : kind.type === "integer" || kind.type === "number" ? kind.type : "text";
-    const standard = typeof member.default === "number" ? { standard: member.default } : {};
-    return { name, label, help, type, choices, min: kind.minimum, above: kind.exclusiveMinimum, max: kind.maximum, ...(numbers ? { numbers } : {}), ...standard };
-  });
-  return { fields, groups };
-}
 
 /**
  * All parameters of a kind of job that are numbers, as `GET /v1/limits` declares them, each with its default.
@@ -85,7 +60,7 @@ export function numbersOf(schema) {
 /** What is wrong with what was typed; empty where it is fine or empty. @param {Field} field @param {string} text */
 export function fieldProblem(field, text) {
   const value = text.trim();
-  if (value === "" || field.type === "choice" || field.type === "text") return "";
+  if (value === "") return "";
   const number = Number(value);
   if (!Number.isFinite(number)) return "Enter a number.";
   if (field.type === "integer" && !Number.isInteger(number)) return "Enter a whole number.";
@@ -107,25 +82,21 @@ export function integerProblem(text, min, max) {
  * The document to post.
  * @param {Wish} wish
  * @param {number | null} steps What the server says the steps will be; null where it has not yet.
- * @param {Form} form
+ * @param {import("./groups.js").Groups} groups In which a request has them.
  * @returns {Record<string, any>}
  */
-export function documentOf(wish, steps, { fields, groups }) {
+export function documentOf(wish, steps, groups) {
   const targets = wish.guide?.targets ?? 0;
+  const prompt = wish.prompt.trim();
   /** @type {Record<string, any>} */
-  const params = { ...wish.kept.params, ...controlParams(wish.control ?? noControl()), ...guideParams(wish.guide ?? noGuide(), targets, wish.prompt.trim(), wish.byShape), preset: wish.preset, seed: wish.seed };
+  const params = { ...wish.kept.params, ...controlParams(wish.control ?? noControl()), ...guideParams(wish.guide ?? noGuide(), targets, prompt, wish.byShape), preset: wish.preset, seed: wish.seed };
   if (wish.model) params.model = wish.model;
-  for (const field of fields) {
-    const text = (wish.advanced[field.name] ?? "").trim();
-    if (text === "" || fieldProblem(field, text)) continue;
-    const numeric = field.type === "integer" || field.type === "number" || (field.numbers && Number.isFinite(Number(text)));
-    params[field.name] = numeric ? Number(text) : text;
-  }
+  if (wish.strength) params.strength = Number(wish.strength);
   const planned = params.steps ?? steps;
   if (planned) params.checkpoint_every_steps = checkpointEvery(planned);
   return {
     // A target mesh takes the place of a prompt.
-    ...(targets || ((params.guidance || params.prompts) && !wish.prompt.trim()) ? {} : { prompt: wish.prompt.trim() }),
+    ...(targets || ((params.guidance || params.prompts) && !prompt) ? {} : { prompt }),
     params: groupedParams(params, groups),
     output: { ...wish.kept.output, ...(wish.subdivide ? { subdivide: true } : {}), ...(wish.rig ? { rig: wish.rig } : {}) },
   };
@@ -147,7 +118,7 @@ export function randomSeed(random = Math.random) {
 }
 
 // Not kept: what the form asks for itself, and the words, which the server pins anew.
-const ASKED = ["preset", "model", "words", "seed", "checkpoint_every_steps", ...GUIDE_PARAMS];
+const ASKED = ["preset", "model", "words", "seed", "strength", "checkpoint_every_steps", ...GUIDE_PARAMS, ...CONTROL_PARAMS];
 
 /** Nothing kept. @returns {Kept} */
 export function nothingKept() {
@@ -163,16 +134,11 @@ export function keptText(kept) {
 /**
  * What a form must hold to ask for a job again.
  * @param {any} job
- * @param {Field[]} fields
  * @param {Record<string, any>} [defaults] Of `output`: what a job has anyway needs no keeping.
  * @returns {Wish}
  */
-export function wishOf(job, fields, defaults = {}) {
+export function wishOf(job, defaults = {}) {
   const params = plainParams(job.params);
-  const asked = new Set([...ASKED, ...CONTROL_PARAMS, ...fields.map((field) => field.name)]);
-  const advanced = Object.fromEntries(
-    fields.filter((field) => params[field.name] !== undefined).map((field) => [field.name, String(params[field.name])]),
-  );
   return {
     prompt: String(job.prompt ?? ""),
     model: String(params.model ?? ""),
@@ -180,12 +146,12 @@ export function wishOf(job, fields, defaults = {}) {
     seed: Number(params.seed ?? 0),
     subdivide: Boolean(job.output?.subdivide),
     rig: job.output?.rig ?? "",
-    advanced,
+    strength: String(params.strength ?? ""),
     byShape: isByShape(job),
     guide: { ...guideOf(params), targets: Object.keys(job.files ?? {}).filter(isTarget).length },
     control: { ...controlOf(params), of: job.asset ? fileKey(job.asset.filename, job.asset.size) : "" },
     kept: {
-      params: Object.fromEntries(Object.entries(params).filter(([name]) => !asked.has(name))),
+      params: Object.fromEntries(Object.entries(params).filter(([name]) => !ASKED.includes(name))),
       output: Object.fromEntries(Object.entries(job.output ?? {}).filter(([name, value]) => !["subdivide", "rig"].includes(name) && value && !same(value, defaults[name]))),
     },
   };

@@ -44,9 +44,3 @@ export function showRefusal(place, error, use) {
       : null,
   );
 }
-
-/** Return whether it is the negative prompt that is refused: the unknown words are not in the prompt. @param {MeshdeformError} error @param {string} prompt */
-export function isAboutNegative(error, prompt) {
-  const unknown = /** @type {string[]} */ (error.code === "prompt_unknown_words" ? (error.problem.unknown ?? []) : []);
-  return unknown.length > 0 && unknown.every((word) => !prompt.toLowerCase().includes(word));
-}

@@ -7,7 +7,7 @@
  *   | {name: "family", from: string | null}
  *   | {name: "examples" | "field" | "words" | "api" | "usage"}
  *   | {name: "jobs", state: string | null, search?: string}
- *   | {name: "job" | "group" | "example", id: string}
+ *   | {name: "job", id: string}
  *   | {name: "shared", id: string, link: string}
  *   | {name: "many", id?: string}
  *   | {name: "compare", ids: [string, string]}
@@ -36,9 +36,9 @@ const ROUTES = [
   ["jobs", [], (_, query) => ({ name: "jobs", state: stateOf(query.get("state")), search: (query.get("q") ?? "").slice(0, MAX_SEARCH) })],
   ["jobs", [JOB], ([id]) => ({ name: "job", id })],
   ["shared", [JOB, LINK], ([id, link]) => ({ name: "shared", id, link })],
-  ["groups", [GROUP], ([id]) => ({ name: "group", id })],
+  ["groups", [GROUP], ([id]) => ({ name: "many", id })],
   ["examples", [], () => ({ name: "examples" })],
-  ["examples", [EXAMPLE], ([id]) => ({ name: "example", id })],
+  ["examples", [EXAMPLE], ([example]) => ({ name: "create", from: null, example })],
   ["compare", [JOB, JOB], ([a, b]) => ({ name: "compare", ids: [a, b] })],
 ];
 
@@ -53,9 +53,8 @@ export function parseRoute(hash) {
 
 /** @param {URLSearchParams} query @returns {Route} */
 function createRoute(query) {
-  const example = query.get("example") ?? "";
   const from = jobOf(query);
-  return { name: "create", from, ...(from && query.has("result") ? { result: true } : {}), ...(EXAMPLE.test(example) ? { example } : {}) };
+  return { name: "create", from, ...(from && query.has("result") ? { result: true } : {}) };
 }
 
 /** @param {URLSearchParams} query @returns {string | null} The job that a form begins with. */
@@ -73,16 +72,14 @@ function stateOf(value) {
 export function routeHash(route) {
   switch (route.name) {
     case "create":
-      return `#/${queryOf({ from: route.from, result: route.result, example: route.example })}`;
+      return route.example ? `#/examples/${route.example}` : `#/${queryOf({ from: route.from, result: route.result })}`;
     case "surface":
     case "family":
       return `#/${route.name}${queryOf({ from: route.from, quick: route.name === "surface" && route.quick })}`;
     case "jobs":
       return `#/jobs${queryOf({ state: route.state, q: route.search })}`;
     case "job":
-    case "group":
-    case "example":
-      return `#/${route.name}s/${route.id}`;
+      return `#/jobs/${route.id}`;
     case "shared":
       return `#/shared/${route.id}/${route.link}`;
     case "many":

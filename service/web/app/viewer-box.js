@@ -3,8 +3,6 @@
  * A place for a 3D view. Without WebGL it says so, and everything else works.
  *
  * @typedef {{vertices: number, triangles: number, meshes: number}} Found
- * @typedef {{min: number, max: number, p99: number, unit: string, label: string, gradient: string,
- *   ticks: {text: string, at: number}[], problem: string}} Scale
  */
 import { toast } from "./announce.js";
 import { isAbort } from "./client.js";
@@ -92,7 +90,7 @@ export class ViewerBox {
   /**
    * Show another shape of what is loaded; where the vertices do not fit, show the file by itself.
    * @param {ArrayBuffer} buffer A GLB.
-   * @returns {Promise<boolean>} Whether morphing and heat maps work.
+   * @returns {Promise<boolean>} Whether morphing works.
    */
   async deform(buffer) {
     await this.ready;
@@ -106,11 +104,6 @@ export class ViewerBox {
       await this.load(buffer, "glb", true);
       return false;
     }
-  }
-
-  /** @param {"none" | "displacement" | "stretch" | "texture"} kind @returns {Scale | null} */
-  heatmap(kind) {
-    return this.viewer?.setHeatmap(kind) ?? null;
   }
 
   /**

@@ -1,29 +1,17 @@
 // @ts-check
-/** Source and result of one asset, blended; and what lies between them, measured. */
+/** Source and result of one asset, blended. */
 import {
   BufferAttribute,
   BufferGeometry,
   DynamicDrawUsage,
-  Vector2,
   Vector3,
 } from "../vendor/three/three.module.js";
-import * as measures from "./measures.js";
 import { floats } from "./topology.js";
-import { weld } from "./weld.js";
 
 /** How far beyond the result a shape can be. */
 const MOST = 1.5;
 
 /** @typedef {import("./topology.js").Pair} Pair */
-/** @typedef {"displacement" | "stretch" | "texture"} Measure */
-/**
- * @typedef {object} Measured
- * @property {Float64Array[]} vertices a value for each vertex of each mesh
- * @property {number} min
- * @property {number} max
- * @property {number} p99
- * @property {number} count of the values: 0 if nothing can be measured
- */
 
 /** A mesh that can be moved between the two. The source's geometry is kept aside and comes back with `dispose`. */
 class Blend {
@@ -110,11 +98,6 @@ class Blend {
     }
   }
 
-  /** @returns {ArrayLike<number>} (3F) vertex of each corner */
-  get corners() {
-    return this.original.index?.array ?? Uint32Array.from({ length: this.before.length / 3 }, (_, i) => i);
-  }
-
   dispose() {
     this.mesh.geometry = this.original;
     this.geometry.dispose();
@@ -128,8 +111,6 @@ export class Deformation {
     this.puppet = puppet;
     this.blends = pairs.map((pair) => new Blend(pair));
     this.morph = 0;
-    /** @type {Map<Measure, Measured>} */
-    this.measured = new Map();
   }
 
   /** @param {number} t */
@@ -144,7 +125,6 @@ export class Deformation {
       const own = positions.get(blend.place);
       if (own?.length === 3 * blend.count) blend.reshape(blend.ordered(own));
     }
-    this.measured.clear();
     this.show(this.morph);
   }
 
@@ -164,22 +144,19 @@ export class Deformation {
       for (const [offsets, share] of shapes) for (let i = 0; i < after.length; i++) after[i] += share * offsets[k][i];
       blend.reshape(after);
     });
-    this.measured.clear();
     this.show(this.morph);
   }
 
   /** Do something while another shape is shown. @template T @param {Map<string, Float32Array>} positions As for `reshape`. @param {() => T} act @returns {T} */
   peek(positions, act) {
-    const { morph, measured } = this;
+    const { morph } = this;
     const kept = this.blends.map((blend) => blend.end);
-    this.measured = new Map();
     this.morph = 1;
     try {
       this.reshape(positions);
       return act();
     } finally {
       this.blends.forEach((blend, i) => (blend.end = kept[i]));
-      this.measured = measured;
       this.morph = morph;
       this.show(morph);
     }
@@ -189,37 +166,6 @@ export class Deformation {
   show(t) {
     for (const blend of this.blends) blend.set(t);
     this.puppet.share = t;
-  }
-
-  /** Measure the whole deformation, whatever is shown at the moment. @param {Measure} kind @returns {Measured} */
-  measure(kind) {
-    const known = this.measured.get(kind);
-    if (known) return known;
-    const [befores, afters] = [0, 1].map((end) => {
-      this.show(end);
-      return this.puppet.atRest(() => this.blends.map(({ mesh, before }) => worldPositions(mesh, new Float64Array(before.length))));
-    });
-    this.show(this.morph);
-    const ends = this.blends.map((blend, i) => ({ blend, before: befores[i], after: afters[i] }));
-    /** @type {Float64Array[]} */
-    let own;
-    /** @type {Float64Array[]} */
-    let vertices;
-    if (kind === "displacement") {
-      own = vertices = ends.map(({ before, after }) => measures.displacement(before, after));
-    } else {
-      own =
-        kind === "texture"
-          ? textureStretches(ends)
-          : ends.map(({ blend, before, after }) => measures.stretch(before, after, blend.corners));
-      vertices = ends.map(({ blend, before }, i) => {
-        const areas = measures.doubleAreas(before, blend.corners);
-        return measures.averageToVertices(own[i], areas, blend.corners, weld(blend.before));
-      });
-    }
-    const result = { vertices, ...measures.summarize(own) };
-    this.measured.set(kind, result);
-    return result;
   }
 
   dispose() {
@@ -238,46 +184,6 @@ function bothTargets(before, after) {
   const same = (/** @type {any[]} */ a, /** @type {any[]} */ b) => a.every(({ array }, k) => array.every((/** @type {number} */ value, /** @type {number} */ i) => value === b[k].array[i]));
   if (names.some((name) => after[name]?.length !== before[name]?.length) || names.every((name) => same(before[name] ?? [], after[name] ?? []))) return before;
   return Object.fromEntries(names.map((name) => [name, [...(before[name] ?? []), ...(after[name] ?? [])]]));
-}
-
-/**
- * The stretch of all textures, divided by the mean growth of the textured surface: free of scale, as in the report.
- * @param {{ blend: Blend, before: Float64Array, after: Float64Array }[]} ends
- * @returns {Float64Array[]} (F) for each mesh; NaN where there is no texture
- */
-function textureStretches(ends) {
-  const own = ends.map(({ blend, before, after }) => {
-    const texels = texelsOf(blend);
-    if (!texels) return new Float64Array(blend.corners.length / 3).fill(NaN);
-    return measures.textureStretch(before, after, blend.corners, texels);
-  });
-  let [old, now] = [0, 0];
-  ends.forEach(({ blend, before, after }, i) => {
-    const [from, to] = [measures.doubleAreas(before, blend.corners), measures.doubleAreas(after, blend.corners)];
-    own[i].forEach((value, f) => {
-      if (!Number.isFinite(value)) return;
-      old += from[f];
-      now += to[f];
-    });
-  });
-  const scale = Math.sqrt(now / old);
-  return own.map((values) => values.map((value) => value / scale));
-}
-
-/** Coordinates of the vertices in the base colour texture, in texels. @param {Blend} blend @returns {Float64Array | null} (2V); null without a texture */
-function texelsOf(blend) {
-  const map = /** @type {any} */ (blend.mesh.material).map;
-  const uvs = map?.image && blend.original.attributes[map.channel ? `uv${map.channel}` : "uv"];
-  if (!uvs) return null;
-  map.updateMatrix();
-  const out = new Float64Array(2 * uvs.count);
-  const place = new Vector2();
-  for (let i = 0; i < uvs.count; i++) {
-    place.set(uvs.getX(i), uvs.getY(i)).applyMatrix3(map.matrix);
-    out[2 * i] = place.x * map.image.width;
-    out[2 * i + 1] = place.y * map.image.height;
-  }
-  return out;
 }
 
 /** A geometry with the same attributes, not copies of them; its own can be replaced. @param {BufferGeometry} geometry */

@@ -1,17 +1,13 @@
 // @ts-check
 /**
- * A worker that unfolds a field and computes on it, so that the page stays quick. A message `{ id, task, ... }` is
+ * A worker that unfolds a field, so that the page stays quick. A message `{ id, task, ... }` is
  * answered by one with the same `id`, or by `{ id, error }`.
  *
- * @typedef {{ faces: number, vertices: number, bytes: number, readMs: number, levels: number, scalars: Named[] }} Opened
- * @typedef {{ name: string, outputs: number, labels: number[] }} Named Scalars of the field, or pieces with their numbers.
+ * @typedef {{ faces: number, vertices: number, bytes: number, readMs: number, levels: number }} Opened
  * @typedef {{ level: number, glb: ArrayBuffer, faces: number, vertices: number, ms: number }} Level
- * @typedef {{ values: Float32Array, source: number[], farthest: number, place: number[], ms: number }} Heat
- * @typedef {{ values: Float32Array, least: number, most: number, ms: number }} Learned `values` of pieces are places in their labels
  */
-import { distancesFrom } from "./distances.js";
 import { writeGlb } from "./glb.js";
-import { readField, scalarsAt, unfold } from "./ndf.js";
+import { readField, unfold } from "./ndf.js";
 
 const MOST_FACES = 600_000;
 const MOST_LEVELS = 6;
@@ -30,8 +26,7 @@ const tasks = {
     const faces = field.faces.length / 3;
     let levels = 0;
     while (levels < MOST_LEVELS && faces * 4 ** (levels + 1) <= MOST_FACES) levels++;
-    const scalars = field.scalars.map(({ name, offset, labels }) => ({ name, outputs: labels.length ? 1 : offset.length, labels }));
-    return { faces, vertices: field.header.vertices, bytes: bytes.byteLength, readMs: performance.now() - begin, levels, scalars };
+    return { faces, vertices: field.header.vertices, bytes: bytes.byteLength, readMs: performance.now() - begin, levels };
   },
 
   /** @param {{ level: number }} given @returns {Level} */
@@ -42,58 +37,13 @@ const tasks = {
     const { positions, indices } = made;
     return { level, glb: glbOf(positions, indices), faces: indices.length / 3, vertices: positions.length / 3, ms };
   },
-
-  /** Distances from a place on the surface, or from the vertex that is farthest from it. @param {{ level: number, place: number[] }} given @returns {Heat} */
-  heat({ level, place }) {
-    const { positions, indices } = meshOf(level);
-    const begin = performance.now();
-    const source = nearest(positions, place);
-    const distances = distancesFrom(positions, indices, source);
-    const ms = performance.now() - begin;
-    let far = source;
-    for (let v = 0; v < distances.length; v++) if (Number.isFinite(distances[v]) && distances[v] > distances[far]) far = v;
-    const values = Float32Array.from(distances);
-    return { values, source: placeOf(positions, source), farthest: values[far], place: placeOf(positions, far), ms };
-  },
-
-  /** What the field holds beside its surface, by its place among them. @param {{ level: number, scalars: number, output: number }} given @returns {Learned} */
-  scalar({ level, scalars, output }) {
-    const { corners, weights } = meshOf(level);
-    const begin = performance.now();
-    const values = scalarsAt(/** @type {import("./ndf.js").NeuralField} */ (field).scalars[scalars], corners, weights, output);
-    return { values, ...rangeOf(values), ms: performance.now() - begin };
-  },
 };
-
-/** @param {Float32Array} values */
-function rangeOf(values) {
-  let [least, most] = [Infinity, -Infinity];
-  for (const value of values) [least, most] = [Math.min(least, value), Math.max(most, value)];
-  return { least, most };
-}
 
 /** @param {number} level */
 function meshOf(level) {
   if (!field) throw new Error("No field is open.");
   if (mesh?.level !== level) mesh = { level, ...unfold(field, level) };
   return mesh;
-}
-
-/** @param {Float32Array} positions @param {number} vertex */
-function placeOf(positions, vertex) {
-  return Array.from(positions.subarray(3 * vertex, 3 * vertex + 3));
-}
-
-/** @param {Float32Array} positions @param {number[]} place @returns {number} a vertex */
-function nearest(positions, [x, y, z]) {
-  let [best, found] = [Infinity, 0];
-  for (let i = 0; i < positions.length; i += 3) {
-    const apart = (positions[i] - x) ** 2 + (positions[i + 1] - y) ** 2 + (positions[i + 2] - z) ** 2;
-    if (apart >= best) continue;
-    best = apart;
-    found = i / 3;
-  }
-  return found;
 }
 
 /** @param {Float32Array} positions @param {Uint32Array} indices @returns {ArrayBuffer} with smooth normals */
@@ -143,9 +93,8 @@ function glbOf(positions, indices) {
 addEventListener("message", async ({ data }) => {
   const { id, task, ...given } = data;
   try {
-    const found = /** @type {Partial<Level & Heat>} */ (await tasks[/** @type {keyof typeof tasks} */ (task)](given));
-    const owned = /** @type {ArrayBuffer[]} */ ([found.glb, found.values?.buffer].filter(Boolean));
-    self.postMessage({ id, ...found }, { transfer: owned });
+    const found = /** @type {Partial<Level>} */ (await tasks[/** @type {keyof typeof tasks} */ (task)](given));
+    self.postMessage({ id, ...found }, { transfer: found.glb ? [found.glb] : [] });
   } catch (error) {
     self.postMessage({ id, error: error instanceof Error ? error.message : String(error) });
   }

@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * A mesh on the page: load it, turn it, blend it into its result, colour it by what changed.
+ * A mesh on the page: load it, turn it, blend it into its result.
  *
  *     const viewer = new MeshViewer(container, { label: "Before" });
  *     await viewer.load(buffer, { format: "glb" });
@@ -13,9 +13,7 @@
 import { Box3 } from "../vendor/three/three.module.js";
 import { CameraRig, linkCameras } from "./cameras.js";
 import { Deformation } from "./deformation.js";
-import { FrontArrow } from "./front-arrow.js";
 import { withoutMaterials } from "./glb.js";
-import { Heatmap } from "./heatmap.js";
 import { INSTRUCTIONS, listenToKeys } from "./keyboard.js";
 import { disposeAsset, meshesOf, originOf, parseAsset, triangleCount } from "./loading.js";
 import { mountClips } from "./clips.js";
@@ -39,9 +37,7 @@ export class MeshViewer extends EventTarget {
   /** @type {import("three").Object3D | null} */ #root = null;
   /** @type {Puppet | null} */ #puppet = null;
   /** @type {Deformation | null} */ #deformation = null;
-  /** @type {Heatmap | null} */ #heatmap = null;
   /** @type {Wireframe | null} */ #wireframe = null;
-  /** @type {FrontArrow | null} */ #front = null;
   #framed = new Box3(); // what the camera was last placed for
   #converted = false;
   #grounded = true; // the ground lies under the shape that is shown
@@ -160,7 +156,7 @@ export class MeshViewer extends EventTarget {
   }
 
   /**
-   * Add the result of a deformation of what is loaded; `setMorph` and `setHeatmap` work from then on.
+   * Add the result of a deformation of what is loaded; `setMorph` works from then on.
    * @param {ArrayBuffer} buffer a GLB with the same meshes, vertices and faces
    * @param {{ keepCamera?: boolean }} options `keepCamera`: as long as all of it is in the picture
    * @throws {TopologyError} it has others; what was shown stays
@@ -176,7 +172,6 @@ export class MeshViewer extends EventTarget {
         throw new DOMException("Another file was loaded meanwhile.", "AbortError");
       }
       const morph = this.#deformation?.morph ?? 0;
-      const heat = this.#heatmap?.legend.kind ?? "none";
       this.clearDeformed();
       const pairs = pairMeshes(source, root, this.#converted);
       this.#deformation = new Deformation(pairs, puppet);
@@ -185,7 +180,6 @@ export class MeshViewer extends EventTarget {
       this.setMorph(morph);
       this.#frame();
       if (!this.rig.touched && !(keepCamera && this.#framed.containsBox(this.ownBox))) this.resetView();
-      this.setHeatmap(heat);
     } finally {
       disposeAsset(root);
     }
@@ -233,7 +227,7 @@ export class MeshViewer extends EventTarget {
         this.#grounded = false;
         this.#ground();
         this.stage.refreshShadow();
-        return this.#picture(renderer, { width, height, background });
+        return drawSnapshot(renderer, this.stage, this.rig.camera, { width, height, background });
       });
     } finally {
       this.#grounded = false;
@@ -248,44 +242,11 @@ export class MeshViewer extends EventTarget {
     this.#moved();
   }
 
-  /**
-   * Colour the mesh by what the deformation does to it.
-   * @param {"none" | import("./deformation.js").Measure} kind
-   * @returns {import("./heatmap.js").Legend | null} null for "none", or where there is no deformation
-   */
-  setHeatmap(kind) {
-    this.#heatmap?.dispose();
-    this.#heatmap = kind === "none" || !this.#deformation ? null : new Heatmap(this.#deformation, kind);
-    this.invalidate();
-    return this.#heatmap?.legend ?? null;
-  }
-
   /** @param {boolean} on lines along all edges */
   setWireframe(on) {
     this.#wireframe?.dispose();
     this.#wireframe = on ? new Wireframe() : null;
     if (this.#root) this.#wireframe?.attach(this.#root);
-    this.invalidate();
-  }
-
-  /**
-   * Show which side is taken as the front. The event `frontchange` says where the pointer turned it.
-   * @param {number | null} degrees 0 is +Z, 90 is +X; null shows nothing
-   * @param {boolean} faint whether it is only a guess
-   */
-  setFront(degrees, faint = false) {
-    const shown = this.#front?.mesh.visible ?? false;
-    if (degrees === null) this.#front?.hide();
-    else {
-      const turned = (/** @type {number} */ to, /** @type {boolean} */ done) => this.dispatchEvent(new CustomEvent("frontchange", { detail: { degrees: to, done } }));
-      this.#front ??= new FrontArrow(this.stage, this.rig, this.surface, turned);
-      this.#front.show(degrees, faint);
-    }
-    // The camera makes room for it once.
-    if (shown !== (degrees !== null)) {
-      this.#frame();
-      if (this.#root && !this.rig.touched) this.resetView();
-    }
     this.invalidate();
   }
 
@@ -307,8 +268,6 @@ export class MeshViewer extends EventTarget {
 
   /** Forget the result; the source is shown as it was loaded. */
   clearDeformed() {
-    this.#heatmap?.dispose();
-    this.#heatmap = null;
     this.#deformation?.dispose();
     this.#deformation = null;
     this.#wireframe?.refresh();
@@ -321,17 +280,7 @@ export class MeshViewer extends EventTarget {
     if (!this.#root) throw new Error("Nothing is loaded.");
     this.rig.update();
     this.#ground();
-    return this.#picture(this.#start(), { width, height, background });
-  }
-
-  /** Without the arrow, which is no part of the shape. @param {import("./renderer.js").SharedRenderer} renderer @param {import("./snapshot.js").SnapshotOptions} options @returns {Promise<Blob>} PNG */
-  #picture(renderer, options) {
-    const arrow = this.#front?.mesh;
-    const shown = arrow?.visible ?? false;
-    if (arrow) arrow.visible = false;
-    const picture = drawSnapshot(renderer, this.stage, this.rig.camera, options); // it draws before it returns
-    if (arrow) arrow.visible = shown;
-    return picture;
+    return drawSnapshot(this.#start(), this.stage, this.rig.camera, { width, height, background });
   }
 
   /**
@@ -359,7 +308,6 @@ export class MeshViewer extends EventTarget {
     this.#turn++;
     this.#clear();
     this.stopKeys();
-    this.#front?.dispose();
     this.rig.dispose();
     this.stage.dispose();
     this.surface.dispose();
@@ -418,7 +366,6 @@ export class MeshViewer extends EventTarget {
     }
     this.#deformation?.show(this.#deformation.morph);
     this.#grounded = false;
-    this.#front?.enclose(still);
     this.ownBox.copy(still).union(moving);
     this.rig.setBox(this.ownBox);
   }

@@ -60,6 +60,18 @@ function meshOf(viewer) {
   return found;
 }
 
+/** The farthest that a vertex goes from the source to the result, in the world. @param {MeshViewer} viewer */
+function farthest(viewer) {
+  const places = [0, 1].map((t) => {
+    viewer.setMorph(t);
+    return numberedSurface(viewer.root).shown.slice();
+  });
+  const [before, after] = places;
+  let most = 0;
+  for (let i = 0; i < before.length; i += 3) most = Math.max(most, Math.hypot(after[i] - before[i], after[i + 1] - before[i + 1], after[i + 2] - before[i + 2]));
+  return most;
+}
+
 /** Close all viewers. */
 function closeAll() {
   for (const viewer of opened.splice(0)) viewer.dispose();
@@ -92,6 +104,6 @@ async function failure(promise) {
 }
 
 Object.assign(window, {
-  acquireRenderer, ControlTools, closeAll, failure, meshOf, releaseRenderer, SharedRenderer, show,
+  acquireRenderer, ControlTools, closeAll, failure, farthest, meshOf, releaseRenderer, SharedRenderer, show,
   contextCount, covered, difference, drawn, fetchBytes, linkCameras, numberedSurface, open, pixels, snapshotAsset, ready: true,
 });

@@ -1,4 +1,4 @@
-"""The tools under fingers, as the browser has them from a screen: one paints and drags, two turn and zoom."""
+"""The tools under fingers, as the browser has them from a screen: one paints, two turn and zoom."""
 
 from __future__ import annotations
 
@@ -13,22 +13,14 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float]
 
-# What each tool says is logged; a box and handles are kept as the page keeps them.
+# What the brush says is logged.
 _TOOLS = """async () => {
   window.v = await show("source.glb");
   window.log = [];
-  window.box = null;
-  window.handles = [];
-  const show_ = () => tools.showMarks(box, handles, -1);
   const said = (name) => (...given) => void log.push([name, ...given]);
   window.tools = new ControlTools(v, {
-    begun: said("begun"), done: said("done"), dropped: said("dropped"),
-    chosen: said("chosen"), pointed: said("pointed"),
+    begun: said("begun"), done: said("done"), dropped: said("dropped"), touched: said("touched"),
     painted: (faces) => log.push(["painted", faces.length]),
-    picked: (part) => log.push(["picked", part.node]),
-    boxed: (next) => { box = next; show_(); },
-    held: (place) => { handles.push({ position: place, to: place }); show_(); return handles.length - 1; },
-    moved: (number, to) => { handles[number].to = to; show_(); },
   });
   tools.setSurface(numberedSurface(v.root));
   window.screenOf = (place) => {
@@ -37,7 +29,7 @@ _TOOLS = """async () => {
     const seen = v.rig.camera.position.clone().fromArray(place).project(v.rig.camera);
     return [left + ((seen.x + 1) / 2) * width, top + ((1 - seen.y) / 2) * height];
   };
-  window.take = (tool) => { v.resetView(); log.length = 0; tools.use(tool); show_(); };
+  window.take = (tool) => { v.resetView(); log.length = 0; tools.use(tool); };
 }"""
 
 
@@ -83,7 +75,7 @@ def fingers(page: Page) -> Iterator[Fingers]:
 def take(page: Page, tool: str) -> tuple[Place, float]:
     """Take a tool in hand, with the view as at first; return where its middle is, and a fiftieth of its height."""
     page.evaluate("(tool) => take(tool)", tool)
-    low, high = page.evaluate("[tools.bounds.min, tools.bounds.max]")
+    low, high = page.evaluate("[v.ownBox.min.toArray(), v.ownBox.max.toArray()]")
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
     top = page.evaluate("(place) => screenOf(place)", [middle[0], high[1], middle[2]])
     x, y = page.evaluate("(place) => screenOf(place)", middle)
@@ -120,21 +112,20 @@ def test_one_finger_paints_and_beside_the_asset_it_turns_the_view(page: Page, fi
 
 
 def test_two_fingers_turn_and_zoom_and_what_the_first_one_did_is_taken_back(page: Page, fingers: Fingers) -> None:
-    for tool in ("paint", "handle", "part", "point"):
-        (x, y), unit = take(page, tool)
-        azimuth, distance, _ = camera(page)
-        fingers.drag(((x - 5 * unit, y), (x - 15 * unit, y)), ((x + 5 * unit, y), (x + 15 * unit, y)))
-        nearer = camera(page)
-        assert nearer[1] < 0.8 * distance, tool
-        assert nearer[0] == pytest.approx(azimuth, abs=0.02)
-        assert said(page)[-1] == "dropped"
-        assert not {"done", "picked", "pointed"} & set(said(page))
+    (x, y), unit = take(page, "paint")
+    azimuth, distance, _ = camera(page)
+    fingers.drag(((x - 5 * unit, y), (x - 15 * unit, y)), ((x + 5 * unit, y), (x + 15 * unit, y)))
+    nearer = camera(page)
+    assert nearer[1] < 0.8 * distance
+    assert nearer[0] == pytest.approx(azimuth, abs=0.02)
+    assert said(page)[-1] == "dropped"
+    assert "done" not in said(page)
 
-        (x, y), unit = take(page, tool)
-        fingers.drag(((x - 5 * unit, y), (x + 25 * unit, y)), ((x + 5 * unit, y), (x + 35 * unit, y)))
-        turned = camera(page)
-        assert turned[1] == pytest.approx(distance, rel=0.05)
-        assert abs(turned[0] - azimuth) > 0.2, tool
+    (x, y), unit = take(page, "paint")
+    fingers.drag(((x - 5 * unit, y), (x + 25 * unit, y)), ((x + 5 * unit, y), (x + 35 * unit, y)))
+    turned = camera(page)
+    assert turned[1] == pytest.approx(distance, rel=0.05)
+    assert abs(turned[0] - azimuth) > 0.2
     # Without a tool they move and zoom, as ever.
     (x, y), unit = take(page, "turn")
     target = camera(page)[2]
@@ -145,22 +136,9 @@ def test_two_fingers_turn_and_zoom_and_what_the_first_one_did_is_taken_back(page
     assert said(page) == []
 
 
-def test_a_finger_drags_the_side_of_a_box_and_taps_a_part(page: Page, fingers: Fingers) -> None:
-    take(page, "box")
-    page.evaluate("box = tools.bounds, tools.showMarks(box, [], -1)")
-    before = page.evaluate("box")
-    top = [(a + b) / 2 for a, b in zip(before["min"], before["max"], strict=True)]
-    top[1] = before["max"][1]
-    x, y = page.evaluate("(place) => screenOf(place)", top)
-    fingers.drag(((x + 20, y), (x + 20, y - 30)))  # a finger is less exact than the pointer of a mouse
-    after = page.evaluate("box")
-    assert after["min"] == before["min"]
-    assert [after["max"][0], after["max"][2]] == [before["max"][0], before["max"][2]]
-    assert after["max"][1] > before["max"][1]
-
-    page.evaluate("box = null")
-    (x, y), _ = take(page, "part")
+def test_a_tap_touches_a_triangle_and_a_finger_that_slides_none(page: Page, fingers: Fingers) -> None:
+    (x, y), _ = take(page, "turn")
     fingers.drag(((x, y), (x + 2, y)))
-    assert page.evaluate("log") == [["begun"], ["picked", 0], ["done"]]
+    assert said(page) == ["touched"]
     fingers.drag(((x, y), (x + 40, y)))
-    assert said(page) == ["begun", "picked", "done", "begun", "done"], "a finger that slides picks nothing"
+    assert said(page) == ["touched"]

@@ -45,7 +45,7 @@ export class AssetPanel {
     this.facts = h("p", { class: "facts", id: "asset-facts" });
     this.large = h("p", { class: "small muted", hidden: true }, `Over ${bytes(LARGEST_BYTES)}: after a reload, choose it again.`);
     this.problem = h("div", { class: "field-problem", role: "alert", hidden: true });
-    this.below = h("div", null);
+    this.below = h("div", { class: "stage-below" });
     this.examples = h("div", { class: "chips", role: "group", "aria-label": "Example assets" });
     this.stage = h("div", { class: "stage" });
     this.element = this._build();

@@ -2,9 +2,8 @@
 /** Before and after: side by side, by a slider, or while a key is held. Before is the asset, or any shape that it has had. */
 import { isAbort } from "../client.js";
 import { button, fill, h } from "../dom.js";
-import { COLOURS } from "../pair-stage.js";
 import { saveBytes } from "../job/files.js";
-import { segmented, showLegend, slider, toggle } from "../job/stage-controls.js";
+import { segmented, slider, toggle } from "../job/stage-controls.js";
 import { orToast } from "../problem-box.js";
 import { linkViews, ViewerBox } from "../viewer-box.js";
 
@@ -15,9 +14,6 @@ const WAYS = /** @type {[Way, string][]} */ ([["none", "Result"], ["wipe", "Befo
 const KEY = "b";
 
 export class Comparison {
-  // What `_view` makes.
-  /** @type {HTMLElement} */ colours;
-
   /** @param {import("./asset-panel.js").AssetPanel} assets @param {import("../scope.js").Scope} scope */
   constructor(assets, scope) {
     this.assets = assets;
@@ -33,7 +29,6 @@ export class Comparison {
     this.on = false;
     /** Whether the button or the key is held. */
     this.held = false;
-    this.kind = /** @type {import("../pair-stage.js").Colour} */ ("none");
     this.box = new ViewerBox("Before", scope);
     this.place = h("div", { class: "before", hidden: true }, this.box.element);
     this.ways = segmented("Compare", WAYS, "none", (way) => this._choose(/** @type {Way} */ (way)));
@@ -44,35 +39,25 @@ export class Comparison {
     this.wipe.classList.add("wipe-row");
     this.with = h("select", { class: "select-small", "aria-label": "Compare with", on: { change: () => this._with(this.with.value) } });
     this.hold = button("Hold for before", () => {}, { title: `See it as it was (key ${KEY.toUpperCase()})` });
-    this.legend = h("div", { class: "legend", hidden: true });
     this.element = h("div", { class: "row compare-tools", hidden: true }, this.ways, this.hold, this.with);
     this.view = this._view();
-    assets.stage.append(this.wipe, this.legend);
+    assets.stage.append(this.wipe);
     this._holds();
     linkViews(assets.box, this.box);
   }
 
-  /** What shows where and how much the shape differs, and what saves pictures of it. */
+  /** What shows the edges, and what saves pictures. */
   _view() {
     const { box } = this.assets;
-    this.colours = segmented("Colour", COLOURS, "none", (kind) => this.colour(/** @type {import("../pair-stage.js").Colour} */ (kind)));
-    this.colours.hidden = true;
     const wires = toggle("Wireframe", (on) => [box, this.box].forEach(({ viewer }) => viewer?.setWireframe(on)));
     const picture = button("Save picture", () => orToast("No picture", async () => saveBytes(await box.picture(), "shape.png")), { icon: "camera", class: "button-quiet" });
-    return h("div", { class: "row stage-tools", role: "group", "aria-label": "View" }, this.colours, wires, picture);
-  }
-
-  /** @param {import("../pair-stage.js").Colour} kind */
-  colour(kind) {
-    this.kind = kind;
-    showLegend(this.legend, this.on || kind === "none" ? this.assets.box.heatmap(kind) : null);
+    return h("div", { class: "row stage-tools", role: "group", "aria-label": "View" }, wires, picture);
   }
 
   /** @param {boolean} on Whether the view shows a shape to compare. */
   offer(on) {
     this.on = on;
-    this.element.hidden = this.colours.hidden = !on;
-    this.colour(this.kind);
+    this.element.hidden = !on;
     this._draw();
   }
 

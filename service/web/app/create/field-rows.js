@@ -2,7 +2,7 @@
 /**
  * Rows of a form for the parameters that a server declares.
  *
- * @typedef {{input: HTMLInputElement | HTMLSelectElement, problem: HTMLElement, row: HTMLElement}} FieldRow
+ * @typedef {{input: HTMLInputElement, problem: HTMLElement, row: HTMLElement}} FieldRow
  */
 import { client } from "../client.js";
 import { h, invalid, labelled, say } from "../dom.js";
@@ -11,22 +11,17 @@ import { fieldProblem, numbersOf } from "../params.js";
 /** @typedef {import("../params.js").Field} Field */
 
 /**
- * @param {Pick<Field, "name" | "label" | "help" | "type" | "choices">} field
- * @param {[string, string]} empty What stands where nothing was chosen, and where nothing was typed.
- * @param {() => void} onInput
+ * @param {{name: string, label: string, help: string}} field
+ * @param {string} empty What stands where nothing was typed.
+ * @param {"decimal" | null} [mode] Of the keyboard.
+ * @param {() => void} [onInput]
  * @returns {FieldRow}
  */
-export function fieldRow(field, [unchosen, untyped], onInput) {
-  const id = `param-${field.name}`;
+export function fieldRow({ name, label, help }, empty, mode = null, onInput = () => {}) {
+  const id = `param-${name}`;
   const problem = h("p", { class: "field-problem", id: `${id}-problem`, hidden: true, "aria-live": "polite" });
-  const common = { id, "aria-describedby": `${id}-help ${id}-problem` };
-  const input =
-    field.type === "choice"
-      ? h("select", common, h("option", { value: "" }, unchosen), (field.choices ?? []).map(([value, label]) => h("option", { value }, label)))
-      : h("input", { ...common, type: "text", inputmode: field.type === "text" ? null : "decimal", placeholder: untyped, autocomplete: "off" });
-  input.addEventListener("input", onInput);
-  const row = labelled(id, field.label, input, problem, h("p", { class: "small muted", id: `${id}-help` }, field.help));
-  return { input, problem, row };
+  const input = h("input", { id, "aria-describedby": `${id}-help ${id}-problem`, type: "text", inputmode: mode, placeholder: empty, autocomplete: "off", on: { input: onInput } });
+  return { input, problem, row: labelled(id, label, input, problem, h("p", { class: "small muted", id: `${id}-help` }, help)) };
 }
 
 /** Show what is wrong with a field; empty: nothing. @param {{input: HTMLElement, problem: HTMLElement}} field @param {string} text */
@@ -35,22 +30,28 @@ export function markField(field, text) {
   invalid(field.input, text !== "");
 }
 
-/** The rows of a form, of which the less usual ones stand under Advanced. */
-export class FieldRows {
-  /** @param {() => void} onInput */
-  constructor(onInput) {
+/** The numbers of a kind of job as rows: the usual ones first, the others under Advanced. */
+export class NumberRows {
+  /** @param {string} kind @param {string[]} usual Their names. @param {() => void} onInput */
+  constructor(kind, usual, onInput) {
+    this.kind = kind;
+    this.usual = usual;
     this.onInput = onInput;
     /** @type {Map<string, FieldRow & {field: Field}>} */
     this.rows = new Map();
+    this.first = h("div", { class: "advanced-grid" });
     this.more = h("div", { class: "advanced-grid" });
     this.advanced = h("details", { class: "advanced" }, h("summary", null, "Advanced"), this.more);
   }
 
-  /** Make the row of a parameter. @param {Field} field @param {[string, string]} empty As in `fieldRow`. */
-  add(field, empty) {
-    const row = fieldRow(field, empty, () => (this._mark(field.name), this.onInput()));
-    this.rows.set(field.name, { ...row, field });
-    return row.row;
+  /** Ask the server which there are. @param {AbortSignal} signal */
+  async load(signal) {
+    const { kinds } = await client.json("v1/limits", { signal });
+    for (const field of numbersOf(kinds.find((/** @type {any} */ kind) => kind.name === this.kind)?.params)) {
+      const row = fieldRow(field, String(field.standard), "decimal", () => (this._mark(field.name), this.onInput()));
+      this.rows.set(field.name, { ...row, field });
+      (this.usual.includes(field.name) ? this.first : this.more).append(row.row);
+    }
   }
 
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
@@ -77,30 +78,10 @@ export class FieldRows {
 
   /** @param {string} name @returns {boolean} whether what was typed can be sent */
   _mark(name) {
-    const row = this.rows.get(name);
-    if (!row) return true;
+    const row = /** @type {FieldRow & {field: Field}} */ (this.rows.get(name));
     const text = fieldProblem(row.field, row.input.value);
     markField(row, text);
     return !text;
-  }
-}
-
-/** The numbers of a kind of job as rows: the usual ones first. */
-export class NumberRows extends FieldRows {
-  /** @param {string} kind @param {string[]} usual Their names. @param {() => void} onInput */
-  constructor(kind, usual, onInput) {
-    super(onInput);
-    this.kind = kind;
-    this.usual = usual;
-    this.first = h("div", { class: "advanced-grid" });
-  }
-
-  /** Ask the server which there are. @param {AbortSignal} signal */
-  async load(signal) {
-    const { kinds } = await client.json("v1/limits", { signal });
-    for (const field of numbersOf(kinds.find((/** @type {any} */ kind) => kind.name === this.kind)?.params)) {
-      (this.usual.includes(field.name) ? this.first : this.more).append(this.add(field, ["", String(field.standard)]));
-    }
   }
 
   /** @param {string} name @returns {number | undefined} what a parameter is where nothing is typed */

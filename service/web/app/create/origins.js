@@ -2,7 +2,7 @@
 /** What a form begins with: the files and the settings of a job, or of one of the examples. */
 import { Asset, exampleAsset } from "../assets.js";
 import { client } from "../client.js";
-import { gallery } from "../examples/gallery.js";
+import { exampleOf } from "../examples/gallery.js";
 import { plainParams } from "../groups.js";
 
 const EXAMPLE = "example:";
@@ -23,11 +23,12 @@ export function resultOrigin(id) {
  * @property {any} job The document of the job, or as much of one as an example has.
  * @property {Asset} asset
  * @property {Record<string, Asset>} others Its files besides the asset, by the names of their parts.
+ * @property {string} [result] What an example became, a file below `web/examples/`.
  */
 
 /** @param {string} from The id of a job, or what `exampleOrigin` or `resultOrigin` returns. @param {AbortSignal} signal @returns {Promise<Origin>} */
 export async function originOf(from, signal) {
-  if (from.startsWith(EXAMPLE)) return exampleOf(from.slice(EXAMPLE.length), signal);
+  if (from.startsWith(EXAMPLE)) return beginOf(from.slice(EXAMPLE.length), signal);
   const job = await client.get(from.startsWith(RESULT) ? from.slice(RESULT.length) : from, signal);
   if (from.startsWith(RESULT)) {
     const name = job.asset.filename.replace(/\.[^.]*$/, "") + ".glb";
@@ -43,9 +44,8 @@ export async function originOf(from, signal) {
 }
 
 /** @param {string} id @param {AbortSignal} signal @returns {Promise<Origin>} */
-async function exampleOf(id, signal) {
-  const example = (await gallery(signal)).find((found) => found.id === id);
-  if (!example) throw new Error(`There is no example ${id}.`);
+async function beginOf(id, signal) {
+  const example = await exampleOf(id, signal);
   const asset = await exampleAsset(example.asset, signal);
-  return { job: { ...example.document, asset: { filename: asset.name, size: asset.size } }, asset, others: {} };
+  return { job: { ...example.document, asset: { filename: asset.name, size: asset.size } }, asset, others: {}, result: example.result };
 }

@@ -1,9 +1,9 @@
 // @ts-check
 /** The prompt, the words that the model knows, and what is wrong with the prompt. */
-import { button, fill, h, icon, invalid, labelled } from "../dom.js";
+import { fill, h, icon, invalid, labelled } from "../dom.js";
 import { titled } from "../format.js";
 import { showRefusal } from "../refusal.js";
-import { adjectives, nounIn, ownNouns, surprise, withAdjective, withArticle, withNoun } from "../vocabulary.js";
+import { ownNouns, withArticle } from "../vocabulary.js";
 
 const EXAMPLES_SHOWN = 5;
 export const LONGEST = 1000;
@@ -12,8 +12,6 @@ export class PromptField {
   /** @param {() => void} onChange */
   constructor(onChange) {
     this.onChange = onChange;
-    /** @type {import("../vocabulary.js").Model | null} */
-    this.model = null;
     this.input = h("textarea", {
       id: "prompt", rows: 2, maxlength: LONGEST, spellcheck: "true", placeholder: "a mushroom", autocapitalize: "none",
       "aria-describedby": "prompt-problem prompt-note", enterkeyhint: "go",
@@ -23,7 +21,7 @@ export class PromptField {
     this.chips = h("div", { class: "chips", role: "group", "aria-label": "Suggested prompts" });
     this.words = h("div", null);
     this.element = labelled("prompt", "Prompt", this.input, this.problem, this.chips, this.words, this.note);
-    this.input.addEventListener("input", () => this._changed());
+    this.input.addEventListener("input", onChange);
     this.input.addEventListener("keydown", (event) => {
       // A prompt has no lines: Enter starts.
       if (event.key !== "Enter" || event.shiftKey || event.isComposing) return;
@@ -39,22 +37,7 @@ export class PromptField {
   /** @param {string} text */
   set(text) {
     this.input.value = text;
-    this._changed();
-  }
-
-  _changed() {
-    this._press();
     this.onChange();
-  }
-
-  _press() {
-    /** @type {string[]} */
-    const words = this.input.value.toLowerCase().match(/[a-z]+/g) ?? [];
-    const known = this.model?.vocabulary;
-    const noun = known && nounIn(this.input.value, known)?.noun;
-    for (const chip of this.words.querySelectorAll("button[data-word]")) {
-      chip.setAttribute("aria-pressed", String([noun, ...words].includes(/** @type {HTMLElement} */ (chip).dataset.word ?? "")));
-    }
   }
 
   /**
@@ -63,46 +46,35 @@ export class PromptField {
    * @param {boolean} byShape Whether no model is asked: there are shapes of the words that it knows.
    */
   offer(model, others, byShape) {
-    this.model = model;
     const known = model?.vocabulary;
     /** @type {string[]} */
     const examples = known ? [...ownNouns(known).map(withArticle), ...known.examples].slice(0, EXAMPLES_SHOWN) : [];
-    fill(
-      this.chips,
-      examples.map((text) => h("button", { type: "button", class: "chip", on: { click: () => this.set(text) } }, text)),
-      known?.nouns.length
-        ? button("Surprise me", () => this.set(surprise(known)), { icon: "dice", class: "chip" })
-        : null,
-    );
-    this.chips.hidden = !this.chips.childElementCount;
-    fill(this.words, known && known.nouns.length ? this._allWords(known) : null);
+    fill(this.chips, examples.map((text) => this._chip("chip", text, text)));
+    this.chips.hidden = !examples.length;
+    fill(this.words, known?.nouns.length ? this._allWords(known) : null);
     const freely = others ? "For free text, choose another model." : "For free text, the server needs a Stable Diffusion model.";
     const note = !known ? (model?.description ?? "") : byShape ? "" : `The built-in model knows ${known.nouns.length} things and little else. ${freely}`;
     this.note.hidden = !note;
     fill(this.note, icon("info"), h("span", null, note));
-    this._press();
+  }
+
+  /** @param {string} style @param {string} words @param {string} prompt */
+  _chip(style, words, prompt) {
+    return h("button", { type: "button", class: style, on: { click: () => this.set(prompt) } }, words);
   }
 
   /** @param {import("../vocabulary.js").Vocabulary} known */
   _allWords(known) {
-    const chip = (/** @type {string} */ word, /** @type {() => string} */ text) =>
-      h("button", { type: "button", class: "chip chip-small", "aria-pressed": "false", data: { word }, on: { click: () => this.set(text()) } }, word);
+    const group = (/** @type {string} */ title, /** @type {string[]} */ nouns) => [
+      h("p", { class: "field-label" }, title),
+      h("div", { class: "chips", role: "group", "aria-label": title }, nouns.map((noun) => this._chip("chip chip-small", noun, withArticle(noun)))),
+    ];
     return h(
       "details",
       { class: "words" },
-      h("summary", null, `All ${known.nouns.length} nouns and ${adjectives(known).length} adjectives`),
-      known.groups.flatMap(([name, nouns]) => {
-        const title = titled(name);
-        const chips = nouns.map((noun) => chip(noun, () => withNoun(this.value, noun, known)));
-        return [h("p", { class: "field-label" }, title), h("div", { class: "chips", role: "group", "aria-label": title }, chips)];
-      }),
-      h("p", { class: "field-label" }, "Adjectives"),
-      h(
-        "div",
-        { class: "chips", role: "group", "aria-label": "Adjectives" },
-        adjectives(known).map((word) => chip(word, () => withAdjective(this.value, word, known))),
-      ),
-      h("p", { class: "small muted" }, "Parts can have sizes too: “a giraffe with a long neck and short legs”. Three adjectives at most."),
+      h("summary", null, `All ${known.nouns.length} nouns`),
+      known.groups.flatMap(([name, nouns]) => group(titled(name), nouns)),
+      h("p", { class: "small muted" }, "Parts can have sizes too: “a giraffe with a long neck and short legs”."),
     );
   }
 

@@ -1,10 +1,9 @@
 // @ts-check
 /** How the job is made: everything but its asset and its words. What is here stands under Details. */
 import { button, fill, h, labelled } from "../dom.js";
-import { FieldRows, markField } from "./field-rows.js";
-import { figure } from "../format.js";
-import { isUnused } from "../groups.js";
-import { formOf, integerProblem, keptText, MAX_SEED, nothingKept, PRESETS, randomSeed, USUAL_PRESET } from "../params.js";
+import { markField } from "./field-rows.js";
+import { groupsOf, isUnused } from "../groups.js";
+import { integerProblem, keptText, MAX_SEED, nothingKept, PRESETS, randomSeed, USUAL_PRESET } from "../params.js";
 import { EXEMPLAR } from "./guide/model.js";
 import { ShareSlider } from "./share-slider.js";
 
@@ -20,6 +19,8 @@ export class SettingsPanel {
     this.onModel = onModel;
     /** @type {import("../vocabulary.js").Catalogue} */
     this.catalogue = { default: "", models: [], shapes: null };
+    /** In which a request has its parameters. */
+    this.groups = groupsOf(null);
     this.way = choice("way", WAYS, () => this._modelChanged());
     this.wayRow = labelled("way", "How", this.way);
     this.wayRow.hidden = true;
@@ -37,9 +38,6 @@ export class SettingsPanel {
     this.rigRow = labelled("rig", "Rig", this.rig);
     this.rigRow.hidden = true;
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
-    /** @type {import("../params.js").Form} */
-    this.offered = formOf(null);
-    this.fields = new FieldRows(onChange);
     this.kept = nothingKept();
     this.keptText = h("p", null);
     const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
@@ -54,44 +52,21 @@ export class SettingsPanel {
     }, { icon: "dice", quiet: true });
     const seed = labelled("seed", "Variation", h("div", { class: "joined" }, this.seed.input, random), this.seed.problem);
     const split = h("label", { class: "check", for: "subdivide" }, this.subdivide, h("span", null, "Split long edges first, so that large triangles can bend; the result has more triangles"));
-    this.fields.advanced.append(split);
-    return h("div", { class: "settings" }, this.wayRow, this.modelRow, this.presetRow, this.rigRow, seed, this.keptRow, this.fields.advanced);
+    return h("div", { class: "settings" }, this.wayRow, this.modelRow, this.presetRow, this.rigRow, seed, split, this.keptRow);
   }
 
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   check() {
-    const good = this.fields.settle();
     markField(this.seed, this.seed.check());
-    return good && !this.seed.check();
+    return !this.seed.check();
   }
 
-  /** Say what the server refused beside it. @param {any[]} errors @returns {boolean} whether each of them has found its place */
-  refuse(errors) {
-    return this.fields.refuse(errors);
-  }
-
-  /** What the preset would choose. @param {Record<string, any>} params */
-  resolved(params) {
-    for (const [name, field] of this.fields.rows) {
-      const value = params[name];
-      if (field.input.value !== "" || value === undefined || value === null) continue;
-      if (field.input instanceof HTMLInputElement) field.input.placeholder = typeof value === "number" ? figure(value) : String(value) || "none";
-      else field.input.options[0].text = `As the quality says: ${[...field.input.options].find((option) => option.value === value)?.text ?? value}`;
-    }
-  }
-
-  /** @param {import("../params.js").Form} form */
-  offerFields(form) {
-    this.offered = form;
-    this.wayRow.hidden = !(EXEMPLAR in form.groups.guidance);
-    this.strength.offer(form.fields);
-    const others = form.fields.filter(({ name }) => name !== this.strength.name);
-    fill(this.fields.more, others.map((field) => this.fields.add(field, ["As the quality says", "automatic"])));
-  }
-
-  /** @param {string | undefined} usual What the server does with a rig where nobody chooses. */
-  offerRig(usual) {
-    this.usualRig = usual ?? this.usualRig;
+  /** @param {any} schema The JSON schema of a job's parameters; null: it is not known. */
+  learn(schema) {
+    this.groups = groupsOf(schema);
+    this.wayRow.hidden = !(EXEMPLAR in this.groups.guidance);
+    this.strength.offer(this.groups.guidance[EXEMPLAR]?.strength?.default);
+    this.usualRig = schema?.["x-output"]?.rig ?? this.usualRig;
     this.rig.value = this.usualRig;
   }
 
@@ -102,10 +77,8 @@ export class SettingsPanel {
 
   /** Show those that a kind of guidance has. @param {string} kind @param {number} targets How many meshes there are to become. */
   suit(kind, targets) {
-    const unused = (/** @type {string} */ name) => isUnused(name, kind, this.offered.groups);
-    for (const [name, { row }] of this.fields.rows) row.hidden = unused(name);
-    this.presetRow.hidden = unused("preset");
-    this.modelRow.hidden = unused("model") || this.catalogue.models.length < 2; // with one there is nothing to choose
+    this.presetRow.hidden = isUnused("preset", kind, this.groups);
+    this.modelRow.hidden = isUnused("model", kind, this.groups) || this.catalogue.models.length < 2; // with one there is nothing to choose
     // Of several meshes, the nearest is fitted to.
     this.way.options[1].disabled = targets > 1;
     if (targets > 1) this.way.value = "shape";
@@ -150,6 +123,11 @@ export class SettingsPanel {
     this.onChange();
   }
 
+  /** Keep no parameters that were for another file. @param {string[]} names */
+  forget(names) {
+    this._keep({ ...this.kept, params: Object.fromEntries(Object.entries(this.kept.params).filter(([name]) => !names.includes(name))) });
+  }
+
   /** @param {string} prompt @returns {import("../params.js").Wish} */
   wish(prompt) {
     return {
@@ -160,36 +138,14 @@ export class SettingsPanel {
       subdivide: this.subdivide.checked,
       rig: this.rig.value === this.usualRig ? "" : this.rig.value,
       byShape: this.byShape,
-      advanced: { ...Object.fromEntries([...this.fields.rows].map(([name, field]) => [name, field.input.value])), [this.strength.name]: this.strength.value },
+      strength: this.strength.value,
       kept: this.kept,
     };
   }
 
-  /** Whether a parameter can be set, as the form is now. @param {string} name */
-  offers(name) {
-    return this.fields.rows.get(name)?.row.hidden === false;
-  }
-
-  /** What was typed for a parameter; empty where the quality decides. @param {string} name */
-  value(name) {
-    return this.fields.rows.get(name)?.input.value ?? "";
-  }
-
-  /** @param {string} name @param {string} value */
-  setValue(name, value) {
-    const input = this.fields.rows.get(name)?.input;
-    if (!input) return;
-    input.value = value;
-    // A value that is not among the choices, such as an angle.
-    if (input.value !== value && input instanceof HTMLSelectElement) {
-      input.append(h("option", { value }, value));
-      input.value = value;
-    }
-  }
-
   /** Whether anything is set that does not show elsewhere. */
   get inUse() {
-    return this.subdivide.checked || [...this.fields.rows.values()].some(({ input, row }) => !row.hidden && input.value !== "");
+    return this.subdivide.checked || !this.keptRow.hidden;
   }
 
   /** Set everything as at the beginning. */
@@ -198,7 +154,7 @@ export class SettingsPanel {
   }
 
   /** @param {Partial<Omit<import("../params.js").Wish, "seed"> & {seed: number | string}>} wish What it lacks is as at the beginning. */
-  restore({ model, preset = USUAL_PRESET, seed = randomSeed(), subdivide = false, rig = "", advanced = {}, kept = nothingKept(), byShape = false }) {
+  restore({ model, preset = USUAL_PRESET, seed = randomSeed(), subdivide = false, rig = "", strength = "", kept = nothingKept(), byShape = false }) {
     // A model that this server no longer runs gives way to its default.
     if (this.catalogue.models.some((found) => found.id === model && found.available)) this.model.value = String(model);
     this.way.value = byShape ? "shape" : "pictures";
@@ -208,9 +164,7 @@ export class SettingsPanel {
     this.subdivide.checked = subdivide;
     this.rig.value = rig || this.usualRig;
     this._keep(kept);
-    for (const name of this.fields.rows.keys()) this.setValue(name, advanced[name] ?? "");
-    this.strength.set(advanced[this.strength.name] ?? "");
-    this.fields.advanced.open = [...this.fields.rows.values()].some(({ input }) => input.value !== "");
+    this.strength.set(strength);
   }
 }
 

@@ -50,8 +50,9 @@ export class ShapeStrip {
   show(shape) {
     this.shown = shape;
     if (shape && !shape.stored && !shape.href) {
-      const others = (MADE.get(this.of) ?? []).filter(({ key }) => key !== shape.key);
-      MADE.set(this.of, [...others, shape].slice(-MOST));
+      const made = MADE.get(this.of) ?? [];
+      const at = made.findIndex(({ key }) => key === shape.key); // one gone back to stays in its place
+      MADE.set(this.of, at < 0 ? [...made, shape].slice(-MOST) : made.with(at, shape));
     }
     this._draw();
   }

@@ -6,7 +6,6 @@ import { slider } from "../job/stage-controls.js";
 export class ShareSlider {
   /** @param {string} name Of the parameter. @param {() => void} onChange */
   constructor(name, onChange) {
-    this.name = name;
     /** What it is where nobody moves it, in percent. */
     this.usual = 100;
     const { input, value, row } = slider(`param-${name}`, "Strength", 100, () => (this._draw(), onChange()));
@@ -17,11 +16,9 @@ export class ShareSlider {
     this.set("");
   }
 
-  /** @param {import("../params.js").Field[]} fields Of which one may be this parameter. */
-  offer(fields) {
-    const field = fields.find(({ name }) => name === this.name);
-    if (!field) return;
-    this.usual = Math.round(100 * (field.standard ?? 1));
+  /** @param {number} [usual] What it is where nobody moves it. */
+  offer(usual = 1) {
+    this.usual = Math.round(100 * usual);
     this.set("");
   }
 

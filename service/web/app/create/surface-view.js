@@ -54,9 +54,9 @@ export class SurfaceView {
     );
     fill(
       root,
-      intro("Any surface in", "a few kilobytes", "A coarse mesh and a small network, which a browser unfolds to any level and measures distances on."),
+      intro("Any surface in", "a few kilobytes", "A coarse mesh and a small network, which a browser unfolds to any level."),
       kindsNav("surface"),
-      h("div", { class: "create" }, this.assets.element, this.form.element),
+      h("div", { class: "bench" }, this.assets.element, this.form.element),
       recentJobs(scope),
     );
     this._begin(from, quick);

@@ -3,7 +3,7 @@
  * The workbench: the asset as large as the window allows, words beside it, and at once the shape that they stand for. The
  * page of a job is the same workbench, with that job's state.
  */
-import { Asset } from "../assets.js";
+import { Asset, exampleAsset } from "../assets.js";
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { DEMO } from "../demo.js";
 import { fill, h } from "../dom.js";
@@ -17,10 +17,10 @@ import { isDeformation, shapesOf } from "../job/shapes.js";
 import { threadOf, versionShapes } from "../job/versions.js";
 import { currentLink } from "../key.js";
 import { showOutlook } from "../outlook.js";
-import { documentOf, fileKey, formOf, wishOf } from "../params.js";
+import { documentOf, fileKey, wishOf } from "../params.js";
 import { learnNames } from "../plain.js";
 import { problemBox } from "../problem-box.js";
-import { isAboutNegative, isAboutPrompt } from "../refusal.js";
+import { isAboutPrompt } from "../refusal.js";
 import { routeHash } from "../router.js";
 import { snippetsBlock } from "../snippets.js";
 import { debounced } from "../scope.js";
@@ -34,8 +34,7 @@ import { Downloads } from "./downloads.js";
 import { JobForm, kindsNav } from "./form.js";
 import { Live, shapeKey } from "./live.js";
 import { GuidePanel } from "./guide/panel.js";
-import { guideParams } from "./guide/model.js";
-import { FrontControl } from "./front-control.js";
+import { guideParams, TARGET_PARAMS } from "./guide/model.js";
 import { originOf } from "./origins.js";
 import { PartsControl } from "./parts/control.js";
 import { PromptField } from "./prompt-field.js";
@@ -44,10 +43,12 @@ import { ShapeStrip } from "./shape-strip.js";
 
 /** @typedef {import("./live.js").Shape} Shape */
 
+/** What a job says of its own asset, and the form has no field for. */
+const FILE_PARAMS = ["handles", "exclude", ...TARGET_PARAMS];
+
 export class Workbench {
   // What `_assets` and `_words` make.
   /** @type {AssetPanel} */ assets;
-  /** @type {FrontControl} */ front;
   /** @type {ControlPanel} */ control;
   /** @type {Live} */ live;
   /** @type {Comparison} */ comparison;
@@ -90,12 +91,16 @@ export class Workbench {
     this.foreseen = "";
     /** The asset of the job that was sent last. @type {Asset | null} */
     this.sent = null;
-    /** What the form offers. @type {Promise<import("../params.js").Field[]>} */
-    this.fields = Promise.resolve([]);
+    /** Settled once it is known what the server takes. @type {Promise<void>} */
+    this.learnt = Promise.resolve();
+    /** The files that what is kept of a job holds for. */
+    this.keptFor = "";
     /** Files of the job that the form begins with, besides its asset. @type {Record<string, Asset>} */
     this.others = {};
     /** The asset of the job that the form begins with, and the thread of versions that a job on it belongs to. */
     this.begunWith = { asset: /** @type {Asset | null} */ (null), thread: "" };
+    /** The file of what the example became with which the form begins; empty: there is none. */
+    this.made = "";
     this.outputDefaults = /** @type {Record<string, any>} */ ({});
     /** What the form asks for where it asks for the job that is shown, as `shapeKey` has it. */
     this.jobKey = "";
@@ -123,10 +128,6 @@ export class Workbench {
   _assets(job) {
     const { scope } = this;
     this.assets = new AssetPanel(scope, () => this._changed(), job === null);
-    this.front = new FrontControl(this.assets.box, (value) => {
-      this.settings.setValue("orientation", value);
-      this._changed();
-    });
     this.control = new ControlPanel(this.assets.box, () => this._changed());
     this.live = new Live(this.assets.box, scope, {
       ask: (form, seed, signal, draft) => this._asked(this._liveWish(), form, seed, signal, draft),
@@ -157,13 +158,13 @@ export class Workbench {
     const { scope } = this;
     this.prompt = new PromptField(() => this._changed());
     this.outlook = h("div", { class: "outlook", "aria-live": "polite", hidden: true });
-    this.parts = new PartsControl(this.assets.box, this.control, this.front, scope, {
+    this.parts = new PartsControl(this.assets.box, this.control, scope, {
       ask: (signal) => this._parts(signal),
       change: async (prompt, form, signal) => (await this._asked(this._saidWish(prompt), form, this._wish().seed, signal)).data,
       write: (prompt) => this.prompt.set(prompt),
     });
     this.parts.onRead = () => this._foresee();
-    this.guide = new GuidePanel(this.assets, this.control.view, scope, () => this._changed());
+    this.guide = new GuidePanel(this.assets, scope, () => this._changed());
     this.assets.guide = (files) => this.guide.take(files);
     this.settings = new SettingsPanel(() => this._changed(), (model) => this._offer(model));
     this.estimate = h("p", { class: "estimate", id: "estimate", "aria-live": "off" });
@@ -183,7 +184,7 @@ export class Workbench {
     this.code = h("details", { class: "advanced", on: { toggle: () => this._showCode() } }, h("summary", null, "As code"), this.program);
     this.inUse = h("span", { class: "small muted" });
     const making = this.shared ? [] : [this.settings.element, this.control.element, this.code];
-    this.more = h("details", { class: "advanced bench-details" }, h("summary", null, "Details ", this.inUse), this.panel?.results, this.comparison.view, making, this.panel?.settings);
+    this.more = h("details", { class: "advanced bench-details", on: { toggle: () => this.control.place() } }, h("summary", null, "Details ", this.inUse), this.panel?.results, this.comparison.view, making, this.panel?.settings);
     const words = [this.restored, this.prompt.element, this.outlook, this.problem, this.parts.element, this.guide.element, this.live.lacks, this.live.element];
     this.form.element.append(
       ...(this.panel ? [this.panel.head, this.panel.top] : [h("h1", null, "Describe what it ", h("em", null, "should become"))]),
@@ -199,7 +200,7 @@ export class Workbench {
 
   /** @param {string | null} from */
   async _begin(from) {
-    if (!DEMO) this.fields = this._learnFields();
+    if (!DEMO) this.learnt = this._learn();
     if (this.shared) return this._openShared();
     const models = client.models(this.scope.signal).catch(() => ({}));
     const last = this.panel ? null : await lastDraft();
@@ -214,7 +215,7 @@ export class Workbench {
     const first = this._firstAsset(draft, from);
     const found = catalogue(await models);
     const known = found.shapes ?? found.models.find(({ vocabulary }) => vocabulary)?.vocabulary;
-    await this.fields;
+    await this.learnt;
     if (this.scope.over) return;
     this.parts.line.offer(known?.groups ?? []);
     this.parts.corrector.known = Object.values(known?.parts ?? {}).flat();
@@ -228,8 +229,15 @@ export class Workbench {
     if (wish) this._restore(wish, this.others);
     this.begun = true;
     if (this.panel) this._isOf(this._key());
+    if (wish && this.made) this._knowMade(this.made);
     this._changed();
     this._storedShapes();
+  }
+
+  /** What an example became is what its form asks for, and is here already. @param {string} name Of its file. */
+  _knowMade(name) {
+    const load = async () => (await exampleAsset(name, this.scope.signal)).bytes();
+    this.live.know({ key: this._key(), label: this.prompt.value, load, strength: 1, tag: "Result" });
   }
 
   /** What a link shows: the asset and the shapes of the job. */
@@ -281,27 +289,24 @@ export class Workbench {
     this.prompt.offer(!byShape ? model : builtin && shapes ? { ...builtin, vocabulary: shapes } : builtin, others, byShape);
   }
 
-  /** @returns {Promise<import("../params.js").Field[]>} */
-  async _learnFields() {
+  async _learn() {
     const schema = await client.json("web/parameters.json", { signal: this.scope.signal }).catch(() => null);
     learnNames(schema);
-    const form = formOf(schema);
     this.outputDefaults = schema?.["x-output"] ?? {};
-    this.settings.offerFields(form);
-    this.settings.offerRig(this.outputDefaults.rig);
-    this.front.offer(this.settings.offers("orientation"));
-    return form.fields;
+    this.settings.learn(schema);
   }
 
   /** Use the asset of a job, or of an example. @param {string} from @returns {Promise<import("../params.js").Wish | null>} Its settings. */
   async _assetOf(from) {
     const before = this.assets.choices;
     try {
-      const { job, asset, others } = await originOf(from, this.scope.signal);
+      const { job, asset, others, result = "" } = await originOf(from, this.scope.signal);
       this.others = others;
+      this.made = result;
       this.begunWith = { asset, thread: job.id ? threadOf(job) : "" };
       if (this.assets.choices === before) await this.assets.use(asset);
-      return wishOf(job, await this.fields, this.outputDefaults);
+      await this.learnt;
+      return wishOf(job, this.outputDefaults);
     } catch (error) {
       if (isAbort(error)) return null;
       fill(this.problem, problemBox(error));
@@ -368,15 +373,15 @@ export class Workbench {
     const { job } = this.panel;
     const { steps, finished, lastStep } = this.offered;
     const found = shapesOf(job, steps, finished ? lastStep : null);
-    const shapes = found.map((each, i) => this._storedShape(job, each, i === found.length - 1));
+    const shapes = found.map((each, i) => this._storedShape(each, i === found.length - 1));
     this.strip.offer([...this.versions, ...shapes]);
     const newest = shapes.at(-1);
     if (newest) this.live.know(newest);
     this._offerKeep();
   }
 
-  /** @param {any} job @param {import("../job/shapes.js").Shape} shape @param {boolean} newest @returns {Shape} */
-  _storedShape(job, { path, label, name, step }, newest) {
+  /** @param {import("../job/shapes.js").Shape} shape @param {boolean} newest @returns {Shape} */
+  _storedShape({ path, label, name, step }, newest) {
     const known = this.strip.stored.find(({ stored }) => stored?.path === path);
     return {
       key: newest ? this.jobKey : path,
@@ -468,9 +473,7 @@ export class Workbench {
   _changed() {
     const { asset } = this.assets;
     const key = asset ? fileKey(asset.name, asset.size) : "";
-    // The angle that was said of another file.
-    if (this.begun && key && this.control.asset && key !== this.control.asset && this._said().advanced.orientation) this.settings.setValue("orientation", "");
-    this.front.show(this.settings.value("orientation"));
+    if (this.begun) this._forgetKept(key);
     if (key) this.control.assetIs(key);
     this._suitParts();
     this.control.view.exclude(this.settings.kept.params.exclude ?? []);
@@ -479,16 +482,23 @@ export class Workbench {
     this.prompt.element.hidden = this.guide.target !== null;
     const targets = this.guide.meshes.length;
     const { byShape } = this.settings;
-    this.guide.suit(byShape);
     const { guidance = "sds" } = guideParams(this.guide.guide, targets, this.prompt.value, byShape);
     this.settings.suit(guidance, targets);
-    this.front.offer(this.settings.offers("orientation"));
     if (this.foreseen !== this._goal()) this._showOutlook(null);
     this.inUse.textContent = this._usesMore() ? "· in use" : "";
     this._suitLive();
     this._offerKeep();
     this._showCode();
     if (!this.shared) this.check();
+  }
+
+  /** Nothing that a job said of its own files holds for others. @param {string} asset */
+  _forgetKept(asset) {
+    const targets = this.guide.meshes.map(({ name, size }) => fileKey(name, size)).join();
+    const [before, other] = this.keptFor.split("\n");
+    if (before && before !== asset) this.settings.forget(FILE_PARAMS);
+    if (this.keptFor && other !== targets) this.settings.forget(TARGET_PARAMS);
+    this.keptFor = `${asset}\n${targets}`;
   }
 
   /** Ask what becomes of the rig, where there is one. @param {any[]} joints That the server has found. */
@@ -502,26 +512,24 @@ export class Workbench {
     const { asset, shown } = this.assets;
     const { model, kept } = this.settings.wish("");
     const of = asset && asset === shown && !this.guide.target ? JSON.stringify([this.assets.choices, asset.name, asset.size, model, kept.params]) : "";
-    const { control, advanced } = this._said();
-    const said = Object.entries({ ...controlParams(control), ...advanced });
+    const said = Object.entries(controlParams(this._said()));
     this.parts.suit(of, said.length ? JSON.stringify(said) : "", this.prompt.value);
   }
 
-  /** What a person said of what the asset is. @returns {Pick<import("../params.js").Wish, "advanced"> & {control: import("./control/model.js").Control}} */
+  /** What a person said of what the asset is. */
   _said() {
-    const front = this.settings.value("orientation");
-    return { control: readingOf(this.control.control), advanced: Number.isFinite(Number(front || NaN)) ? { orientation: front } : {} };
+    return readingOf(this.control.control);
   }
 
   /** A request that says nothing but what the asset is, and a prompt. @param {string} prompt @returns {import("../params.js").Wish} */
   _saidWish(prompt) {
-    return { ...this.settings.wish(prompt), ...this._said() };
+    return { ...this.settings.wish(prompt), strength: "", control: this._said() };
   }
 
   /** @param {AbortSignal} signal @returns {Promise<any>} The parts of the asset. */
   async _parts(signal) {
     const asset = /** @type {Asset} */ (this.assets.asset);
-    return client.parts(...(await asset.submission(documentOf(this._saidWish(""), null, this.settings.offered), {}, signal)));
+    return client.parts(...(await asset.submission(documentOf(this._saidWish(""), null, this.settings.groups), {}, signal)));
   }
 
   /** What the form asks for, whatever the strength: a slider shows the shares of its way. */
@@ -551,15 +559,14 @@ export class Workbench {
 
   /** What a preview is asked for. */
   _liveWish() {
-    const wish = this._wish();
-    return { ...wish, advanced: { ...wish.advanced, [this.settings.strength.name]: "" } };
+    return { ...this._wish(), strength: "" };
   }
 
   /** @param {import("../params.js").Wish} wish @param {"glb" | "positions"} form @param {number} seed @param {AbortSignal} signal @param {boolean} [draft] Whether of a large asset a draft will do. @returns {Promise<{data: ArrayBuffer, draft?: boolean}>} */
   async _asked(wish, form, seed, signal, draft = false) {
     const options = /** @type {any} */ ({ as: form, draft, signal });
     const asset = /** @type {Asset} */ (this.assets.asset);
-    const document = { ...documentOf(wish, null, this.settings.offered), seeds: [seed] };
+    const document = { ...documentOf(wish, null, this.settings.groups), seeds: [seed] };
     if (asset.kept) {
       try {
         return await client.preview({ sha256: asset.kept, filename: asset.name }, document, options);
@@ -588,7 +595,7 @@ export class Workbench {
   _showCode() {
     if (!this.code.open) return;
     const files = Object.entries({ asset: this.assets.asset, ...this.guide.parts }).flatMap(([part, file]) => (file ? [[part, file.name]] : []));
-    fill(this.program, snippetsBlock({ document: documentOf(this._wish(), null, this.settings.offered), files: Object.fromEntries(files) }));
+    fill(this.program, snippetsBlock({ document: documentOf(this._wish(), null, this.settings.groups), files: Object.fromEntries(files) }));
   }
 
   /** Whether nothing says yet what the asset should become. @param {import("../params.js").Wish} wish */
@@ -635,7 +642,7 @@ export class Workbench {
     const slow = setTimeout(say, 400, "Checking…");
     asset.onProgress = (share) => (clearTimeout(slow), say(share < 1 ? `Uploading, ${percent(share)}` : "Checking…"));
     try {
-      const document = documentOf(wish, this.steps, this.settings.offered);
+      const document = documentOf(wish, this.steps, this.settings.groups);
       const found = await client.validate(...(await asset.submission(document, this.guide.parts, this.checking.signal)));
       if (turn !== this.checks || this.scope.over) return;
       this._good(found);
@@ -673,12 +680,9 @@ export class Workbench {
     this._showOutlook(found.outlook ?? null);
     this.prompt.refuse(null);
     fill(this.problem);
-    this.settings.resolved(found.params);
-    this.front.resolve(found.params.orientation);
     const { triangles, vertices, meshes, joints, skipped, warnings } = found.asset;
     this._suitRig(joints);
     const more = [meshes > 1 ? `${meshes} meshes` : "", skipped.length ? `${skipped.length} left as they are` : ""].filter(Boolean);
-    this.control.offer(found.asset);
     this.assets.describe(triangles, vertices, more, warnings);
     fill(this.estimate, estimateWords(found));
   }
@@ -694,10 +698,6 @@ export class Workbench {
     this.estimate.textContent = "";
     const code = error instanceof MeshdeformError ? error.code : "";
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
-    if (about && isAboutNegative(error, this.prompt.value)) {
-      this.prompt.refuse(null);
-      return void this.settings.refuse([{ loc: ["negative_prompt"], msg: error.message }]);
-    }
     this._block(true);
     this.prompt.refuse(about ? error : null);
     if (about) return void fill(this.problem);
@@ -710,8 +710,7 @@ export class Workbench {
     if (error instanceof MeshdeformError && error.status === 404) for (const file of [this.assets.asset, ...Object.values(this.guide.parts)]) file?.forgetUpload();
     if (error instanceof MeshdeformError && this.guide.refuse(error)) return void fill(this.problem);
     const errors = errorsOf(error);
-    const placed = errors.length > 0 && (this.control.refuse(errors) || this.settings.refuse(errors));
-    fill(this.problem, placed ? null : problemBox(error));
+    fill(this.problem, errors.length && this.control.refuse(errors) ? null : problemBox(error));
   }
 
   /** Return whether a job can start; what is wrong has the focus. */
@@ -741,9 +740,9 @@ export class Workbench {
     const wish = this._wish();
     const { parts } = this.guide;
     // A preset chosen a moment ago has other steps than the last check knew.
-    const checked = await client.validate(...(await asset.submission(documentOf(wish, null, this.settings.offered), parts)));
+    const checked = await client.validate(...(await asset.submission(documentOf(wish, null, this.settings.groups), parts)));
     this.steps = checked.params.steps;
-    const document = documentOf(wish, this.steps, this.settings.offered);
+    const document = documentOf(wish, this.steps, this.settings.groups);
     const { thread } = this.begunWith;
     if (asset === this.begunWith.asset && thread) document.metadata = { thread };
     const job = this.start !== null && this.panel ? await client.branch(this.panel.job, this.start, /** @type {any} */ (document)) : await client.submit(...(await asset.submission(document, parts)));

@@ -24,6 +24,13 @@ export async function gallery(signal) {
   return (await client.json("web/examples/gallery.json", { signal })).examples;
 }
 
+/** @param {string} id @param {AbortSignal} signal @returns {Promise<Example>} */
+export async function exampleOf(id, signal) {
+  const found = (await gallery(signal)).find((example) => example.id === id);
+  if (!found) throw new Error(`There is no example ${id}.`);
+  return found;
+}
+
 /** @param {Example} example */
 function card({ id, label, picture, document }) {
   const image = h("img", { src: client.url(`web/examples/${picture}`), alt: "", loading: "lazy", width: 640, height: 320 });
@@ -34,7 +41,7 @@ function card({ id, label, picture, document }) {
     h(
       "div",
       { class: "card-text" },
-      h("h3", null, h("a", { class: "card-link", href: routeHash({ name: "example", id }) }, goalWords(document))),
+      h("h3", null, h("a", { class: "card-link", href: routeHash({ name: "create", from: null, example: id }) }, goalWords(document))),
       h("div", { class: "row card-meta" }, h("span", { class: "small muted" }, label)),
     ),
   );

@@ -39,7 +39,7 @@ export class FamilyView {
       root,
       intro("What they have", "in common", "Parts and matching places on all assets of a collection, and new assets made of their parts."),
       kindsNav("family"),
-      h("div", { class: "create" }, this.zone.element, this.form.element),
+      h("div", { class: "bench" }, this.zone.element, this.form.element),
       recentJobs(scope),
     );
     this._begin(from);

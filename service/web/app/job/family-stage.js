@@ -32,7 +32,7 @@ export class FamilyStage extends PictureStage {
     this.pick = slider("family-shape", "Shape", 0, () => this._show(Number(this.pick.input.value)));
     this.save = h("div", { class: "row", hidden: true }, meshButtons("Download this shape", () => this._mesh()));
     this.frame = h("div", { class: "stage pair-stage" }, this.wall.box.element, this.shape?.element);
-    this.element = h("section", { class: this.shape ? "job-stage" : "job-stage wall-only", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
+    this.element = h("section", { class: "job-stage", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
   }
 

@@ -1,18 +1,18 @@
 // @ts-check
 /**
- * The result of a surface fit: the surface unfolds here from a few kilobytes, and distances are computed on it. While the
- * job runs, the newest of its shapes is shown.
+ * The result of a surface fit: the surface unfolds here from a few kilobytes. While the job runs, the newest of its shapes
+ * is shown.
  */
 import { announce, toast } from "../announce.js";
 import { client, isAbort, isOffline } from "../client.js";
 import { button, fill, h } from "../dom.js";
-import { bytes, count, counted, figure } from "../format.js";
+import { bytes, count, counted } from "../format.js";
 import { stemOf } from "../names.js";
 import { orToast } from "../problem-box.js";
 import { ViewerBox } from "../viewer-box.js";
 import { meshButtons, saveBytes } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
-import { chooser, drawnPicture, showLegend, slider, toggle } from "./stage-controls.js";
+import { drawnPicture, slider, toggle } from "./stage-controls.js";
 
 const AGAIN_MS = 3000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
@@ -25,33 +25,25 @@ export class FieldStage extends PictureStage {
     this.stem = own ? own.name.replace(/\.[^.]*$/, "") : stemOf(job);
     this.flat = false; // nothing can be drawn here
     this.box = new ViewerBox("Surface", scope);
-    this.legend = h("div", { class: "legend", hidden: true });
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
     this.wires = toggle("Wireframe", (on) => this.box.viewer?.setWireframe(on));
-    this.heats = toggle("Distances", (on) => this._heat(on ? (this.source ?? this.opposite) : null));
-    this.farther = button("Move the source to the farthest point", () => this.opposite && this._heat(this.opposite), { icon: "spark", quiet: true, class: "button-quiet" });
-    this.farther.disabled = true;
     const reset = button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "button-quiet" });
-    this.scalars = chooser("field-scalars", "Scalars", () => this._scalar(Number(this.scalars.input.value)));
-    this.tools = h("div", { class: "row stage-tools", hidden: true }, this.heats, this.farther, this.wires, reset);
+    this.tools = h("div", { class: "row stage-tools", hidden: true }, this.wires, reset);
     const [save, ...handOn] = meshButtons("Download this level", () => this._mesh());
     const picture = button("Save picture", () => this._picture(), { icon: "camera", class: "button-quiet" });
     this.keep = h("div", { class: "row stage-keep", hidden: true }, save, picture, handOn);
     this.element = h(
       "section",
-      { class: "job-stage single field-stage", "aria-label": "Surface" },
-      h("div", { class: "stage pair-stage" }, this.box.element, this.legend),
+      { class: "job-stage field-stage", "aria-label": "Surface" },
+      h("div", { class: "stage pair-stage" }, this.box.element),
       this.tools,
       this.levels.row,
-      this.scalars.row,
       this.facts,
       this.keep,
     );
     /** @type {any} */
     this.worker = null;
-    /** @type {any} */
-    this.view = null;
     /** @type {import("../../viewer/field-worker.js").Opened | null} */
     this.opened = null;
     /** @type {import("../../viewer/field-worker.js").Level | null} The level that is shown. */
@@ -63,26 +55,9 @@ export class FieldStage extends PictureStage {
     this.opening = false;
     this.wanted = 0;
     this.busy = false;
-    /** @type {number[] | null} Where the heat source is; null: no distances are shown. */
-    this.source = null;
-    /** @type {number[] | null} A place far from the source. */
-    this.opposite = null;
-    /** The scalars of the field that are asked for, from 1; 0: none. */
-    this.scalar = 0;
-    /** @type {{ scalars: number, output: number, label: string, labels: number[] }[]} What `scalar` counts. */
-    this.named = [];
-    /** What they are, in words. */
-    this.said = "";
-    /** @type {{ place: number[] | null, level: number, scalar: number } | null} What the colours on the screen belong to. */
-    this.coloured = null;
-    /** @type {import("../../viewer/field-worker.js").Heat | null} */
-    this.heat = null;
     this.box.say(job.state === "succeeded" ? "Loading the surface…" : "No shape yet");
     this.ready = job.state === "succeeded" ? this._open() : this.box.ready.then(() => void (this.box.failed && this._isFlat()));
-    scope.add(() => {
-      this.view?.dispose();
-      this.worker?.dispose();
-    });
+    scope.add(() => this.worker?.dispose());
   }
 
   /** @param {number[]} checkpoints Steps whose mesh is kept. @param {boolean} finished */
@@ -119,17 +94,15 @@ export class FieldStage extends PictureStage {
     if (this.flat || this.scope.over) return;
     this.box.say("Loading the surface…");
     try {
-      const [data, { FieldView, FieldWorker }] = await Promise.all([
+      const [data, { FieldWorker }] = await Promise.all([
         this.own?.arrayBuffer() ?? client.bytes(`v1/jobs/${this.job.id}/artifacts/surface.ndf`, { signal: this.scope.signal }),
-        import("../../viewer/field-view.js"),
+        import("../../viewer/field.js"),
       ]);
       if (this.scope.over) return;
       this.worker = new FieldWorker();
-      this.view = new FieldView(this.box.viewer, (place) => this._heat(place));
       const opened = (this.opened = await this.worker.ask("open", { bytes: data }, [data]));
       this.levels.input.max = String(opened.levels);
       this.levels.row.hidden = this.tools.hidden = this.keep.hidden = false;
-      this._name(opened.scalars);
       // The base at once, then level by level, unless someone chooses one meanwhile.
       let level = 0;
       do {
@@ -156,59 +129,18 @@ export class FieldStage extends PictureStage {
     void this._next();
   }
 
-  /** @param {number[] | null} place Where the source is now; null: no distances. */
-  _heat(place) {
-    this.source = place;
-    if (place) this._choose(0);
-    this.heats.setAttribute("aria-pressed", String(place !== null));
-    this.farther.disabled = place === null;
-    this.view.mark(place);
-    void this._next();
-  }
-
-  /** @param {number} scalar What to show of the scalars, from 1; 0: none. */
-  _scalar(scalar) {
-    this._choose(scalar);
-    if (scalar && this.source) this._heat(null);
-    else void this._next();
-  }
-
-  /** @param {number} scalar */
-  _choose(scalar) {
-    this.scalar = scalar;
-    this.scalars.input.value = String(scalar);
-  }
-
-  /** Offer what the field holds beside its surface. @param {import("../../viewer/field-worker.js").Named[]} scalars */
-  _name(scalars) {
-    this.named = scalars.flatMap(({ name, outputs, labels }, i) =>
-      Array.from({ length: outputs }, (_, output) => ({ scalars: i, output, label: outputs > 1 ? `${name} ${output + 1}` : name, labels })),
-    );
-    this.scalars.row.hidden = !scalars.length;
-    fill(this.scalars.input, ["none", ...this.named.map(({ label }) => label)].map((label, i) => h("option", { value: i }, label)));
-  }
-
   /** Work until what is shown is what is wanted. While one thing is computed others may be asked for: only the newest counts. */
   async _next() {
     if (this.busy || !this.opened) return;
     this.busy = true;
     try {
-      while (!this.scope.over && (this.shown?.level !== this.wanted || this._stale())) {
-        if (this.shown?.level !== this.wanted) await this._unfold(this.wanted);
-        else await this._colour(this.source);
-      }
+      while (!this.scope.over && this.shown?.level !== this.wanted) await this._unfold(this.wanted);
     } catch (error) {
-      this._choose(0); // or it would be asked for again and again
+      this.wanted = this.shown?.level ?? this.wanted; // or it would be asked for again and again
       if (!this.scope.over && !isAbort(error)) toast(`Not computed. ${error instanceof Error ? error.message : ""}`);
     } finally {
       this.busy = false;
     }
-  }
-
-  _stale() {
-    const coloured = this.source !== null || this.scalar > 0;
-    const { place, scalar } = this.coloured ?? {};
-    return place !== this.source || scalar !== this.scalar || (coloured && this.coloured?.level !== this.wanted);
   }
 
   /** @param {number} level */
@@ -219,58 +151,19 @@ export class FieldStage extends PictureStage {
     if (this.scope.over) return;
     if (!drawn) this._isFlat();
     this.shown = found;
-    this.coloured = { place: null, level, scalar: 0 };
-    this.opposite ??= [0, 1, 2].map((axis) => this.box.viewer.ownBox.max.getComponent(axis));
-    this.view.mark(this.source);
-    this._tell();
-  }
-
-  /** @param {number[] | null} place */
-  async _colour(place) {
-    const level = this.wanted;
-    const { scalar } = this;
-    this.said = "";
-    if (scalar) {
-      const { label, labels, scalars, output } = this.named[scalar - 1];
-      const found = /** @type {import("../../viewer/field-worker.js").Learned} */ (await this.worker.ask("scalar", { level, scalars, output }));
-      if (this.scope.over) return;
-      if (labels.length) this.view.divide(found.values, labels.length);
-      else this.view.colour(found.values.map((value) => value - found.least), found.most - found.least);
-      showLegend(this.legend, labels.length ? this.view.pieceScale(label, labels) : this.view.scale(label, found));
-      const range = labels.length ? counted(labels.length, "piece") : `from ${figure(found.least)} to ${figure(found.most)}`;
-      this.said = `${label}: ${range}, in ${milliseconds(found.ms)}.`;
-    } else if (place) {
-      const heat = /** @type {import("../../viewer/field-worker.js").Heat} */ (await this.worker.ask("heat", { level, place }));
-      if (this.scope.over) return;
-      this.heat = heat;
-      this.opposite = heat.place;
-      this.view.colour(heat.values, heat.farthest);
-      if (place === this.source) this.view.mark(heat.source);
-      showLegend(this.legend, this.view.scale("Distance", { least: 0, most: heat.farthest }, "units"));
-    } else {
-      this.view.colour(null, 0);
-      showLegend(this.legend, null);
-    }
-    this.coloured = { place, level, scalar };
     this._tell();
   }
 
   /** Say what came over the wire, what was made of it, and how long that took. */
   _tell() {
-    const { opened, shown, heat } = this;
+    const { opened, shown } = this;
     if (!opened || !shown || !this.glb) return;
     this.levels.input.value = String(this.wanted);
     this.levels.value.textContent = String(shown.level);
     this.levels.input.setAttribute("aria-valuetext", `Level ${shown.level}, ${counted(shown.faces, "triangle")}`);
     fill(this.box.tag, `Level ${shown.level} · ${counted(shown.faces, "triangle")}`);
     const ms = milliseconds;
-    const parts = [
-      `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}.`,
-      `As a GLB it has ${bytes(this.glb.byteLength)}.`,
-      this.source && heat ? `Distances in ${ms(heat.ms)}; the farthest point is ${figure(heat.farthest)} away.` : "Click the surface for distances from there.",
-      this.said,
-    ];
-    this.facts.textContent = parts.filter(Boolean).join(" ");
+    this.facts.textContent = `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}. As a GLB it has ${bytes(this.glb.byteLength)}.`;
   }
 
   /** The level that is shown. */

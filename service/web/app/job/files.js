@@ -151,7 +151,7 @@ async function handOn(mesh, part) {
   const others = Object.fromEntries(Object.entries(files).filter(([name]) => !isTarget(name)));
   keepDraft({
     from: null,
-    wish: { ...wish, guide: { ...wish.guide, align: "", landmarks: [], targets: part === "target" ? 1 : 0 } },
+    wish: { ...wish, guide: { ...wish.guide, targets: part === "target" ? 1 : 0 } },
     asset: part === "asset" ? mesh : asset,
     files: part === "target" ? { target: mesh } : others,
   });

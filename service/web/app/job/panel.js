@@ -57,7 +57,7 @@ export class JobPanel {
       { class: "job-head" },
       currentLink()
         ? h("p", { class: "small muted" }, DEMO ? "A job of the built-in model, played as it ran." : "You see this job by a link. It shows no other job, and changes nothing.")
-        : h("a", { class: "back", href: group ? routeHash({ name: "group", id: group }) : "#/jobs" }, icon("back"), group ? "All of them" : "Jobs"),
+        : h("a", { class: "back", href: group ? routeHash({ name: "many", id: group }) : "#/jobs" }, icon("back"), group ? "All of them" : "Jobs"),
       h("h1", { class: "prompt-title" }, goal ? `“${goal}”` : jobTitle(job)),
       h("p", { class: "row meta" }, this.badge, h("span", null, [job.asset.filename, ago(job.created_at)].filter(Boolean).join(" · "))),
       this.actions.element,

@@ -12,7 +12,7 @@ export class PictureStage {
     this.chosenStep = null;
     this.ready = Promise.resolve();
     this.frame = h("div", { class: "stage pair-stage" }, h("p", { class: "viewer-note" }, job.state === "succeeded" ? "Loading the picture…" : "The picture comes with the result"));
-    this.element = h("section", { class: "job-stage single", "aria-label": "Result" }, this.frame);
+    this.element = h("section", { class: "job-stage", "aria-label": "Result" }, this.frame);
   }
 
   /** Shapes on the way are not shown. @param {...any} _ @returns {any} */

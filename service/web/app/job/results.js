@@ -5,7 +5,7 @@ import { bytes, count } from "../format.js";
 import { plainParams } from "../groups.js";
 import { currentLink } from "../key.js";
 import { artifactName } from "../names.js";
-import { findings, skipped } from "../quality.js";
+import { findings } from "../quality.js";
 import { fileInput } from "../picking.js";
 import { copyLink, deformAlike, download, downloadMade } from "./files.js";
 import { isDeformation } from "./shapes.js";
@@ -13,7 +13,7 @@ import { isDeformation } from "./shapes.js";
 const GLYPHS = { good: "check", warn: "warn", plain: "info" };
 
 /** @param {import("../quality.js").Finding[]} findings */
-export function findingList(findings) {
+function findingList(findings) {
   const row = (/** @type {import("../quality.js").Finding} */ { tone, text, note }) =>
     h("li", { class: `finding finding-${tone}` }, icon(GLYPHS[tone]), h("div", null, h("strong", null, text), note ? h("span", { class: "small muted" }, note) : null));
   return h("ul", { class: "findings" }, findings.map(row));
@@ -53,8 +53,7 @@ const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
 
 /** What was measured: why the result is worth what it is stands elsewhere. @param {any} report @param {Record<string, any>} [files] Of the job, by the names of their parts. */
 export function qualityPanel(report, files = {}) {
-  const left = skipped(report);
-  return panel("quality-title", "Quality", findingList(findings(report, files)), left.length ? h("p", { class: "small muted" }, `Input mesh: ${left.join(", ")}.`) : null);
+  return panel("quality-title", "Quality", findingList(findings(report, files)));
 }
 
 /** @param {any} job @param {any[]} artifacts @param {import("../scope.js").Scope} scope */

@@ -1,7 +1,6 @@
 // @ts-check
 /** The controls below the 3D views of a job. */
-import { fill, h } from "../dom.js";
-import { figure } from "../format.js";
+import { h } from "../dom.js";
 
 /** @param {string} label @param {[string, string][]} options @param {string} chosen @param {(value: string) => void} onChange */
 export function segmented(label, options, chosen, onChange) {
@@ -35,41 +34,7 @@ export function slider(id, label, max, onInput) {
   return { input, value, row };
 }
 
-/** A list with its label, of which one thing is chosen. @param {string} id @param {string} label @param {() => void} onChange */
-export function chooser(id, label, onChange) {
-  const input = h("select", { id, on: { change: onChange } });
-  const row = h("div", { class: "range-row", hidden: true }, h("label", { for: id }, label), input);
-  return { input, row };
-}
-
 /** The picture that a job made, over the place of its views. @param {import("../scope.js").Scope} scope @param {Blob} picture @param {string} alt */
 export function drawnPicture(scope, picture, alt) {
   return h("div", { class: "stage-picture" }, h("img", { src: scope.url(picture), alt }));
-}
-
-/** Explain the colours of a heat map. @param {HTMLElement} legend @param {import("../viewer-box.js").Scale | null} scale */
-export function showLegend(legend, scale) {
-  legend.hidden = !scale;
-  if (!scale) return;
-  if (scale.problem) {
-    fill(legend, h("span", null, scale.problem));
-    return;
-  }
-  const ramp = h("div", { class: "ramp", "aria-hidden": "true" });
-  ramp.style.backgroundImage = scale.gradient;
-  const ticks = h("div", { class: "ramp-ticks", "aria-hidden": "true" }, scale.ticks.map(({ text, at }) => {
-    const tick = h("span", null, text);
-    tick.style.insetInlineStart = `${100 * at}%`;
-    tick.style.translate = `${-100 * at}%`; // the first and the last end with the ramp
-    return tick;
-  }));
-  const unit = scale.unit === "×" ? "times" : scale.unit;
-  const words = `from ${figure(scale.min)} to ${figure(scale.max)} ${unit}, 99 percent at most ${figure(scale.p99)}`;
-  fill(
-    legend,
-    h("span", null, h("strong", null, scale.label), scale.unit ? `, ${scale.unit}` : ""),
-    ramp,
-    ticks,
-    h("span", { class: "visually-hidden" }, words),
-  );
 }

@@ -1,5 +1,6 @@
 // @ts-check
 /** A job in a list: its picture, state, prompt and file; and the newest ones below a form. */
+import { formatOf } from "../assets.js";
 import { client } from "../client.js";
 import { fill, h, icon } from "../dom.js";
 import { ago, jobTitle, percent, roughly, STATE_WORDS } from "../format.js";
@@ -12,22 +13,27 @@ const GLYPHS = /** @type {Record<string, string>} */ ({
   queued: "clock", running: "play", canceling: "stop", succeeded: "check", failed: "warn", canceled: "cross", expired: "clock",
 });
 
+/** Of an asset that is loaded to be drawn here. */
+const LARGEST = 1 << 22;
+
 /** @param {string} state */
 export function stateBadge(state) {
   return h("span", { class: `badge badge-${state}` }, icon(GLYPHS[state] ?? "info"), STATE_WORDS[state] ?? state);
 }
 
 export class JobCard {
-  /** @param {any} job @param {import("../scope.js").Scope} scope @param {{heading?: string, level?: "h2" | "h3", onSelect?: () => void}} [options] */
+  /** @param {any} job @param {import("../scope.js").Scope} scope @param {{level?: "h2" | "h3", onSelect?: () => void}} [options] */
   constructor(job, scope, options = {}) {
     this.scope = scope;
     this.id = job.id;
-    this.heading = options.heading ?? "";
     this.picture = h("div", { class: "card-picture" });
+    /** What stands for a job that has no result. */
+    this.source = h("div", { class: "card-source" });
+    this.bar = h("progress", { max: 1, "aria-label": "Progress", hidden: true });
     this.badge = h("span", null);
     this.meta = h("span", { class: "small muted" });
-    this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, this.heading || jobTitle(job));
-    this.box = h("input", { type: "checkbox", "aria-label": `Select ${this.heading || jobTitle(job)}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
+    this.title = h("a", { class: "card-link", href: routeHash({ name: "job", id: job.id }) }, jobTitle(job));
+    this.box = h("input", { type: "checkbox", "aria-label": `Select ${jobTitle(job)}, ${job.asset?.filename ?? ""}`, on: { change: () => options.onSelect?.() } });
     this.element = h("li", { class: "card" }, options.onSelect ? h("span", { class: "card-select" }, this.box) : null, this.picture, h("div", { class: "card-text" }, h(options.level ?? "h2", null, this.title), h("div", { class: "row card-meta" }, this.badge, this.meta)));
     this.state = "";
     this.show(job);
@@ -40,23 +46,33 @@ export class JobCard {
     const { eta_s: eta } = job.progress;
     this.meta.textContent = running
       ? [percent(fraction), eta === null ? "" : `${roughly(eta)} left`].filter(Boolean).join(" · ")
-      : [this.heading ? (job.prompt ?? "") : job.asset?.filename, this.heading ? "" : job.unreadable ? "of another version" : `variation ${job.params?.seed ?? 0}`, ago(job.created_at)].filter(Boolean).join(" · ");
+      : [job.asset?.filename, job.unreadable ? "of another version" : "", ago(job.created_at)].filter(Boolean).join(" · ");
     this.box.disabled = !isTerminal(job.state);
-    if (running) this._bar(fraction);
+    this.bar.hidden = !running;
+    if (running) this.bar.value = fraction;
     if (job.state === this.state) return;
     this.state = job.state;
     fill(this.badge, stateBadge(job.state));
     if (job.state === "succeeded") {
       this._thumbnail(job);
       if (isDeformation(job) && job.artifacts?.some((/** @type {any} */ { name }) => name === "report.json")) this._judge();
-    } else if (!running) fill(this.picture, h("span", { class: "card-glyph" }, icon(GLYPHS[job.state] ?? "info")));
+    } else {
+      fill(this.picture, this.source, this.bar);
+      if (!this.source.childElementCount) this._source(job);
+    }
   }
 
-  /** @param {number} fraction */
-  _bar(fraction) {
-    const known = this.picture.querySelector("progress");
-    if (known) known.value = fraction;
-    else fill(this.picture, h("progress", { max: 1, value: fraction, "aria-label": "Progress" }));
+  /** Show the asset of a job that has no result yet, or never has one. @param {any} job */
+  async _source(job) {
+    fill(this.source, icon(GLYPHS[job.state] ?? "info"));
+    if (!isDeformation(job) || job.asset.size > LARGEST) return;
+    try {
+      const [bytes, { snapshotAssets }] = await Promise.all([client.bytes(`v1/jobs/${this.id}/asset`, { signal: this.scope.signal }), import("../../viewer/snapshot.js")]);
+      const [picture] = this.scope.over ? [] : await snapshotAssets([{ buffer: bytes, format: /** @type {any} */ (formatOf(job.asset.filename)) }], { width: 400, height: 200 });
+      if (picture && !this.scope.over) fill(this.source, h("img", { src: this.scope.url(picture), alt: "" }));
+    } catch {
+      // It is gone, cannot be drawn, or the view has gone: the sign of the state stays.
+    }
   }
 
   /** Show what the result is worth in place of the state. */
@@ -77,7 +93,8 @@ export class JobCard {
       if (!this.scope.over) fill(this.picture, isDeformation(job) ? [image(), image()].map((each) => h("span", { class: "card-half" }, each)) : image());
     } catch {
       // There is no picture, or the view has gone.
-      if (!this.scope.over) fill(this.picture, h("span", { class: "card-glyph" }, icon("check")));
+      if (!this.scope.over) fill(this.picture, this.source);
+      if (!this.scope.over) this._source(job);
     }
   }
 }

@@ -1,5 +1,5 @@
 // @ts-check
-/** All jobs, newest first, in pages, with a search; and those of one group as a contact sheet. */
+/** All jobs, newest first, in pages, with a search. */
 import { announce } from "../announce.js";
 import { client, isAbort } from "../client.js";
 import { ask } from "../dialogs.js";
@@ -15,12 +15,11 @@ const PAGE = 24;
 const POLL_MS = 1500;
 
 export class ListView {
-  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {{state?: string | null, group?: string, search?: string}} wanted */
-  constructor(root, scope, { state = null, group = "", search = "" }) {
+  /** @param {HTMLElement} root @param {import("../scope.js").Scope} scope @param {{state?: string | null, search?: string}} wanted */
+  constructor(root, scope, { state = null, search = "" }) {
     this.scope = scope;
-    this.group = group;
-    /** Which jobs are shown; a new one for every search. @type {{limit: number, state: any, search: string, metadata: Record<string, string>}} */
-    this.filter = { limit: group ? 200 : PAGE, state, search: search.trim(), metadata: group ? { group } : {} };
+    /** Which jobs are shown; a new one for every search. @type {{limit: number, state: any, search: string}} */
+    this.filter = { limit: PAGE, state, search: search.trim() };
     /** @type {Map<string, JobCard>} */
     this.cards = new Map();
     /** @type {Map<string, any>} */
@@ -29,7 +28,6 @@ export class ListView {
     this.grid = h("ul", { class: "card-grid" });
     this.problem = h("div", null);
     this.summary = h("p", { class: "lead" });
-    this.title = h("h1", null, group ? "Variations" : "Jobs");
     this.more = button("Older jobs", () => this._older(), { class: "more" });
     this.more.hidden = true;
     this.search = h("input", { type: "search", id: "job-search", placeholder: "Prompt, file or label", "aria-label": "Search jobs", maxlength: MAX_SEARCH, value: search });
@@ -40,12 +38,8 @@ export class ListView {
     this.selecting = false;
     this.select = button("Select", () => this._selectMode(!this.selecting), {});
     this.chosen = h("div", { class: "row select-bar", hidden: true });
-    this.cancelAll = button("Cancel all", () => this._cancelAll(), { icon: "stop" });
-    this.cancelAll.hidden = true;
-    const tools = group
-      ? h("div", { class: "row" }, this.cancelAll, this.select, h("a", { href: "#/jobs" }, "All jobs"))
-      : h("div", { class: "row" }, this.search, filter(state, () => this.search.value.trim()), this.select);
-    const head = h("div", { class: "section-head" }, this.title, tools);
+    const tools = h("div", { class: "row" }, this.search, filter(state, () => this.search.value.trim()), this.select);
+    const head = h("div", { class: "section-head" }, h("h1", null, "Jobs"), tools);
     fill(root, head, this.chosen, this.summary, this.problem, this.grid, this.more);
     this._run();
   }
@@ -179,12 +173,6 @@ export class ListView {
     );
   }
 
-  async _cancelAll() {
-    const open = [...this.jobs.values()].filter((job) => !isTerminal(job.state));
-    await Promise.allSettled(open.map((job) => client.cancel(job)));
-    await this._newest().catch(() => {});
-  }
-
   /** @param {string} id */
   _forget(id) {
     this.cards.get(id)?.element.remove();
@@ -201,19 +189,16 @@ export class ListView {
 
   /** @param {any[]} jobs Newest first. @param {boolean} atFront */
   _take(jobs, atFront) {
-    // The first variation comes first, not the newest.
-    const order = this.group || !atFront ? jobs : [...jobs].reverse();
-    for (const job of order) {
+    for (const job of atFront ? [...jobs].reverse() : jobs) {
       this.jobs.set(job.id, job);
       const known = this.cards.get(job.id);
       if (known) {
         known.show(job);
         continue;
       }
-      const heading = this.group ? `Variation ${job.params?.seed ?? 0}` : undefined;
-      const card = new JobCard(job, this.scope, { heading, onSelect: () => this._selection() });
+      const card = new JobCard(job, this.scope, { onSelect: () => this._selection() });
       this.cards.set(job.id, card);
-      if (this.group || (atFront && this.grid.childElementCount)) this.grid.prepend(card.element);
+      if (atFront && this.grid.childElementCount) this.grid.prepend(card.element);
       else this.grid.append(card.element);
     }
   }
@@ -227,17 +212,7 @@ export class ListView {
       fill(this.summary, this.filter.state ? "No jobs in this state." : "No jobs yet. ", this.filter.state ? null : h("a", { href: "#/" }, "Create the first one"));
       return;
     }
-    if (!this.group) return void fill(this.summary, this._searchWords());
-    this.cancelAll.hidden = !this._active();
-    // Those that belong together need not have one prompt.
-    const prompt = jobs.every((job) => job.prompt === jobs[0].prompt) ? (jobs[0].prompt ?? "") : "";
-    fill(this.title, prompt ? `“${prompt}”` : "Variations");
-    this.title.classList.toggle("prompt-title", prompt !== "");
-    const done = jobs.filter((job) => isTerminal(job.state)).length;
-    const text = done === jobs.length ? counted(jobs.length, "variation") : `${done} of ${counted(jobs.length, "variation")} finished`;
-    if (this.summary.textContent !== text && done === jobs.length) announce(`All ${counted(jobs.length, "variation")} finished`);
-    this.summary.textContent = text;
-    document.title = `${prompt || "Variations"} · Meshdeform`;
+    fill(this.summary, this._searchWords());
   }
 }
 

@@ -67,6 +67,7 @@ export class ManyCard {
     this.element.setAttribute("aria-busy", String(Boolean(item.doing)));
     // A picture of another sentence is none of this one.
     this.views[1].image.hidden = !this.views[1].image.src || !(item.has(sentence) || (job && job.state === "succeeded") || (!sentence && item.made));
+    this.views[1].place.hidden = this.views[1].image.hidden;
   }
 
   /** @param {(Blob | null)[]} pictures Of before and after; null: as it is. */
@@ -74,7 +75,7 @@ export class ManyCard {
     for (const [k, blob] of pictures.entries()) {
       if (!blob) continue;
       this.views[k].image.src = this.scope.url(blob);
-      this.views[k].image.hidden = false;
+      this.views[k].image.hidden = this.views[k].place.hidden = false;
     }
   }
 }

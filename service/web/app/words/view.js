@@ -57,7 +57,7 @@ export class WordsView {
       root,
       intro("Words", "of your own", "Name meshes of yours, and prompts can say that name at once: as what an asset should become, or as what it is."),
       kindsNav("words"),
-      h("div", { class: "create" }, this.zone.element, this.form.element),
+      h("div", { class: "bench" }, this.zone.element, this.form.element),
       this.list,
     );
     this._show();
@@ -188,5 +188,5 @@ export class WordsView {
 
 /** @param {string} name @param {string} label @param {string} placeholder @param {string} help */
 function textRow(name, label, placeholder, help) {
-  return fieldRow({ name: `word-${name}`, label, help, type: "text" }, ["", placeholder], () => {});
+  return fieldRow({ name: `word-${name}`, label, help }, placeholder);
 }

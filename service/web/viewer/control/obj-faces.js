@@ -4,7 +4,7 @@
  * meshes, the last one first; a polygon is a fan from its first corner. No three.js here, so that node can test it.
  */
 
-/** @typedef {{ positions: Float64Array, corners: Uint32Array, counts: number[] }} ObjFaces `counts`: triangles of each mesh */
+/** @typedef {{ positions: Float64Array, corners: Uint32Array }} ObjFaces */
 
 /** @param {string} text of the file @returns {ObjFaces | null} null where it has no faces, or one that refers to no vertex */
 export function readObjFaces(text) {
@@ -28,10 +28,9 @@ export function readObjFaces(text) {
     }
   }
   const vertices = places.length / 3;
-  const parts = [...meshes.values()].reverse().map(triangles);
-  const corners = Uint32Array.from(parts.flat(2));
+  const corners = Uint32Array.from([...meshes.values()].reverse().map(triangles).flat(2));
   if (!corners.length || corners.some((corner) => !(corner < vertices))) return null;
-  return { positions: Float64Array.from(places), corners, counts: parts.map((part) => part.length) };
+  return { positions: Float64Array.from(places), corners };
 }
 
 /** @param {number[][]} faces @returns {number[][]} triangles; a quad's second one begins at the other end of the cut */

@@ -1,5 +1,5 @@
 // @ts-check
-/** What lies over an asset while its regions and handles are edited: kept faces, a box, handles, the brush. */
+/** What lies over an asset: faces that are kept, painted or pointed at, and the brush. */
 import {
   BufferAttribute,
   BufferGeometry,
@@ -7,22 +7,15 @@ import {
   Group,
   LineBasicMaterial,
   LineLoop,
-  LineSegments,
   Mesh,
   MeshBasicMaterial,
-  SphereGeometry,
   Vector3,
 } from "../../vendor/three/three.module.js";
 
 const KEPT = 0x2b6fb3;
 const PULLED = 0x8a4fd0;
 const TOOL = 0xd9622b;
-const POINT = 0.011; // of the diagonal
 const CIRCLE = 48;
-
-/** @typedef {[number, number, number]} Place */
-/** @typedef {{ min: Place, max: Place }} Box */
-/** @typedef {{ position: Place | null, to: Place }} Marks `position` is null where only the service knows the point */
 
 export class Overlay {
   /** @param {import("three").Scene} scene */
@@ -32,17 +25,10 @@ export class Overlay {
     this.kept = this.#own(tint(KEPT, 0.55));
     this.pulled = this.#own(tint(PULLED, 0.5));
     this.part = this.#own(tint(TOOL, 0.5));
-    this.box = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false })));
     this.brush = this.#own(new LineLoop(circle(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
-    this.lines = this.#own(new LineSegments(new BufferGeometry(), new LineBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false })));
-    this.ball = new SphereGeometry(1, 16, 12);
-    this.solid = new MeshBasicMaterial({ color: TOOL, toneMapped: false, depthTest: false, transparent: true });
-    this.pale = new MeshBasicMaterial({ color: KEPT, toneMapped: false, depthTest: false, transparent: true });
-    /** @type {Mesh[]} */
-    this.balls = [];
     this.diagonal = 1;
     this.tints = [this.kept, this.pulled, this.part];
-    for (const one of [...this.tints, this.box, this.brush, this.lines]) one.visible = false;
+    for (const one of [...this.tints, this.brush]) one.visible = false;
   }
 
   /**
@@ -104,26 +90,6 @@ export class Overlay {
     mesh.visible = count > 0;
   }
 
-  /** @param {Box | null} box @param {Marks[]} handles @param {number} chosen */
-  setMarks(box, handles, chosen) {
-    this.box.visible = box !== null;
-    /** @type {[Place, boolean][]} */
-    const points = box ? sides(box).map((place) => [place, true]) : [];
-    replace(this.box, box ? edges(box) : []);
-    const lines = handles.flatMap(({ position, to }) => (position ? [...position, ...to] : []));
-    replace(this.lines, lines);
-    this.lines.visible = lines.length > 0;
-    handles.forEach(({ position, to }, i) => points.push(...(position ? [/** @type {[Place, boolean]} */ ([position, false])] : []), [to, i === chosen || chosen < 0]));
-    for (const ball of this.balls.splice(points.length)) ball.removeFromParent();
-    while (this.balls.length < points.length) this.balls.push(this.#own(new Mesh(this.ball, this.solid)));
-    points.forEach(([place, solid], i) => {
-      this.balls[i].position.fromArray(place);
-      this.balls[i].scale.setScalar(POINT * this.diagonal);
-      this.balls[i].material = solid ? this.solid : this.pale;
-      this.balls[i].renderOrder = solid ? 4 : 3;
-    });
-  }
-
   /** @param {Vector3 | null} point @param {Vector3} [normal] @param {number} [radius] */
   setBrush(point, normal, radius = 1) {
     this.brush.visible = point !== null;
@@ -135,11 +101,10 @@ export class Overlay {
 
   dispose() {
     this.group.removeFromParent();
-    for (const { geometry, material } of [this.kept, this.pulled, this.box, this.brush, this.lines]) {
+    for (const { geometry, material } of [...this.tints, this.brush]) {
       geometry.dispose();
       material.dispose();
     }
-    for (const one of [this.ball, this.solid, this.pale]) one.dispose();
   }
 }
 
@@ -148,28 +113,6 @@ function tint(color, opacity) {
   const mesh = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ color, transparent: true, opacity, side: DoubleSide, depthWrite: false, toneMapped: false }));
   mesh.frustumCulled = false;
   return mesh;
-}
-
-/** @param {Box} box @returns {Place[]} the middle of each side: x down, x up, y down ... */
-export function sides({ min, max }) {
-  const middle = /** @type {Place} */ ([0, 1, 2].map((axis) => (min[axis] + max[axis]) / 2));
-  return [0, 1, 2].flatMap((axis) => [min, max].map((end) => /** @type {Place} */ (middle.map((value, i) => (i === axis ? end[axis] : value)))));
-}
-
-/** @param {Box} box @returns {number[]} the ends of its twelve edges */
-function edges({ min, max }) {
-  const corner = (/** @type {number} */ bits) => [0, 1, 2].map((axis) => (bits & (1 << axis) ? max : min)[axis]);
-  const found = [];
-  for (let bits = 0; bits < 8; bits++) for (const bit of [1, 2, 4]) if (!(bits & bit)) found.push(...corner(bits), ...corner(bits | bit));
-  return found;
-}
-
-/** @param {LineSegments} lines @param {number[]} positions */
-function replace(lines, positions) {
-  lines.geometry.dispose();
-  lines.geometry = new BufferGeometry();
-  lines.geometry.setAttribute("position", new BufferAttribute(Float32Array.from(positions), 3));
-  lines.frustumCulled = false;
 }
 
 function circle() {

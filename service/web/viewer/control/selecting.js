@@ -1,7 +1,5 @@
 // @ts-check
 /** Which faces the regions of a request select, and which of them do not move. No WebGL here, so that node can test it. */
-import { facesAround } from "../distances.js";
-
 /** @typedef {import("./surface.js").NumberedSurface} Surface */
 /** @typedef {Record<string, any>} Region as in `params.regions` of a request */
 
@@ -10,50 +8,18 @@ export const MOST_RANGES = 20_000;
 
 /**
  * @param {Region} region
- * @param {Pick<Surface, "count" | "places" | "corners" | "parts" | "below">} surface
- * @param {{ nodes: Named[], materials: Named[], mesh_names: Named[] }} named what the asset names
+ * @param {Pick<Surface, "count" | "places" | "corners">} surface
  * @returns {Uint8Array | null} (F) 1 where it selects the face; null where only the service can tell
- *
- * @typedef {{ index: number, name: string }} Named
  */
-export function selectedFaces(region, surface, named) {
+export function selectedFaces({ faces, box }, surface) {
   const flags = new Uint8Array(surface.count);
-  if (region.faces) {
-    for (const [first, last] of region.faces.map((/** @type {any} */ item) => (Array.isArray(item) ? item : [item, item]))) flags.fill(1, first, last + 1);
+  if (faces) {
+    for (const [first, last] of faces.map((/** @type {any} */ item) => (Array.isArray(item) ? item : [item, item]))) flags.fill(1, first, last + 1);
     return flags;
   }
-  const inside = insideOf(region);
-  if (inside) {
-    const holds = Uint8Array.from({ length: surface.places.length / 3 }, (_, v) => Number(inside(surface.places.subarray(3 * v, 3 * v + 3))));
-    return flags.map((_, f) => holds[surface.corners[3 * f]] & holds[surface.corners[3 * f + 1]] & holds[surface.corners[3 * f + 2]]);
-  }
-  for (const [what, list] of /** @type {["node" | "material" | "mesh", Named[]][]} */ ([["node", named.nodes], ["material", named.materials], ["mesh", named.mesh_names]])) {
-    const wanted = region[what];
-    if (wanted === undefined || wanted === null) continue;
-    const found = typeof wanted === "number" ? [wanted] : list.filter(({ name }) => name === wanted).map(({ index }) => index);
-    const indices = new Set(what === "node" ? found.flatMap((node) => [...surface.below(node)]) : found);
-    for (const part of surface.parts) {
-      const index = part[what];
-      if (index === null) return null;
-      if (indices.has(index)) flags.fill(1, part.first, part.first + part.count);
-    }
-    return flags;
-  }
-  return null;
-}
-
-/** @param {Region} region @returns {((place: Float32Array) => boolean) | null} */
-function insideOf({ box, sphere, capsule }) {
-  if (box) return (place) => [0, 1, 2].every((axis) => place[axis] >= box.min[axis] && place[axis] <= box.max[axis]);
-  const [start, end, radius] = sphere ? [sphere.center, sphere.center, sphere.radius] : capsule ? [capsule.start, capsule.end, capsule.radius] : [null, null, 0];
-  if (!start) return null;
-  const line = [0, 1, 2].map((axis) => end[axis] - start[axis]);
-  const squared = line.reduce((sum, value) => sum + value * value, 0);
-  return (place) => {
-    const arm = [0, 1, 2].map((axis) => place[axis] - start[axis]);
-    const along = squared ? Math.min(1, Math.max(0, arm.reduce((sum, value, axis) => sum + value * line[axis], 0) / squared)) : 0;
-    return Math.hypot(...arm.map((value, axis) => value - along * line[axis])) <= radius;
-  };
+  if (!box) return null;
+  const inside = (/** @type {number} */ v) => [0, 1, 2].every((axis) => surface.places[3 * v + axis] >= box.min[axis] && surface.places[3 * v + axis] <= box.max[axis]);
+  return flags.map((_, f) => Number([0, 1, 2].every((corner) => inside(surface.corners[3 * f + corner]))));
 }
 
 /** The faces of any of several selections. @param {(Uint8Array | null)[]} flags null: what only the service can tell @param {number} count of faces @returns {Uint8Array} (F) */
@@ -90,6 +56,17 @@ export function rangesOf(flags) {
     first = last;
   }
   return found;
+}
+
+/** The corners at each vertex, one list after the other. @param {Uint32Array} indices @param {number} count */
+function facesAround(indices, count) {
+  const starts = new Uint32Array(count + 1);
+  for (const vertex of indices) starts[vertex + 1]++;
+  for (let v = 0; v < count; v++) starts[v + 1] += starts[v];
+  const around = new Uint32Array(indices.length);
+  const next = starts.slice();
+  indices.forEach((vertex, corner) => (around[next[vertex]++] = corner));
+  return { starts, around };
 }
 
 /** Who touches whom on a surface, for a brush that stays on it. */

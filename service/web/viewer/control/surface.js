@@ -10,11 +10,6 @@ import { floats } from "../topology.js";
 import { weld } from "../weld.js";
 import { readObjFaces } from "./obj-faces.js";
 
-/**
- * Triangles that belong together. An index is -1 where there is none, null where it is not known.
- * @typedef {{ node: number | null, mesh: number | null, material: number | null, first: number, count: number }} Part
- */
-
 const FLAT = 1e-9;
 
 export class NumberedSurface {
@@ -22,16 +17,12 @@ export class NumberedSurface {
    * @param {Float32Array} shown (3V) where the vertices are seen, in the world
    * @param {Float32Array} places (3V) where the service has them: a skin in its rest pose
    * @param {Uint32Array} corners (3F)
-   * @param {Part[]} parts
-   * @param {Record<string, any>[]} nodes of the file
    * @param {import("three").Mesh[]} meshes that may move, in the order of their vertices
    */
-  constructor(shown, places, corners, parts, nodes, meshes = []) {
+  constructor(shown, places, corners, meshes = []) {
     this.shown = shown;
     this.places = places;
     this.corners = corners;
-    this.parts = parts;
-    this.nodes = nodes;
     this.meshes = meshes;
     /** @type {Uint32Array | null} */
     this.welded = null;
@@ -58,15 +49,6 @@ export class NumberedSurface {
     }
   }
 
-  /** @param {number} face @returns {Part} */
-  partOf(face) {
-    return /** @type {Part} */ (this.parts.find(({ first, count }) => face >= first && face < first + count));
-  }
-
-  /** @param {number} node @returns {Set<number>} the node with all below it */
-  below(node) {
-    return new Set(withChildren(this.nodes, [node]));
-  }
 }
 
 /**
@@ -83,18 +65,16 @@ export function numberedSurface(root, excluded = []) {
   if (excluded.length) return null;
   if (origin.format === "obj" && origin.buffer) {
     const found = readObjFaces(new TextDecoder().decode(origin.buffer));
-    return found && ofFaces(Float32Array.from(found.positions), found.corners, found.counts);
+    return found && ofFaces(Float32Array.from(found.positions), found.corners);
   }
   const [mesh, ...more] = meshesOf(root);
   if (more.length || (origin.format === "ply" && !onlyTriangles(origin.buffer, triangleCount(mesh)))) return null;
-  return ofFaces(floats(mesh.geometry.attributes.position, 3, null), cornersOf(mesh, 4), [triangleCount(mesh)]);
+  return ofFaces(floats(mesh.geometry.attributes.position, 3, null), cornersOf(mesh, 4));
 }
 
-/** @param {Float32Array} positions @param {Uint32Array} corners @param {number[]} counts */
-function ofFaces(positions, corners, counts) {
-  let first = 0;
-  const parts = counts.map((count, node) => ({ node, mesh: node, material: null, first: (first += count) - count, count }));
-  return new NumberedSurface(positions, positions, corners, parts, counts.map(() => ({})));
+/** @param {Float32Array} positions @param {Uint32Array} corners */
+function ofFaces(positions, corners) {
+  return new NumberedSurface(positions, positions, corners);
 }
 
 /** The loader divides quads along the other diagonal. @param {ArrayBuffer | undefined} buffer @param {number} triangles */
@@ -125,9 +105,9 @@ function ofGltf(root, json, nodes, excluded) {
     const drawn = meshes.get(node) ?? [];
     if (drawn.length !== primitives.length) return null;
     if (drawn.length && isFlat(placement(drawn[0]))) continue;
-    for (const at of together(primitives)) made.add(drawn[at], primitives[at].mode ?? 4, { node, mesh, material: primitives[at].material ?? -1 });
+    for (const at of together(primitives)) made.add(drawn[at], primitives[at].mode ?? 4);
   }
-  const surface = new NumberedSurface(new Float32Array(3 * made.vertices), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.parts, all, made.meshes);
+  const surface = new NumberedSurface(new Float32Array(3 * made.vertices), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.meshes);
   surface.follow(root);
   return surface;
 }
@@ -139,29 +119,22 @@ class Joined {
     this.places = [];
     /** @type {number[][]} */
     this.corners = [];
-    /** @type {Part[]} */
-    this.parts = [];
     /** @type {import("three").Mesh[]} */
     this.meshes = [];
     this.vertices = 0;
-    this.faces = 0;
   }
 
-  /** @param {import("three").Mesh} mesh @param {number} mode @param {{ node: number, mesh: number, material: number }} names */
-  add(mesh, mode, names) {
+  /** @param {import("three").Mesh} mesh @param {number} mode */
+  add(mesh, mode) {
     const positions = restPositions(mesh);
     const at = placement(mesh);
     const point = new Vector3();
     const places = Array.from(positions);
     for (let i = 0; i < places.length; i += 3) point.fromArray(positions, i).applyMatrix4(at).toArray(places, i);
-    const corners = Array.from(cornersOf(mesh, mode), (corner) => corner + this.vertices);
-    const count = corners.length / 3;
-    this.parts.push({ ...names, first: this.faces, count });
     this.meshes.push(mesh);
     this.places.push(places);
-    this.corners.push(corners);
+    this.corners.push(Array.from(cornersOf(mesh, mode), (corner) => corner + this.vertices));
     this.vertices += positions.length / 3;
-    this.faces += count;
   }
 }
 
@@ -235,26 +208,7 @@ function withChildren(nodes, begin) {
   return found;
 }
 
-/**
- * What the file names, as the service lists it: nodes with triangles in or below them, materials and meshes in use.
- * @param {import("three").Object3D} root
- * @param {NumberedSurface} surface
- */
-export function namedParts(root, surface) {
-  const json = originOf(root)?.json ?? {};
-  const used = (/** @type {"node" | "material" | "mesh"} */ what) => new Set(surface.parts.filter(({ count }) => count).map((part) => part[what]));
-  const owners = used("node");
-  const list = (/** @type {any[]} */ all, /** @type {(at: number) => boolean} */ takes, /** @type {(item: any) => string} */ name) =>
-    (all ?? []).flatMap((item, index) => (takes(index) ? [{ index, name: name(item) }] : []));
-  const plain = (/** @type {any} */ item) => String(item?.name ?? "").slice(0, 200);
-  return {
-    nodes: list(json.nodes, (at) => [...surface.below(at)].some((node) => owners.has(node)), (node) => nameOf(json, node)),
-    materials: list(json.materials, (at) => used("material").has(at), plain),
-    mesh_names: list(json.meshes, (at) => used("mesh").has(at), plain),
-  };
-}
-
 /** A node without a name has that of its mesh. @param {Record<string, any>} json @param {Record<string, any>} node */
-export function nameOf(json, node) {
+function nameOf(json, node) {
   return String(node?.name || json.meshes?.[node?.mesh]?.name || "").slice(0, 200);
 }

@@ -1,36 +1,25 @@
 // @ts-check
 /**
- * Point at an asset: paint its faces, drag the sides of a box, pick a part, take a point somewhere else. What a tool
- * takes hold of does not turn the camera; beside it, the pointer turns it as ever. Two fingers turn and zoom wherever
- * they are: what the first of them changed is taken back.
+ * Point at an asset, or paint its faces. What the brush takes hold of does not turn the camera; beside it, the pointer turns
+ * it as ever. Two fingers turn and zoom wherever they are: what the first of them painted is taken back.
  */
-import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, Plane, TOUCH, Triangle, Vector3 } from "../../vendor/three/three.module.js";
-import { Overlay, sides } from "./overlay.js";
+import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshBasicMaterial, TOUCH, Triangle, Vector3 } from "../../vendor/three/three.module.js";
+import { Overlay } from "./overlay.js";
 import { Neighbours } from "./selecting.js";
 import { follow } from "../surface.js";
 
-/** @typedef {"turn" | "paint" | "box" | "part" | "handle" | "point"} Tool */
-/** @typedef {import("./overlay.js").Place} Place */
-/** @typedef {import("./overlay.js").Box} Box */
-/** @typedef {import("./overlay.js").Marks} Marks */
-/** @typedef {{ face: number, point: Vector3, place: Place, normal: Vector3 }} Hit `place` as the service has it */
+/** @typedef {"turn" | "paint"} Tool */
+/** @typedef {[number, number, number]} Place */
+/** @typedef {{ face: number, point: Vector3, normal: Vector3 }} Hit */
 
 /**
  * @typedef {object} Listeners
  * @property {(faces: number[]) => void} painted more of the stroke under way
- * @property {(box: Box) => void} boxed
- * @property {(part: import("./surface.js").Part) => void} picked
- * @property {(position: Place) => number} held a new handle; returns its number
- * @property {(handle: number, to: Place) => void} moved
- * @property {(handle: number) => void} chosen
- * @property {(place: Place) => void} pointed where a point was clicked
  * @property {(face: number) => void} touched which triangle was clicked with no tool in hand
- * @property {() => void} begun a pointer took hold of something
- * @property {() => void} done the pointer let go of what it changed
+ * @property {() => void} begun a stroke begins
+ * @property {() => void} done it has ended
  * @property {() => void} dropped what has changed since `begun` was not meant
  */
-
-/** @typedef {{ move?: (moved: PointerEvent) => void, click?: () => void }} Drag `click`: let go where it began */
 
 const STRIDE = 8; // pixels between two dabs of a brush
 const MOST_DABS = 16; // for one movement of the pointer
@@ -38,7 +27,7 @@ const STILL = 12; // pixels that a click may move
 
 const nothing = () => {};
 /** @type {Listeners} */
-const DEAF = { painted: nothing, boxed: nothing, picked: nothing, held: () => 0, moved: nothing, chosen: nothing, pointed: nothing, touched: nothing, begun: nothing, done: nothing, dropped: nothing };
+const DEAF = { painted: nothing, touched: nothing, begun: nothing, done: nothing, dropped: nothing };
 
 export class ControlTools {
   /** @param {import("../viewer.js").MeshViewer} viewer @param {Partial<Listeners>} listeners those of the tools that are used */
@@ -55,10 +44,6 @@ export class ControlTools {
     this.surface = null;
     /** @type {Neighbours | null} */
     this.neighbours = null;
-    /** @type {Box | null} */
-    this.box = null;
-    /** @type {Marks[]} */
-    this.handles = [];
     this.target = new Mesh(new BufferGeometry(), new MeshBasicMaterial({ side: DoubleSide }));
     /** Where the fingers on the view are now, by their pointers. @type {Map<number, PointerEvent>} */
     this.fingers = new Map();
@@ -107,21 +92,10 @@ export class ControlTools {
     Object.assign(this.target.geometry, { boundingSphere: null, boundingBox: null });
   }
 
-  /** @returns {Box} around the asset, as the service has it */
-  get bounds() {
-    const places = this.surface?.places ?? new Float32Array(3);
-    const [min, max] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
-    places.forEach((value, i) => {
-      min[i % 3] = Math.min(min[i % 3], value);
-      max[i % 3] = Math.max(max[i % 3], value);
-    });
-    return { min: /** @type {Place} */ (min), max: /** @type {Place} */ (max) };
-  }
-
   /** @param {Tool} tool */
   use(tool) {
     this.tool = tool;
-    // Boxes and handles are places of the asset at rest.
+    // What is painted is the asset at rest.
     if (tool !== "turn") this.viewer.rest();
     // A finger that paints must not scroll the page.
     this.canvas.style.touchAction = tool === "turn" ? "pan-y" : "none";
@@ -148,41 +122,20 @@ export class ControlTools {
     this.viewer.invalidate();
   }
 
-  /** @param {Box | null} box that is edited @param {Marks[]} handles @param {number} chosen of the handles; -1: none @param {Place[]} points more */
-  showMarks(box, handles, chosen, points = []) {
-    this.box = box;
-    this.handles = handles;
-    this.overlay.setMarks(box, [...handles, ...points.map((to) => ({ position: null, to }))], chosen);
-    this.viewer.invalidate();
-  }
-
-  /** @param {{ clientX: number, clientY: number }} event */
-  #aim(event) {
-    return this.viewer.surface.cast(event, this.viewer.rig.camera);
-  }
-
   /** @param {{ clientX: number, clientY: number }} event @returns {Hit | null} */
   #hit(event) {
     if (!this.surface) return null;
     this.#follow();
-    const caster = this.#aim(event);
+    const caster = this.viewer.surface.cast(event, this.viewer.rig.camera);
     const found = caster.intersectObject(this.target, false)[0];
     if (!found || found.faceIndex === null || found.faceIndex === undefined) return null;
-    const { shown, places, corners } = this.surface;
+    const { shown, corners } = this.surface;
     const face = found.faceIndex;
     const [a, b, c] = [...corners.subarray(3 * face, 3 * face + 3)];
-    const at = (/** @type {Float32Array} */ values, /** @type {number} */ v) => new Vector3().fromArray(values, 3 * v);
-    const triangle = new Triangle(at(shown, a), at(shown, b), at(shown, c));
-    const shares = triangle.getBarycoord(found.point, new Vector3()) ?? new Vector3(1, 0, 0);
-    const place = at(places, a).multiplyScalar(shares.x).addScaledVector(at(places, b), shares.y).addScaledVector(at(places, c), shares.z);
-    const normal = triangle.getNormal(new Vector3());
+    const at = (/** @type {number} */ v) => new Vector3().fromArray(shown, 3 * v);
+    const normal = new Triangle(at(a), at(b), at(c)).getNormal(new Vector3());
     if (normal.dot(caster.ray.direction) > 0) normal.negate();
-    return { face, point: found.point, place: /** @type {Place} */ (place.toArray()), normal };
-  }
-
-  /** @param {PointerEvent} event @param {Place[]} places @returns {number} the nearest that the pointer is on; -1: none */
-  #grip(event, places) {
-    return this.viewer.surface.grip(event, places.map((place) => new Vector3().fromArray(place)), this.viewer.rig.camera);
+    return { face, point: found.point, normal };
   }
 
   /** @param {Hit | null} hit */
@@ -194,12 +147,9 @@ export class ControlTools {
   /** @param {PointerEvent} event */
   #hover(event) {
     if (this.tool === "turn" || event.buttons || event.pointerType === "touch") return;
-    const grips = this.tool === "box" && this.box ? sides(this.box) : this.tool === "handle" ? this.handles.map(({ to }) => to) : [];
-    const hit = this.tool === "box" ? null : this.#hit(event);
-    this.canvas.style.cursor = this.#grip(event, grips) >= 0 ? "grab" : hit ? "crosshair" : "";
-    if (this.tool === "paint") this.#brushAt(hit);
-    // The arrow of the front must not take the cursor back.
-    event.stopImmediatePropagation();
+    const hit = this.#hit(event);
+    this.canvas.style.cursor = hit ? "crosshair" : "";
+    this.#brushAt(hit);
   }
 
   /** @param {PointerEvent} event */
@@ -211,8 +161,8 @@ export class ControlTools {
     if (this.tool === "turn") return void (others.length || this.#touch(event));
     if (event.pointerType === "touch" && others.length) return this.#handOver(others);
     this.listeners.begun();
-    const drag = { paint: () => this.#paint(event), box: () => this.#dragSide(event), part: () => this.#pick(event), handle: () => this.#dragHandle(event), point: () => this.#point(event) }[this.tool]();
-    if (!drag) return;
+    const move = this.#paint(event);
+    if (!move) return;
     event.stopImmediatePropagation();
     event.preventDefault();
     this.viewer.surface.container.focus({ preventScroll: true });
@@ -222,12 +172,11 @@ export class ControlTools {
       this.#brushAt(null);
       this.listeners.dropped();
     };
-    const end = (/** @type {PointerEvent} */ ended) => {
+    const end = () => {
       this.drop = null;
-      if (Math.hypot(ended.clientX - event.clientX, ended.clientY - event.clientY) <= STILL) drag.click?.();
       this.listeners.done();
     };
-    const leave = follow(event, this.stop.signal, { move: drag.move, end, cancel: drop });
+    const leave = follow(event, this.stop.signal, { move, end, cancel: drop });
     this.drop = drop;
   }
 
@@ -242,7 +191,7 @@ export class ControlTools {
     }
   }
 
-  /** @param {PointerEvent} event @returns {Drag | null} */
+  /** @param {PointerEvent} event @returns {((moved: PointerEvent) => void) | null} what goes on with the stroke; null: it begins beside the asset */
   #paint(event) {
     const { surface } = this;
     const first = this.#hit(event);
@@ -252,7 +201,7 @@ export class ControlTools {
     this.#brushAt(first);
     this.listeners.painted(dab(first));
     let [x, y] = [event.clientX, event.clientY];
-    const move = (/** @type {PointerEvent} */ moved) => {
+    return (/** @type {PointerEvent} */ moved) => {
       const count = Math.min(MOST_DABS, Math.max(1, Math.round(Math.hypot(moved.clientX - x, moved.clientY - y) / STRIDE)));
       /** @type {Set<number>} */
       const faces = new Set();
@@ -265,43 +214,6 @@ export class ControlTools {
       this.#brushAt(last);
       if (faces.size) this.listeners.painted([...faces]);
     };
-    return { move };
-  }
-
-  /** @param {PointerEvent} event @returns {Drag | null} */
-  #dragSide(event) {
-    const { box } = this;
-    const side = box ? this.#grip(event, sides(box)) : -1;
-    if (!box || side < 0) return null;
-    const [axis, end] = [side >> 1, side & 1 ? /** @type {const} */ ("max") : /** @type {const} */ ("min")];
-    const grip = new Vector3().fromArray(sides(box)[side]);
-    const along = new Vector3().setComponent(axis, 1);
-    const move = (/** @type {PointerEvent} */ moved) => {
-      const { origin, direction } = this.#aim(moved).ray;
-      // The point of the side's axis that is nearest to the pointer's ray.
-      const between = grip.clone().sub(origin);
-      const cosine = along.dot(direction);
-      const away = 1 - cosine * cosine;
-      if (away < 1e-4) return;
-      const value = grip.getComponent(axis) + (cosine * between.dot(direction) - between.dot(along)) / away;
-      const next = { min: /** @type {Place} */ ([...box.min]), max: /** @type {Place} */ ([...box.max]) };
-      next[end][axis] = end === "min" ? Math.min(value, box.max[axis]) : Math.max(value, box.min[axis]);
-      this.listeners.boxed(next);
-    };
-    return { move };
-  }
-
-  /** @param {PointerEvent} event @returns {Drag | null} */
-  #pick(event) {
-    const { surface } = this;
-    const hit = this.#hit(event);
-    return hit && surface && { click: () => this.listeners.picked(surface.partOf(hit.face)) };
-  }
-
-  /** @param {PointerEvent} event @returns {Drag | null} */
-  #point(event) {
-    const hit = this.#hit(event);
-    return hit && { click: () => this.listeners.pointed(hit.place) };
   }
 
   /** Turning the view goes on meanwhile. @param {PointerEvent} event */
@@ -312,25 +224,6 @@ export class ControlTools {
       if (hit) this.listeners.touched(hit.face);
     };
     addEventListener("pointerup", mine, { once: true, signal: this.stop.signal });
-  }
-
-  /** @param {PointerEvent} event @returns {Drag | null} */
-  #dragHandle(event) {
-    let handle = this.#grip(event, this.handles.map(({ to }) => to));
-    if (handle >= 0) this.listeners.chosen(handle);
-    else {
-      const hit = this.#hit(event);
-      if (!hit) return null;
-      handle = this.listeners.held(hit.place);
-    }
-    const start = new Vector3().fromArray(this.handles[handle].to);
-    const plane = new Plane().setFromNormalAndCoplanarPoint(this.viewer.rig.camera.getWorldDirection(new Vector3()), start);
-    const from = this.#aim(event).ray.intersectPlane(plane, new Vector3()) ?? start;
-    const move = (/** @type {PointerEvent} */ moved) => {
-      const now = this.#aim(moved).ray.intersectPlane(plane, new Vector3());
-      if (now) this.listeners.moved(handle, start.clone().add(now).sub(from).toArray());
-    };
-    return { move };
   }
 
   dispose() {

@@ -1,19 +1,20 @@
 // @ts-check
 /**
- * What a request says about where its asset may deform, as the form edits it: regions, handles and symmetry; and what its
- * asset is, where a person said so.
+ * What a request says about where its asset may deform, as the form edits it: regions and symmetry; and what its asset is,
+ * where a person said so.
  * No elements here, so that node can test it.
  *
- * @typedef {Record<string, any>} Region
- * @typedef {{position?: number[], vertex?: number, to: number[], weight?: number}} Handle
- * @typedef {{regions: Region[], handles: Handle[], symmetry: string, falloff: string, noun: string, names: import("../parts/naming.js").Naming[]}} Control `regions`: those of parts, too. `falloff` as it was typed; empty: as the service decides.
+ * @typedef {Record<string, any>} Region `label`: the part that it was made of, which is said here alone.
+ * @typedef {{regions: Region[], symmetry: string, noun: string, front: string, names: import("../parts/naming.js").Naming[]}} Control `regions`:
+ *   those of parts, too. `front`: degrees, or as the API names it; empty: as the asset is read.
  */
-import { counted, figure } from "../../format.js";
+import { counted } from "../../format.js";
 import { partOf, partParams, partsAsked } from "../parts/naming.js";
 
-/** The parameters that the panel edits. */
-export const CONTROL_PARAMS = ["regions", "handles", "symmetry", "falloff", "source_noun", "parts"];
-export const AXES = ["x", "y", "z"];
+/** The parameters that the form edits. */
+export const CONTROL_PARAMS = ["regions", "symmetry", "source_noun", "orientation", "parts"];
+/** Those of them that say what the asset is. */
+export const READING_PARAMS = ["source_noun", "orientation", "parts"];
 export const SYMMETRIES = /** @type {[string, string][]} */ ([
   ["none", "Not kept"],
   ["auto", "Where the asset has one"],
@@ -24,7 +25,7 @@ export const SYMMETRIES = /** @type {[string, string][]} */ ([
 
 /** @returns {Control} */
 export function noControl() {
-  return { regions: [], handles: [], symmetry: "none", falloff: "", noun: "", names: [] };
+  return { regions: [], symmetry: "none", noun: "", front: "", names: [] };
 }
 
 /** Whether nothing is said but what the asset is. @param {Control} control */
@@ -34,13 +35,13 @@ export function isEmpty(control) {
 
 /** Nothing said of what the asset is. */
 export function noReading() {
-  const { noun, names } = noControl();
-  return { noun, names };
+  const { noun, front, names } = noControl();
+  return { noun, front, names };
 }
 
 /** Only what was said of what the asset is. @param {Control} control @returns {Control} */
-export function readingOf({ regions, noun, names }) {
-  return { ...noControl(), noun, names, regions: regions.filter(({ action }) => partOf(action) !== null) };
+export function readingOf({ regions, noun, front, names }) {
+  return { ...noControl(), noun, front, names, regions: regions.filter(({ action }) => isPart(action)) };
 }
 
 /** Whether a region is a part, and says nothing about what may move. @param {string | undefined} action */
@@ -54,16 +55,15 @@ export function unaimed(regions) {
 }
 
 /** The parameters of a request. @param {Control} control @returns {Record<string, any>} */
-export function controlParams({ regions, handles, symmetry, falloff, noun, names }) {
-  // A box or a painted region that is still empty selects nothing.
+export function controlParams({ regions, symmetry, noun, front, names }) {
+  // A region that is still to be painted selects nothing.
   const chosen = unaimed(regions).filter((region) => !region.faces || region.faces.length);
   const parts = partParams(names, regions);
   return {
-    ...(chosen.length ? { regions: chosen } : {}),
-    ...(handles.length ? { handles } : {}),
+    ...(chosen.length ? { regions: chosen.map(({ label: _, ...region }) => region) } : {}),
     ...(symmetry !== "none" ? { symmetry } : {}),
-    ...(chosen.length && falloff.trim() !== "" && !falloffProblem(falloff) ? { falloff: Number(falloff) } : {}),
     ...(noun ? { source_noun: noun } : {}),
+    ...(front !== "" ? { orientation: Number.isFinite(Number(front)) ? Number(front) : front } : {}),
     ...(parts.length ? { parts } : {}),
   };
 }
@@ -73,10 +73,9 @@ export function controlOf(params) {
   const parts = partsAsked((params.parts ?? []).map(withoutNulls));
   return structuredClone({
     regions: [...(params.regions ?? []), ...parts.regions].map(withoutNulls),
-    handles: (params.handles ?? []).map(withoutNulls),
     symmetry: params.symmetry ?? "none",
-    falloff: params.falloff === undefined || params.falloff === null ? "" : String(params.falloff),
     noun: String(params.source_noun ?? ""),
+    front: String(params.orientation ?? ""),
     names: parts.names,
   });
 }
@@ -87,47 +86,14 @@ function withoutNulls(document) {
 }
 
 /** @param {Region} region What it is, in words. */
-export function regionWords(region) {
-  const { faces, box, sphere, capsule, joint, color, component, node, mesh, material } = region;
-  if (faces) return `Painted, ${counted(faceCount(faces), "triangle")}`;
-  if (box) return "Box";
-  if (sphere) return `Sphere of radius ${figure(sphere.radius)}`;
-  if (capsule) return `Capsule of radius ${figure(capsule.radius)}`;
-  if (joint) return `Joint ${joint.name}, above ${figure(joint.above ?? 0.5)}`;
-  if (color) return `Vertex colour ${color.rgb.map(figure).join(", ")}`;
-  if (component !== undefined) return `Component ${component}`;
-  if (node !== undefined) return `Node ${node}`;
-  return material !== undefined ? `Material ${material}` : `Mesh ${mesh}`;
+export function regionWords({ label, faces, action: _, ...others }) {
+  if (!faces) return Object.entries(others).map(([name, value]) => `${name} ${typeof value === "object" ? "" : value}`.trim()).join(", ");
+  return label ? `The ${label}` : `Painted, ${counted(faceCount(faces), "triangle")}`;
 }
 
 /** @param {(number | [number, number])[]} faces */
-export function faceCount(faces) {
+function faceCount(faces) {
   return faces.reduce((/** @type {number} */ sum, item) => sum + (Array.isArray(item) ? item[1] - item[0] + 1 : 1), 0);
-}
-
-/** @param {(number | [number, number])[]} faces As they are typed: "0-12, 40". */
-export function facesText(faces) {
-  return faces.map((item) => (Array.isArray(item) ? item.join("-") : item)).join(", ");
-}
-
-/** @param {string} text @returns {(number | [number, number])[] | null} Null where it is no list of numbers and ranges. */
-export function facesOf(text) {
-  const items = text.split(/[\s,]+(?!-)/).filter(Boolean);
-  /** @type {(number | [number, number])[]} */
-  const found = [];
-  for (const item of items) {
-    const match = /^(\d+)(?:-(\d+))?$/.exec(item);
-    if (!match || (match[2] !== undefined && Number(match[2]) < Number(match[1]))) return null;
-    found.push(match[2] === undefined ? Number(match[1]) : [Number(match[1]), Number(match[2])]);
-  }
-  return found;
-}
-
-/** What is wrong with a fall-off; empty where it is fine. @param {string} text */
-export function falloffProblem(text) {
-  const value = Number(text);
-  if (text.trim() === "") return "";
-  return Number.isFinite(value) && value >= 0 && value <= 1 ? "" : "Enter a number from 0 to 1.";
 }
 
 /**
@@ -135,14 +101,8 @@ export function falloffProblem(text) {
  * @param {Control} control
  * @param {boolean} subdivided Whether the long edges are split first, which numbers the triangles anew.
  */
-export function controlProblem({ regions, handles, falloff }, subdivided) {
-  const painted = regions.some(({ faces }) => faces?.length) || handles.some(({ vertex }) => vertex !== undefined);
-  if (subdivided && painted) return "Painted triangles are numbered as in the file: they cannot be used with long edges split first. Use a box or a part.";
-  for (const { box } of regions) {
-    const axis = box ? AXES[[0, 1, 2].findIndex((i) => box.min[i] > box.max[i])] : undefined;
-    if (axis) return `A box ends before it begins along ${axis}.`;
-  }
-  return falloffProblem(falloff);
+export function controlProblem({ regions }, subdivided) {
+  return subdivided && regions.some(({ faces }) => faces?.length) ? "Triangles are numbered as in the file: nothing can be painted or kept by its part while long edges are split first." : "";
 }
 
 /** Past states of a document, for Undo. */
@@ -161,11 +121,6 @@ export class History {
     this.past.push(this.now);
     if (this.past.length > 100) this.past.shift();
     this.now = text;
-  }
-
-  /** Take another state as the present one, without a step. @param {Control} control */
-  amend(control) {
-    this.now = JSON.stringify(control);
   }
 
   /** @returns {Control | null} The state before the last step; null where there is none. */

@@ -1,21 +1,18 @@
 // @ts-check
-/** What stays and what goes where: the tools below the view, and the lists in the form. */
+/** What stays: parts of the asset, or what is painted; and what a person said of what it is. */
 import { announce, toast } from "../../announce.js";
 import { button, fill, h, labelled, say } from "../../dom.js";
 import { placeOf } from "../../groups.js";
-import { CONTROL_PARAMS, controlProblem, History, isEmpty, isPart, noControl, noReading, SYMMETRIES, unaimed } from "./model.js";
+import { CONTROL_PARAMS, controlProblem, History, isEmpty, isPart, noControl, noReading, READING_PARAMS, SYMMETRIES, unaimed } from "./model.js";
 import { partAction, partOf } from "../parts/naming.js";
-import { handleRow, named, partOptions, regionRow } from "./rows.js";
+import { regionRow } from "./rows.js";
 import { Toolbar } from "./toolbar.js";
 import { ControlView } from "./view.js";
 
 /** @typedef {import("./model.js").Control} Control */
+/** @typedef {import("../parts/sentence.js").Part} Part */
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
-/** @typedef {import("./rows.js").Named} Named */
-/** @typedef {import("./rows.js").Parts} Parts */
 
-/** @type {Parts} */
-const NO_PARTS = { nodes: [], materials: [], mesh_names: [] };
 const MOST_REGIONS = 64;
 
 export class ControlPanel {
@@ -25,23 +22,16 @@ export class ControlPanel {
     this.control = noControl();
     this.history = new History(this.control);
     this.back = this.history.mark();
-    /** Name and size of the file that the regions and handles are for. */
+    /** Name and size of the file that the regions are for. */
     this.of = "";
     /** That which is shown. */
     this.asset = "";
-    /** @type {Parts} */
-    this.parts = NO_PARTS;
-    this.offered = "";
     /** @type {Tool} */
     this.tool = "turn";
     this.action = "keep";
     this.erasing = false;
-    this.picking = "node";
     this.subdivided = false;
-    /** The region whose box is in the view, and the handle that was touched last. */
-    this.boxed = -1;
-    this.chosen = -1;
-    /** @type {import("./rows.js").Row[]} */
+    /** @type {ReturnType<typeof regionRow>[]} */
     this.rows = [];
     /** What shows how the asset is read. @type {{press: () => void, refuse: (text: string) => void} | null} */
     this.reader = null;
@@ -51,50 +41,30 @@ export class ControlPanel {
     this.undoButton = button("Undo", () => this.undo(), { class: "chip chip-small" });
     this.clearButton = button("Clear all", () => this._clear(), { class: "chip chip-small" });
     this.count = h("span", { class: "small muted" });
-    this.part = h("select", { id: "control-part", "aria-label": "Part to add" });
-    this.falloff = h("input", { type: "text", id: "control-falloff", inputmode: "decimal", autocomplete: "off", placeholder: "0.1", "aria-describedby": "control-falloff-help" });
     this.symmetry = h("select", { id: "control-symmetry" }, SYMMETRIES.map(([value, text]) => h("option", { value }, text)));
+    this.symmetry.addEventListener("change", () => {
+      this.control.symmetry = this.symmetry.value;
+      this.changed();
+    });
     this.bar = new Toolbar(this);
     this.toolbar = this.bar.element;
+    /** @type {HTMLDetailsElement} */
     this.element = this._fold();
     this._show();
   }
 
   _fold() {
-    const add = h(
-      "div",
-      { class: "chips" },
-      button("Add a box", () => this.addBox(), { class: "chip" }),
-      button("Add triangles", () => this.addRegion({ faces: [], action: this.action }), { class: "chip" }),
-      button("Add a handle", () => this.addHandle(this.view.top), { class: "chip" }),
-    );
-    const addPart = button("Add part", () => this._addPart(), { class: "chip" });
-    this.partRow = h("div", { class: "row part-row", hidden: true }, this.part, addPart);
-    const help = h("p", { class: "small muted", id: "control-falloff-help" }, "How far the surface bends to join what is kept, as a share of the asset's diagonal.");
-    this.falloffRow = labelled("control-falloff", "Fall-off", this.falloff, help);
-    this.falloffRow.hidden = true;
-    this.falloff.addEventListener("input", () => {
-      this.control.falloff = this.falloff.value;
-      this.changed();
-    });
-    this.symmetry.addEventListener("change", () => {
-      this.control.symmetry = this.symmetry.value;
-      this.changed();
-    });
     const fold = h(
       "details",
       { class: "advanced control-panel" },
       h("summary", null, "Control ", this.count),
-      h("p", { class: "small muted" }, "Choose parts that stay, and places for others."),
-      add,
-      this.partRow,
+      h("p", { class: "small muted" }, "Choose a part above to keep it as it is, or paint below the view what stays."),
       this.lists,
-      this.falloffRow,
       this.problem,
       h("div", { class: "row" }, this.undoButton, this.clearButton),
       labelled("control-symmetry", "Symmetry", this.symmetry),
     );
-    fold.addEventListener("toggle", () => this._place());
+    fold.addEventListener("toggle", () => this.place());
     return fold;
   }
 
@@ -108,17 +78,15 @@ export class ControlPanel {
     const { of = "", ...found } = /** @type {Control & {of?: string}} */ (control ?? noControl());
     this.control = { ...noControl(), ...structuredClone(found) };
     this.of = of || this.asset;
-    this.boxed = this.chosen = -1;
     this._aimElsewhere();
     this._belong();
     this.history.reset(this.control);
-    if (!isEmpty(this.control)) /** @type {HTMLDetailsElement} */ (this.element).open = true;
+    if (!isEmpty(this.control)) this.element.open = true;
     this._show();
   }
 
   /** Say which file is shown. @param {string} key */
   assetIs(key) {
-    if (this.asset !== key) this.offer(NO_PARTS);
     this.asset = key;
     if (!this.of) this.of = key;
     this._belong();
@@ -128,37 +96,18 @@ export class ControlPanel {
   _belong() {
     if (!this.asset || this.of === this.asset) return;
     this.of = this.asset;
-    const { regions, handles, noun, names } = this.control;
-    if (!regions.length && !handles.length && !noun && !names.length) return;
-    Object.assign(this.control, { ...noReading(), regions: [], handles: [] });
+    const { regions, noun, front, names } = this.control;
+    if (!regions.length && !noun && !front && !names.length) return;
+    Object.assign(this.control, { ...noReading(), regions: [] });
     this.history.reset(this.control);
     this._show();
-    toast(`${regions.length + handles.length ? "Regions and handles" : "Corrections"} belonged to the other file, and are removed`);
-  }
-
-  /** @param {Parts} parts What the asset names, as the server lists it. */
-  offer({ nodes, materials, mesh_names }) {
-    const parts = { nodes, materials, mesh_names };
-    const text = JSON.stringify(parts);
-    if (text === this.offered) return;
-    this.offered = text;
-    this.parts = parts;
-    const chosen = this.part.value;
-    fill(this.part, partOptions(parts));
-    if (chosen) this.part.value = chosen;
-    if (this.partRow) this.partRow.hidden = parts.nodes.length + parts.materials.length < 1;
-    this.view.draw();
+    toast(`${regions.length ? "Regions" : "Corrections"} belonged to the other file, and are removed`);
   }
 
   /** @param {Tool} tool */
   use(tool) {
     this.tool = tool;
     this.bar.take(tool);
-    const same = (/** @type {any} */ region) => region?.box && (isPart(this.action) ? region.action === this.action : !isPart(region.action));
-    if (tool === "box" && !same(this.control.regions[this.boxed])) {
-      this.boxed = this.control.regions.findLastIndex(same);
-      if (this.boxed < 0) this.addBox();
-    }
     this._show();
     this.view.use(tool);
   }
@@ -191,54 +140,37 @@ export class ControlPanel {
     this.use("turn");
   }
 
-  addBox() {
-    this.addRegion({ box: this.view.firstBox, action: this.action });
-    if (this.view.possible) this.use("box");
+  /** The region that says what happens to a part; that of a job has no label. @param {Part} part */
+  _regionOf({ name, faces }) {
+    return this.control.regions.find((region) => !isPart(region.action) && (region.label === name || JSON.stringify(region.faces) === JSON.stringify(faces)));
   }
 
-  _addPart() {
-    if (this.part.value) this.addRegion({ ...JSON.parse(this.part.value), action: this.action });
+  /** What happens to a part; empty: nothing is said. @param {Part} part */
+  actionOf(part) {
+    const region = this._regionOf(part);
+    return region ? String(region.action ?? "keep") : "";
   }
 
-  /** @param {Record<string, any>} region @returns {number} its place in the list */
+  /** Say what happens to a part, or no more. @param {Part} part @param {string} action */
+  mark(part, action) {
+    const region = this._regionOf(part);
+    this.control.regions = this.control.regions.filter((each) => each !== region);
+    if (region && (region.action ?? "keep") === action) this._structure();
+    else this.addRegion({ faces: structuredClone(part.faces), action, label: part.name });
+  }
+
+  /** @param {Record<string, any>} region */
   addRegion(region) {
     const { regions } = this.control;
-    if (regions.length >= MOST_REGIONS) {
-      announce(`${MOST_REGIONS} regions at most`);
-      return regions.length - 1;
-    }
+    if (regions.length >= MOST_REGIONS) return announce(`${MOST_REGIONS} regions at most`);
     regions.push(region);
-    if (region.box) this.boxed = regions.length - 1;
     this._structure();
-    return regions.length - 1;
-  }
-
-  /** @param {number[]} position @returns {number} its place in the list */
-  addHandle(position) {
-    this.control.handles.push({ position: [...position], to: [...position] });
-    this.chosen = this.control.handles.length - 1;
-    this._structure();
-    return this.chosen;
-  }
-
-  /** @param {import("../../../viewer/control/surface.js").Part} part That was clicked. */
-  pick(part) {
-    const [kind, list] = /** @type {["node" | "material", Named[]]} */ (this.picking === "material" ? ["material", this.view.named.materials] : ["node", this.view.named.nodes]);
-    const index = part[kind];
-    if (index === null || index < 0) return announce(`This part has no ${kind} that is known`);
-    const name = named(list.find((found) => found.index === index) ?? { index, name: "" }, list);
-    const at = this.control.regions.findIndex((region) => region[kind] === name && (region.action ?? "keep") === this.action);
-    if (at >= 0) this._remove("regions", at);
-    else this.addRegion({ [kind]: name, action: this.action });
-    announce(`${kind} ${name} ${at >= 0 ? "removed" : "added"}`);
   }
 
   /** Put a state of `control` before the last change back. */
   undo() {
     const control = this.history.undo();
     if (!control) return;
-    this.history.amend(control);
-    this.boxed = -1;
     this._take(control);
     announce("Undone");
   }
@@ -256,27 +188,17 @@ export class ControlPanel {
   /** @param {Control} control */
   _take(control) {
     this.control = control;
-    this.chosen = -1;
     this._aimElsewhere();
     this._show();
     this.onChange();
   }
 
   _clear() {
-    const { noun, names, regions } = this.control;
-    this.control = { ...noControl(), noun, names, regions: regions.filter(({ action }) => isPart(action)) };
-    this.boxed = this.chosen = -1;
+    const { noun, front, names, regions } = this.control;
+    this.control = { ...noControl(), noun, front, names, regions: regions.filter(({ action }) => isPart(action)) };
     this.use("turn");
     this._structure();
     announce("Cleared");
-  }
-
-  /** @param {"regions" | "handles"} list @param {number} at */
-  _remove(list, at) {
-    this.control[list].splice(at, 1);
-    if (list === "regions") this.boxed = this.boxed === at ? -1 : this.boxed > at ? this.boxed - 1 : this.boxed;
-    else this.chosen = -1;
-    this._structure();
   }
 
   /** A row came or went. */
@@ -300,55 +222,46 @@ export class ControlPanel {
   }
 
   _show() {
-    const { regions, handles } = this.control;
+    const { regions } = this.control;
+    const aim = (/** @type {any} */ region) => (/** @type {string} */ action) => {
+      region.action = action;
+      this._structure();
+    };
+    const remove = (/** @type {number} */ at) => () => {
+      regions.splice(at, 1);
+      this._structure();
+    };
     this.view.draw();
-    const region = (/** @type {any} */ each, /** @type {number} */ at) =>
-      regionRow(each, at + 1, {
-        changed: () => this.changed(),
-        moved: () => this._structure(),
-        purposes: this.purposes,
-        remove: () => this._remove("regions", at),
-        edit: this.view.possible ? () => ((this.boxed = at), (this.action = each.action ?? "keep"), this.use("box")) : null,
-        selected: () => this.view.selected(at),
-      });
-    const handle = (/** @type {any} */ each, /** @type {number} */ at) => handleRow(each, at + 1, () => this.changed(), () => this._remove("handles", at));
-    const rows = regions.map(region);
-    const own = [...rows.filter((_, at) => !isPart(regions[at].action)), ...handles.map(handle)];
-    this.rows = [...rows, ...own.slice(own.length - handles.length)];
-    fill(this.lists, own.length ? h("ul", { class: "control-rows", "aria-label": "Regions and handles" }, own.map(({ element }) => element)) : null);
+    this.rows = regions.map((region, at) => regionRow(region, at + 1, this.purposes, aim(region), remove(at)));
+    const own = this.rows.filter((_, at) => !isPart(regions[at].action));
+    fill(this.lists, own.length ? h("ul", { class: "control-rows", "aria-label": "Regions" }, own.map(({ element }) => element)) : null);
     this.bar.offer(this.purposes, this.action);
-    this.falloff.value = this.control.falloff;
     this.symmetry.value = this.control.symmetry;
     this._words();
   }
 
   _words() {
-    const { regions } = this.control;
-    const { tool } = this;
     this.count.textContent = isEmpty(this.control) ? "" : "· in use";
     this.undoButton.disabled = !this.history.past.length;
-    this.clearButton.disabled = isEmpty(this.control) && !unaimed(regions).length;
-    if (this.falloffRow) this.falloffRow.hidden = !regions.length;
-    this.bar.show(tool, this.view.numbered, !this.undoButton.disabled);
-    this._place();
+    this.clearButton.disabled = isEmpty(this.control) && !unaimed(this.control.regions).length;
+    this.bar.show(this.tool, this.view.numbered, !this.undoButton.disabled);
+    this.place();
     this.reader?.press();
-    const problem = controlProblem(this.control, this.subdivided) || this.view.problem;
-    say(this.problem, problem);
+    say(this.problem, controlProblem(this.control, this.subdivided) || this.view.problem);
   }
 
-  /** The tools are there while this panel is open, or the regions of a prompt are edited. */
-  _place() {
-    const { open } = /** @type {HTMLDetailsElement} */ (this.element ?? {});
-    this.toolbar.hidden = !this.view.possible || !(open || (isPart(this.action) && this.tool !== "turn"));
+  /** The brush is there while this panel is seen, or a part is painted. */
+  place() {
+    const seen = this.element?.checkVisibility() && this.element.open;
+    this.toolbar.hidden = !this.view.possible || !(seen || (isPart(this.action) && this.tool !== "turn"));
   }
 
   /** @param {boolean} subdivided Whether the long edges are split first. @returns {boolean} whether it can be sent */
   check(subdivided) {
     this.subdivided = subdivided;
     this._words();
-    const wrong = this.element.querySelector('[aria-invalid="true"]');
-    const good = !wrong && !controlProblem(this.control, subdivided);
-    if (!good) /** @type {HTMLDetailsElement} */ (this.element).open = true;
+    const good = !controlProblem(this.control, subdivided);
+    if (!good) this.element.open = true;
     return good;
   }
 
@@ -357,15 +270,15 @@ export class ControlPanel {
     const own = errors.filter((error) => CONTROL_PARAMS.includes(placeOf(error)[0]));
     if (!own.length) return false;
     const said = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
-    if (own.every((error) => ["source_noun", "parts"].includes(placeOf(error)[0]))) this.reader?.refuse(said);
+    if (own.every((error) => READING_PARAMS.includes(placeOf(error)[0]))) this.reader?.refuse(said);
     else {
-      /** @type {HTMLDetailsElement} */ (this.element).open = true;
+      this.element.open = true;
       say(this.problem, said);
     }
     return own.length === errors.length;
   }
 
   focusProblem() {
-    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("summary"))?.focus();
+    /** @type {HTMLElement | null} */ (this.element.querySelector("summary"))?.focus();
   }
 }

@@ -1,18 +1,12 @@
 // @ts-check
-/** The tools below the view: which is in hand, what new regions are for, and the brush. */
+/** The brush, below the view: whether it is in hand, what it paints, and how large it is. */
 import { button, fill, h } from "../../dom.js";
 import { segmented, slider } from "../../job/stage-controls.js";
 
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
 
-const TOOLS = /** @type {[Tool, string][]} */ ([["turn", "Turn"], ["paint", "Paint"], ["box", "Box"], ["part", "Part"], ["handle", "Handle"]]);
-const HINTS = /** @type {Record<Tool, string>} */ ({
-  turn: "",
-  paint: "Drag on the asset to paint. Beside it, dragging turns the view.",
-  box: "Drag the points on the sides of the box.",
-  part: "Click a part of the asset.",
-  handle: "Drag a point of the asset to where it should be.",
-});
+const TOOLS = /** @type {[Tool, string][]} */ ([["turn", "Turn"], ["paint", "Paint"]]);
+const HINT = "Drag on the asset to paint. Beside it, dragging turns the view.";
 const TOUCHED = matchMedia("(any-pointer: coarse)");
 
 export class Toolbar {
@@ -22,15 +16,13 @@ export class Toolbar {
     this.tools = segmented("Tool", TOOLS, "turn", (tool) => panel.use(/** @type {Tool} */ (tool)));
     const strokes = segmented("Brush", [["add", "Add"], ["erase", "Erase"]], "add", (stroke) => (panel.erasing = stroke === "erase"));
     this.purposes = h("div", null);
-    this.by = segmented("Parts by", [["node", "Nodes"], ["material", "Materials"]], "node", (by) => (panel.picking = by));
     this.hint = h("p", { class: "small muted tool-hint", "aria-live": "polite" });
-    this.brush = h("div", { class: "row tool-row" }, strokes, this._size());
+    this.brush = h("div", { class: "row tool-row" }, this.purposes, strokes, this._size());
     this.undo = button("Undo", () => panel.undo(), { icon: "retry", quiet: true, class: "button-quiet", title: "Undo (Ctrl+Z)" });
     this.element = h(
       "div",
       { class: "control-tools", hidden: true, role: "group", "aria-label": "Control in the view" },
       h("div", { class: "row tool-row" }, this.tools, this.undo),
-      h("div", { class: "row tool-row" }, this.purposes, this.by),
       this.brush,
       this.hint,
     );
@@ -58,19 +50,13 @@ export class Toolbar {
 
   /** Offer what new regions can be for. @param {[string, string][]} purposes @param {string} chosen */
   offer(purposes, chosen) {
-    const { panel } = this;
-    const choice = segmented("New regions", purposes, chosen, (action) => void (panel.action = action));
-    fill(this.purposes, choice);
+    fill(this.purposes, segmented("New regions", purposes, chosen, (action) => void (this.panel.action = action)));
   }
 
   /** @param {Tool} tool That is in hand. @param {boolean} numbered Whether faces can be pointed at. @param {boolean} undoable */
   show(tool, numbered, undoable) {
     this.undo.disabled = !undoable;
-    this.purposes.hidden = !["paint", "box", "part"].includes(tool);
-    this.by.hidden = tool !== "part";
-    this.brush.hidden = tool !== "paint";
-    const fingers = tool !== "turn" && TOUCHED.matches ? " Two fingers turn and zoom the view." : "";
-    this.hint.textContent = numbered || tool === "turn" ? `${HINTS[tool]}${fingers}` : "The triangles of this file cannot be numbered here: use a GLB, or type a box.";
-    this.hint.hidden = !this.hint.textContent;
+    this.brush.hidden = this.hint.hidden = tool === "turn";
+    this.hint.textContent = numbered ? `${HINT}${TOUCHED.matches ? " Two fingers turn and zoom the view." : ""}` : "The triangles of this file cannot be numbered here: use a GLB.";
   }
 }

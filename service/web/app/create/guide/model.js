@@ -5,24 +5,22 @@
  * No elements here, so that node can test it.
  *
  * @typedef {import("../../assets.js").Asset} Asset
- * @typedef {{source: number[] | number, target: number[] | number}} Landmark
  * @typedef {{azimuth: number, elevation: number, fov?: number}} Direction
  * @typedef {object} Guide
- * @property {string} align Empty: as the service decides.
- * @property {Landmark[]} landmarks
  * @property {Direction[]} pictures The directions, in the order of the files.
  */
 
 export const MOST_PICTURES = 4;
-export const MOST_TARGETS = 8;
 /** The guidance that fits the asset to a shape. */
 export const EXEMPLAR = "exemplar";
 /** The parameters that the panel edits. */
-export const GUIDE_PARAMS = ["align", "landmarks", "silhouettes", "guidance"];
+export const GUIDE_PARAMS = ["silhouettes", "guidance"];
+/** Those of a job that hold for its own target alone. */
+export const TARGET_PARAMS = ["align", "landmarks"];
 
 /** @returns {Guide} */
 export function noGuide() {
-  return { align: "", landmarks: [], pictures: [] };
+  return { pictures: [] };
 }
 
 /**
@@ -60,24 +58,17 @@ export function targetsOf(files) {
  * @param {boolean} [byShape] Whether the asset is fitted to a shape. Of several targets, it always is to the nearest.
  * @returns {Record<string, any>}
  */
-export function guideParams({ align, landmarks, pictures }, targets, prompt, byShape = false) {
-  if (targets) {
-    return {
-      guidance: byShape || targets > 1 ? EXEMPLAR : "target",
-      ...(align ? { align } : {}),
-      // They are places on one target.
-      ...(landmarks.length && targets === 1 ? { landmarks } : {}),
-    };
-  }
+export function guideParams({ pictures }, targets, prompt, byShape = false) {
+  if (targets) return { guidance: byShape || targets > 1 ? EXEMPLAR : "target" };
   const silhouettes = pictures.length ? { silhouettes: pictures } : {};
   if (!prompt && pictures.length) return { guidance: "silhouettes", ...silhouettes };
   return { ...(byShape ? { guidance: EXEMPLAR } : {}), ...silhouettes };
 }
 
 /** @param {Record<string, any>} params Of a job. @returns {Guide} */
-export function guideOf({ align, landmarks, silhouettes }) {
+export function guideOf({ silhouettes }) {
   const pictures = (silhouettes ?? []).map((/** @type {any} */ view) => ({ elevation: 0, ...view }));
-  return structuredClone({ align: align ?? "", landmarks: landmarks ?? [], pictures });
+  return structuredClone({ pictures });
 }
 
 /** An angle from -180 to 180 degrees. @param {number} degrees */
@@ -88,7 +79,6 @@ export function wrapped(degrees) {
 
 /** What cannot be sent, in a sentence; empty where all is fine. @param {Guide} guide */
 export function guideProblem({ pictures }) {
-  if (pictures.some(({ azimuth, elevation }) => !(Math.abs(azimuth) <= 360 && Math.abs(elevation) <= 90))) return "An azimuth is at most 360 degrees, an elevation at most 90.";
   const same = pictures.findIndex((one, i) => pictures.slice(0, i).some((other) => Math.abs(wrapped(one.azimuth - other.azimuth)) < 1 && Math.abs(one.elevation - other.elevation) < 1));
   return same < 0 ? "" : `Picture ${same + 1} has the direction of another one.`;
 }

@@ -8,8 +8,7 @@ import { bytes } from "../../format.js";
 import { plainWords } from "../../plain.js";
 import { placeOf } from "../../groups.js";
 import { fileInput } from "../../picking.js";
-import { numberField, placeFields } from "../control/rows.js";
-import { guideFiles, guideProblem, isTarget, MOST_PICTURES, MOST_TARGETS, noGuide, GUIDE_PARAMS, targetsOf } from "./model.js";
+import { guideFiles, guideProblem, isTarget, MOST_PICTURES, noGuide, GUIDE_PARAMS, targetsOf } from "./model.js";
 import { PictureView } from "./picture-view.js";
 import { askForSketch } from "./sketch-dialog.js";
 import { TargetView } from "./target-view.js";
@@ -19,27 +18,20 @@ const PICTURES = /\.(png|jpe?g|webp)$/i;
 export class GuidePanel {
   /**
    * @param {import("../asset-panel.js").AssetPanel} assets
-   * @param {import("../control/view.js").ControlView} control
    * @param {import("../../scope.js").Scope} scope
    * @param {() => void} onChange
    */
-  constructor(assets, control, scope, onChange) {
+  constructor(assets, scope, onChange) {
     this.onChange = onChange;
     this.scope = scope;
     this.guide = noGuide();
     /** @type {Asset[]} */
     this.meshes = [];
-    /** That in the view. @type {Asset | null} */
-    this.seen = null;
-    /** Whether there may be several, of which the nearest is taken. */
-    this.several = false;
     /** @type {Asset[]} */
     this.files = [];
-    this.targets = new TargetView(assets, control, scope, this);
+    this.targets = new TargetView(assets, scope);
     this.pictures = new PictureView(assets, scope, this);
-    /** @type {(() => void)[]} */
-    this.shows = [];
-    this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files), true);
+    this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files));
     this.pictureInput = fileInput("picture-file", "Picture file", "image/png,image/jpeg,image/webp", (files) => this.take(files), true);
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
     this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target, or as the asset" });
@@ -56,17 +48,14 @@ export class GuidePanel {
     if (pictures.length) return this._takePictures(pictures);
     const wrong = files.find(({ name }) => !formatOf(name) || formatOf(name) === "gltf");
     if (wrong) return this._refuse(`${wrong.name} isn't supported. Use a GLB, OBJ, PLY, STL or ZIP as the target, or a PNG, JPEG or WebP as a picture.`);
-    for (const file of this.several ? files : files.slice(0, 1)) this._takeMesh(file);
+    this._takeMesh(files[0]);
   }
 
-  /** Take a mesh as the target; where there may be several, as a further one. @param {File} file */
+  /** Take a mesh as the target. @param {File} file */
   _takeMesh(file) {
-    const further = this.several && this.target !== null;
-    if (further && this.meshes.length >= MOST_TARGETS) return this._refuse(`${MOST_TARGETS} target meshes at most.`);
-    if (!further) this._begin();
-    const mesh = new Asset(file, file.name);
-    this._use([...this.meshes, mesh], mesh);
-    announce(`${file.name} is ${further ? `target ${this.meshes.length}` : "the target"}`);
+    this._begin();
+    this._use([new Asset(file, file.name)]);
+    announce(`${file.name} is the target`);
   }
 
   /** Forget what there was. */
@@ -90,36 +79,18 @@ export class GuidePanel {
     announce(`${files[0].name} added`);
   }
 
-  /** @param {Asset[]} meshes The targets. @param {Asset | null} seen That in the view. */
-  _use(meshes, seen) {
+  /** @param {Asset[]} meshes The targets. */
+  _use(meshes) {
     this.meshes = meshes;
     this.pictures.end();
     this._refuse("");
-    this._see(seen);
+    this.targets.show(this.target);
     this._changed();
-  }
-
-  /** @param {Asset | null} mesh To be in the view. */
-  _see(mesh) {
-    this.seen = mesh;
-    this.targets.show(mesh);
   }
 
   /** The first target mesh; null where there is none. */
   get target() {
     return this.meshes[0] ?? null;
-  }
-
-  /** The pairs of points, which are on the only target. */
-  get pairs() {
-    return this.meshes.length === 1 ? this.guide.landmarks : [];
-  }
-
-  /** @param {boolean} on Whether there may be several targets. */
-  suit(on) {
-    if (this.several === on) return;
-    this.several = on;
-    this._show();
   }
 
   /** Whether something besides a prompt says what to become. */
@@ -139,23 +110,19 @@ export class GuidePanel {
 
   /** @param {import("./model.js").Guide | null | undefined} guide As `value` gave it. @param {Record<string, Asset>} files */
   restore(guide, files) {
-    const { align, landmarks, pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
+    const { pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
     this.meshes = targetsOf(files);
     this.files = Object.keys(files).filter((name) => name.startsWith("silhouette_")).sort().map((name) => files[name]);
     // Without its file, as after a reload with a large one, the rest means nothing.
-    this.guide = { align: this.target ? align : "", landmarks: this.target ? landmarks : [], pictures: this.files.map((_, i) => pictures[i] ?? this.pictures.direction(i)) };
+    this.guide = { pictures: this.files.map((_, i) => pictures[i] ?? this.pictures.direction(i)) };
     this.pictures.end();
-    this._see(this.target);
+    this.targets.show(this.target);
     this._show();
   }
 
   /** @param {Asset} mesh */
   _remove(mesh) {
-    // The pairs of points are on the first one.
-    if (mesh === this.target) this.guide.landmarks = [];
-    const others = this.meshes.filter((each) => each !== mesh);
-    if (!others.length) this._begin();
-    this._use(others, mesh === this.seen ? (others[0] ?? null) : this.seen);
+    this._use(this.meshes.filter((each) => each !== mesh));
     announce("Target removed");
   }
 
@@ -173,95 +140,27 @@ export class GuidePanel {
     this.onChange();
   }
 
-  /** A value is another one. */
-  changed() {
-    for (const show of this.shows) show();
-    this.targets.draw();
+  /** A picture has another direction. @param {number} at */
+  turned(at) {
+    const said = this.body.children[at]?.querySelector(".direction");
+    if (said) said.textContent = directionWords(this.guide.pictures[at]);
     this.onChange();
   }
 
   _show() {
-    this.shows = [];
-    const more = this.several && this.target !== null;
-    this.chooseTarget.hidden = this.draw.hidden = more ? this.meshes.length >= MOST_TARGETS : !this.isEmpty;
-    this.chooseTarget.textContent = more ? "Add another mesh" : "Fit to another mesh";
+    this.chooseTarget.hidden = this.draw.hidden = !this.isEmpty;
     this.choosePicture.hidden = this.target !== null || this.files.length >= MOST_PICTURES;
-    this.targets.draw();
-    fill(this.body, this.target ? this._targetFields() : this.files.map((file, i) => this._pictureRow(file, i)));
+    fill(this.body, this.target ? this.meshes.map((mesh) => this._targetRow(mesh)) : this.files.map((file, i) => this._pictureRow(file, i)));
   }
 
-  _targetFields() {
-    const several = this.meshes.length > 1;
-    const align = h(
-      "select",
-      { id: "target-align" },
-      [["", "Turned, moved and scaled to fit"], ["none", "As the files have it"]].map(([value, text]) => h("option", { value }, text)),
-    );
-    align.value = this.guide.align === "auto" ? "" : this.guide.align;
-    align.addEventListener("change", () => {
-      this.guide.align = align.value;
-      this.changed();
-    });
-    const pairs = h("button", { type: "button", class: "chip", "aria-pressed": String(this.targets.pairing), on: { click: () => this.targets.pair(!this.targets.pairing) } }, "Click pairs of points");
-    pairs.hidden = !this.targets.possible;
-    const add = button("Add a pair", () => this.addPair(this.targets.places), { class: "chip" });
-    return [
-      ...this.meshes.map((mesh, i) => this._targetRow(mesh, several ? ` ${i + 1}` : "")),
-      h("label", { class: "field-label", for: "target-align" }, "Alignment"),
-      align,
-      several ? h("p", { class: "small muted" }, "The one that is nearest to your asset is taken.") : h("div", { class: "chips" }, pairs, add),
-      this.targets.hint,
-      this.pairs.length ? h("ul", { class: "control-rows", "aria-label": "Pairs of points" }, this.pairs.map((pair, i) => this._pairRow(pair, i))) : null,
-    ];
-  }
-
-  /** @param {Asset} mesh @param {string} number Among several, with a space before it. */
-  _targetRow(mesh, number) {
-    const look = () => {
-      this._see(mesh);
-      this._show();
-    };
-    const see = h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(mesh === this.seen), "aria-label": `Show target${number}`, on: { click: look } }, "Show");
-    const remove = button(number ? `Remove target${number}` : "Remove the target", () => this._remove(mesh), { icon: "trash", quiet: true, class: "button-quiet" });
-    return h("div", { class: "row guide-head" }, h("strong", null, number ? `Target${number}` : "Target mesh"), h("span", { class: "muted" }, `${mesh.name} · ${bytes(mesh.size)}`), number ? see : null, remove);
-  }
-
-  /** @param {import("./model.js").Landmark} pair */
-  addPair(pair) {
-    this.guide.landmarks.push(pair);
-    this._changed();
-  }
-
-  /** @param {import("./model.js").Landmark} pair @param {number} at */
-  _pairRow(pair, at) {
-    const side = (/** @type {"source" | "target"} */ name, /** @type {string} */ label) => {
-      if (!Array.isArray(pair[name])) return h("p", { class: "small muted" }, `${label}: vertex ${pair[name]}`);
-      const fields = placeFields(label, () => /** @type {number[]} */ (pair[name]), (place) => {
-        pair[name] = place;
-        this.changed();
-      });
-      this.shows.push(fields.show);
-      return fields.element;
-    };
-    const words = `Pair ${at + 1}`;
-    const remove = () => {
-      this.guide.landmarks.splice(at, 1);
-      this._changed();
-    };
-    return h("li", { class: "control-row", "aria-label": words }, h("div", { class: "control-head" }, h("strong", null, words), button(`Remove pair ${at + 1}`, remove, { icon: "trash", quiet: true, class: "button-quiet" })), side("source", "Asset"), side("target", "Target"));
+  /** @param {Asset} mesh */
+  _targetRow(mesh) {
+    const remove = button("Remove the target", () => this._remove(mesh), { icon: "trash", quiet: true, class: "button-quiet" });
+    return h("div", { class: "row guide-head" }, h("strong", null, "Target mesh"), h("span", { class: "muted" }, `${mesh.name} · ${bytes(mesh.size)}`), remove);
   }
 
   /** @param {Asset} file @param {number} at */
   _pictureRow(file, at) {
-    const view = this.guide.pictures[at];
-    const angle = (/** @type {"azimuth" | "elevation"} */ name, /** @type {string} */ label) => {
-      const field = numberField(`${label} of picture ${at + 1}, degrees`, () => view[name], (value) => {
-        view[name] = value;
-        this.changed();
-      });
-      this.shows.push(field.show);
-      return h("label", null, h("span", { class: "small muted" }, label), field.input);
-    };
     const fit = h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(this.pictures.fitting === at), on: { click: () => (this.pictures.fitting === at ? this.pictures.end() : this.pictures.fit(at)) } }, this.pictures.fitting === at ? "Done" : "Turn the asset to fit");
     fit.hidden = !this.pictures.possible;
     const image = h("img", { src: this.pictures.url(file), alt: "" });
@@ -273,7 +172,7 @@ export class GuidePanel {
         "div",
         null,
         h("div", { class: "control-head" }, h("strong", null, file.name), button(`Remove picture ${at + 1}`, () => this._removePicture(at), { icon: "trash", quiet: true, class: "button-quiet" })),
-        h("div", { class: "angles" }, angle("azimuth", "Azimuth"), angle("elevation", "Elevation")),
+        h("p", { class: "small muted direction" }, directionWords(this.guide.pictures[at])),
         fit,
       ),
     );
@@ -287,9 +186,8 @@ export class GuidePanel {
   /** Return whether it can be sent; what cannot is said. */
   check() {
     const problem = guideProblem(this.guide);
-    const wrong = this.element.querySelector('[aria-invalid="true"]');
     this._refuse(problem);
-    return !problem && !wrong;
+    return !problem;
   }
 
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
@@ -303,6 +201,11 @@ export class GuidePanel {
   }
 
   focusProblem() {
-    /** @type {HTMLElement | null} */ (this.element.querySelector('[aria-invalid="true"]') ?? this.element.querySelector("button:not([hidden])"))?.focus();
+    /** @type {HTMLElement | null} */ (this.element.querySelector("button:not([hidden])"))?.focus();
   }
+}
+
+/** From where a picture shows the asset. @param {import("./model.js").Direction} direction */
+function directionWords({ azimuth, elevation }) {
+  return `Seen from ${azimuth}°${elevation ? `, ${elevation}° ${elevation > 0 ? "above" : "below"}`.replace("-", "") : ""}`;
 }

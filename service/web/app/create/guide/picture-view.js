@@ -79,6 +79,6 @@ export class PictureView {
     const [azimuth, elevation] = [Math.round(wrapped(seen.azimuth)), Math.round(seen.elevation)];
     if (azimuth === view.azimuth && elevation === view.elevation) return;
     Object.assign(view, { azimuth, elevation });
-    this.panel.changed();
+    this.panel.turned(this.fitting);
   }
 }

@@ -6,7 +6,6 @@ import { fill, h, say } from "../../dom.js";
 import { plainWords } from "../../plain.js";
 import { debounced } from "../../scope.js";
 import { slider } from "../../job/stage-controls.js";
-import { angleOf } from "../front-control.js";
 import { Corrector } from "./corrector.js";
 import { isUnsure, originWords, readingSentence } from "./reading.js";
 import { ReadingLine } from "./reading-line.js";
@@ -25,18 +24,16 @@ export class PartsControl {
   /**
    * @param {import("../../viewer-box.js").ViewerBox} box
    * @param {import("../control/panel.js").ControlPanel} panel Holds what was said of the asset.
-   * @param {import("../front-control.js").FrontControl} front
    * @param {import("../../scope.js").Scope} scope
    * @param {object} does
    * @param {(signal: AbortSignal) => Promise<Found>} does.ask The server, about the asset in the form.
    * @param {(prompt: string, form: "glb" | "positions", signal: AbortSignal) => Promise<ArrayBuffer>} does.change The server, for the asset changed.
    * @param {(prompt: string) => void} does.write The prompt.
    */
-  constructor(box, panel, front, scope, does) {
+  constructor(box, panel, scope, does) {
     this.box = box;
     this.panel = panel;
     this.view = panel.view;
-    this.front = front;
     this.does = does;
     this.slides = new Slides(box, does.change);
     /** What the parts were asked for: the asset, and what else they depend on. */
@@ -76,14 +73,12 @@ export class PartsControl {
     this.output = value;
     this.row = row;
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
-    this.line = new ReadingLine((noun) => panel.correct({ noun }), (value) => front.choose(value), () => {
-      front.element.classList.add("by-hand");
-      front.input.focus();
-    });
+    this.line = new ReadingLine((noun) => panel.correct({ noun }), (front) => panel.correct({ front }));
+    this.kept = h("div", { class: "chips", role: "group" });
     this.corrector = new Corrector(panel, scope, (part) => this._origin(part), (parts, name) => this._rename(parts, name));
-    panel.reader = { press: () => this.corrector.press(), refuse: (text) => say(this.note, plainWords(text) || "That cannot be said of it.") };
-    this.wrong = h("details", { class: "advanced not-right" }, h("summary", null, "Not right?"), this.line.element, front.element, this.corrector.element);
-    this.element = h("div", { class: "parts", hidden: true }, this.sentence, h("div", { class: "read" }, this.chips), this.words, row, this.note, this.wrong);
+    panel.reader = { press: () => (this.corrector.press(), this._keep()), refuse: (text) => say(this.note, plainWords(text) || "That cannot be said of it.") };
+    this.wrong = h("details", { class: "advanced not-right" }, h("summary", null, "Not right?"), this.line.element, this.corrector.element);
+    this.element = h("div", { class: "parts", hidden: true }, this.sentence, h("div", { class: "read" }, this.chips), this.words, row, this.kept, this.note, this.wrong);
   }
 
   /**
@@ -110,7 +105,6 @@ export class PartsControl {
     this.finding.abort();
     this.slides.forget();
     this.reading = null;
-    this.front.read(null);
     this.parts = [];
     this.wanted = [];
     this.all = false;
@@ -135,7 +129,6 @@ export class PartsControl {
     if (!found) return this._draw();
     this.reading = found.reading ?? null;
     this.parts = found.parts;
-    this.front.read(this.reading);
     if (this.parts.length) this.view.touch((face) => this._touched(face));
     say(this.note, this.parts.length ? "" : "No parts are known for this file.");
     const chosen = this.corrector.painting ?? this.part?.name;
@@ -224,7 +217,7 @@ export class PartsControl {
     const { part, change } = this;
     const known = this.reading !== null || this.parts.length > 0 || this.corrector.any;
     this.element.hidden = !this.of || (!known && this.note.hidden);
-    this.line.show(this.reading, this.panel.control.noun, String(angleOf(this.front.value) ?? ""));
+    this.line.show(this.reading, this.panel.control.noun, this.panel.control.front);
     this.wrong.hidden = !known;
     say(this.sentence, this.reading ? readingSentence(this.reading, this.parts.length) : "");
     this.corrector.show(this.parts, part);
@@ -233,6 +226,7 @@ export class PartsControl {
     refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null, ]);
     this.words.setAttribute("aria-label", `What becomes of the ${part?.name}`);
     refill(this.words, (part?.changes ?? []).flatMap((each) => [this._word(each, 1), this._word(each, -1)]));
+    this._keep();
     this.words.hidden = this.row.hidden = !change;
     if (!change || !part) return;
     const percent = this._percent(change);
@@ -240,6 +234,17 @@ export class PartsControl {
     this.output.textContent = percent ? `${percent > 0 ? "+" : "−"}${Math.abs(percent)} %` : "as it is";
     const words = percent ? `${part.name} ${percent < 0 ? change.less : change.more} by ${Math.abs(percent)} percent` : `${part.name} as it is`;
     this.input.setAttribute("aria-valuetext", words);
+  }
+
+  /** Offer to keep the part that is chosen, or to move it alone. */
+  _keep() {
+    const { part } = this;
+    this.kept.hidden = !part;
+    if (!part) return;
+    this.kept.setAttribute("aria-label", `What happens to the ${part.name}`);
+    const chosen = this.panel.actionOf(part);
+    const pairs = /** @type {[string, string][]} */ ([["keep", "Keep as it is"], ["only", "Only this moves"]]);
+    refill(this.kept, pairs.map(([action, text]) => h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(chosen === action), on: { click: () => this.panel.mark(part, action) } }, text)));
   }
 
   _more() {

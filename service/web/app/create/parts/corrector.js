@@ -30,11 +30,10 @@ export class Corrector {
     const chip = (/** @type {string} */ text, /** @type {() => void} */ act) => button(text, act, { class: "chip chip-small" });
     this.origin = h("span", { class: "small muted" });
     this.rename = chip("Rename…", () => this._rename());
-    this.join = chip("Join…", () => this._join());
     this.paint = chip("Paint", () => this._paint());
     this.back = chip("As it was found", () => this._forget(this.part?.name ?? ""));
     this.add = chip("Another part…", () => this._add());
-    this.tools = h("div", { class: "row" }, this.origin, this.rename, this.join, this.paint, this.back);
+    this.tools = h("div", { class: "row" }, this.origin, this.rename, this.paint, this.back);
     this.tools.setAttribute("role", "group");
     this.list = h("ul", { class: "control-rows", "aria-label": "Corrections" });
     this.element = h("div", { class: "corrector" }, this.tools, this.list, h("div", { class: "chips" }, this.add));
@@ -63,7 +62,6 @@ export class Corrector {
     this.tools.hidden = !part;
     this.tools.setAttribute("aria-label", `Correct ${part?.name}`);
     this.origin.textContent = part ? this.originOf(part) : "";
-    this.join.hidden = parts.length < 2;
     this.press();
   }
 
@@ -112,14 +110,7 @@ export class Corrector {
     const words = [...new Set([...this.known, ...this.parts.map(({ name }) => name)])];
     const input = h("input", { type: "text", id: "part-name", list: "part-names", required: true, maxlength: 40, pattern: NAME, autocomplete: "off", autocapitalize: "none", title: "Letters, digits, spaces, - and _" });
     const list = h("datalist", { id: "part-names" }, words.map((value) => h("option", { value })));
-    ask({ title, body: [labelled("part-name", "Name", input), list], action, act: async () => act(input.value.trim().toLowerCase()) }, this.scope);
-  }
-
-  _join() {
-    const part = /** @type {Part} */ (this.part);
-    const others = this.parts.filter((each) => each !== part);
-    const choice = h("select", { id: "part-other" }, others.map(({ name }) => h("option", { value: name }, name)));
-    ask({ title: `Join “${part.name}” with another part`, body: [labelled("part-other", "It is one with", choice)], action: "Join", act: async () => this._call([choice.value], part.name) }, this.scope);
+    ask({ title, body: [labelled("part-name", "Name", input), list, h("p", { class: "small muted" }, "With the name of another part it is one with that.")], action, act: async () => act(input.value.trim().toLowerCase()) }, this.scope);
   }
 
   _paint() {

@@ -7,9 +7,8 @@ export class ReadingLine {
   /**
    * @param {(noun: string) => void} onNoun Empty: as it was read.
    * @param {(front: string) => void} onFront Degrees; empty: as it was read.
-   * @param {() => void} onTurn The front is to be turned by hand.
    */
-  constructor(onNoun, onFront, onTurn) {
+  constructor(onNoun, onFront) {
     this.onNoun = onNoun;
     /** Those that this server knows; none: whatever is typed is asked for. @type {string[]} */
     this.nouns = [];
@@ -24,11 +23,7 @@ export class ReadingLine {
     this.problem = h("p", { class: "field-problem", id: "reading-problem", "aria-live": "polite", hidden: true });
     this.element = h("div", { class: "row reading", role: "group", "aria-label": "What the asset is read as", hidden: true }, this.before, this.noun, this.typed, this.list, this.between, this.front, this.problem);
     this.noun.addEventListener("change", () => (this.noun.value === ELSE ? this._type() : onNoun(this.noun.value)));
-    this.front.addEventListener("change", () => {
-      if (this.front.value !== ELSE) return onFront(this.front.value);
-      this.again();
-      onTurn();
-    });
+    this.front.addEventListener("change", () => onFront(this.front.value));
     this.typed.addEventListener("change", () => this._take());
     this.typed.addEventListener("blur", () => this.typed.value.trim() || this.again());
     this.typed.addEventListener("keydown", (event) => {

@@ -15,11 +15,11 @@
 import { percent, titled } from "../../format.js";
 import { withArticle } from "../../vocabulary.js";
 
-/** What a menu has to type a noun, or to turn the front by hand. */
+/** What a menu has to type a noun. */
 export const ELSE = "else";
 /** Less confident ones are shown as a guess. */
 const SURE = 0.5;
-const SIDES = /** @type {[string, string][]} */ ([["0", "+Z, as in the file"], ["90", "+X, the left side"], ["180", "−Z, the back"], ["270", "−X, the right side"]]);
+const SIDES = /** @type {[string, string][]} */ ([["0", "+Z, as in the file"], ["45", "between +Z and +X"], ["90", "+X, the left side"], ["135", "between +X and −Z"], ["180", "−Z, the back"], ["225", "between −Z and −X"], ["270", "−X, the right side"], ["315", "between −X and +Z"]]);
 
 /** @param {number} degrees From +Z towards +X. */
 function sideName(degrees) {
@@ -59,9 +59,9 @@ export function nounOptions({ noun, probability, sure, nouns, noun_given: given 
 
 /** The fronts to choose from, likewise. @param {Reading} reading @param {string} said In degrees, or empty. @returns {[string, string][]} */
 export function frontOptions({ front_azimuth_deg: front }, said) {
-  const own = said && !SIDES.some(([side]) => side === said) ? [[said, `${said}°, by hand`]] : [];
+  const own = said && !SIDES.some(([side]) => side === said) ? [[said, Number.isFinite(Number(said)) ? `${said}°` : said]] : [];
   const read = said ? "As it was read" : front === null ? "no side that is the front" : sideName(front);
-  return /** @type {[string, string][]} */ ([["", read], ...SIDES, ...own, [ELSE, "Turn it by hand…"]]);
+  return /** @type {[string, string][]} */ ([["", read], ...SIDES, ...own]);
 }
 
 /** The noun by whose shapes a part was found, where it is rather another one; empty: it is not. @param {import("./sentence.js").Part} part @param {Reading | null} reading */
