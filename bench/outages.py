@@ -13,7 +13,7 @@ an undisturbed run (`Cluster.check`), and the record has no other. A row has the
 those lost (not ended, failed, or with another result) and twice (a second job of a key, or a second end), those that
 took more than one attempt, the seconds from the end of the fault to the last job's end, and the slowest answer of
 /readyz meanwhile. With `--upgrade` the parts of an earlier commit begin, on the migrated record, and give way one
-after the other once half of the jobs are accepted; the faults go on. Exits with 1 if anything was lost or twice.
+after the other in the middle; the faults go on. Exits with 1 if anything was lost or twice.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import os
 import random
 import re
@@ -491,8 +492,11 @@ def readiness(cluster: Deployment, seconds: float) -> float:
     return slowest
 
 
-def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float]) -> bool:
-    """Run so many jobs under random faults, so far apart; print what happened, and return whether all is well."""
+def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float], minutes: float) -> bool:
+    """Run so many jobs under random faults, so far apart; print what happened, and return whether all is well.
+
+    After so many minutes no more are posted.
+    """
     cluster, choose, jobs = outages.cluster, random.Random(seed), Jobs(outages.cluster, "chaos")
     if cluster.real:
         cluster.check(jobs.post(count, 0))  # the undisturbed one
@@ -506,13 +510,16 @@ def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float])
     with Chaos(cluster, seed, WORKERS, pause_s=pause_s, more=more) as faults:
         jobs.disturbed = faults.check
         for number in range(count):
+            if time.monotonic() - start > 60.0 * minutes:
+                break
             while len(waiting) >= BACKLOG:
                 time.sleep(0.5)
                 faults.check()
                 with contextlib.suppress(UnavailableError):
                     waiting = jobs.unfinished(waiting)
-            if upgrades and number == count // 2:
+            if upgrades and (number >= count // 2 or time.monotonic() - start > 30.0 * minutes):
                 faults.next("an upgrade", cluster.upgrade)
+                upgrades = False
             waiting.append(jobs.post(number, choose.choice([4, 8, 12, 20, 40])))
             if number % 100 == 99:
                 so_far = f"{sum(faults.faults.values())} faults, {time.monotonic() - start:.0f} s"
@@ -542,6 +549,7 @@ def main() -> None:
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--upgrade", default="", metavar="COMMIT", help="with --chaos: the parts that begin")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="with --chaos: post no jobs after them")
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # ends what was started
     settings = {"FAKE_STEP_S": "0.02"}
@@ -552,7 +560,7 @@ def main() -> None:
         outages = Outages(stack, real=options.real, settings=settings, upgrade=options.upgrade)
         if options.chaos:
             print("The clock is not set here: tests/integration/test_reconciler.py sets the record's.")
-            well = chaos(outages, options.chaos, options.seed, tuple(options.pause))
+            well = chaos(outages, options.chaos, options.seed, tuple(options.pause), options.minutes)
         else:
             print(
                 "| fault | jobs | ended | lost | twice | attempts > 1 | all ended after | slowest /readyz |\n|---|"

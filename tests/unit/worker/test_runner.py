@@ -170,7 +170,7 @@ def test_a_failure_that_may_pass_is_tried_again_later_and_goes_on_from_its_check
     assert (event.type, event.data["reason"], event.data["error"]["code"]) == (EventType.QUEUED, "failure", "internal")
     # Nobody takes it before, and nobody else waits for it.
     assert world.run(job).attempt == 1
-    assert world.record.upkeep.queued_ids() == []
+    assert world.record.upkeep.queued_ids(9) == []
     soon = Settings(retry_delay_s=0)
     with world.record.database.write() as connection:
         connection.execute(sa.update(jobs).values(retry_at=world.record.database.now()))
