@@ -55,26 +55,36 @@ def stored_files(name: str = "a") -> dict[str, StoredFile]:
 
 def fill(record: JobRecord, count: int, queued: int) -> None:
     """Write jobs as copies of one, so many in 100 queued, the others over, each with a label and a file of its own."""
-    record.create(NewJob(_REQUEST, stored_files("first"), owner_id="owner-0"))
-    for first in range(0, count, _AT_ONCE):
-        _fill(record, first, min(first + _AT_ONCE, count), queued)
-    if not record.database.is_sqlite:
-        # As the server does by itself after a while; SQLite never does.
-        engine = sa.create_engine(
-            record.database._engine.url.set(drivername="postgresql+pg8000"), isolation_level="AUTOCOMMIT"
-        )
-        with engine.connect() as connection:
-            connection.exec_driver_sql("VACUUM ANALYZE")
-        engine.dispose()
+    first = record.create(NewJob(_REQUEST, stored_files("first"), owner_id="owner-0"))
+    fill_between(record, first.id, range(count), queued)
+    settle(record)
 
 
-def _fill(record: JobRecord, start: int, end: int, share: int) -> None:
-    numbers = sa.select(sa.literal(start).label("n")).cte("numbers", recursive=True)
-    numbers = numbers.union_all(sa.select(numbers.c.n + 1).where(numbers.c.n < end - 1))
+def fill_between(record: JobRecord, like: str, numbers: range, queued: int) -> None:
+    """Write the jobs of these numbers as copies of one, which may wait for later."""
+    for start in numbers[::_AT_ONCE]:
+        _fill(record, like, range(start, min(start + _AT_ONCE, numbers.stop)), queued)
+
+
+def settle(record: JobRecord) -> None:
+    """Do what the server does by itself after a while, and SQLite never does."""
+    if record.database.is_sqlite:
+        return
+    url = record.database._engine.url.set(drivername="postgresql+pg8000")
+    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.exec_driver_sql("VACUUM ANALYZE")
+        connection.exec_driver_sql("CHECKPOINT")
+    engine.dispose()
+
+
+def _fill(record: JobRecord, like: str, some: range, share: int) -> None:
+    numbers = sa.select(sa.literal(some.start).label("n")).cte("numbers", recursive=True)
+    numbers = numbers.union_all(sa.select(numbers.c.n + 1).where(numbers.c.n < some.stop - 1))
     n, now, later = numbers.c.n, record.database.now(), record.database.now(86_400.0)
     text = sa.cast(n + _FIRST, sa.String)
     queued = n % 100 < share
-    first, first_id = jobs.alias("first"), sa.select(sa.func.max(jobs.c.id)).scalar_subquery()
+    first = jobs.alias("first")
     changed: dict[str, Any] = {
         "id": sa.literal(_PREFIX) + text,
         "owner_id": sa.literal("owner-") + sa.cast(n % 50, sa.String),
@@ -82,6 +92,7 @@ def _fill(record: JobRecord, start: int, end: int, share: int) -> None:
         "step_s": sa.case((queued, None), else_=0.5),
         "ran_s": sa.case((queued, 0.0), else_=60.0),
         "retain_until": sa.case((queued, None), else_=later),
+        "retry_at": None,
     }
 
     def put(table: sa.Table, values: dict[str, Any], source: Any) -> None:
@@ -90,7 +101,7 @@ def _fill(record: JobRecord, start: int, end: int, share: int) -> None:
 
     with record.database.write() as connection:
         every = {column.name: changed.get(column.name, first.c[column.name]) for column in jobs.c}
-        put(jobs, every, numbers.join(first, first.c.id == first_id))
+        put(jobs, every, numbers.join(first, first.c.id == like))
         label = {"job_id": changed["id"], "name": "batch", "value": sa.cast(n % 100, sa.String)}
         put(labels, label, numbers)
         job_file = {"job_id": changed["id"], "part": "asset", "owner_id": changed["owner_id"]}
@@ -223,7 +234,7 @@ def main() -> None:
             (base / name).mkdir()
             url = f"sqlite:///{base / name / 'record.sqlite'}"
             if options.database == "postgresql":
-                server = PostgresServer(base / name, durable=True)
+                server = PostgresServer(base / name, durable=True, options={"autovacuum": "off"})
                 server.start()
                 cleanup.callback(server.kill)
                 url = server.url
