@@ -16,7 +16,6 @@ import argparse
 import contextlib
 import functools
 import re
-import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -192,7 +191,7 @@ def scanned(record: JobRecord, statements: list[tuple[str, Any]]) -> set[str]:
 
 
 def ratio(question: Question, large: JobRecord, small: JobRecord) -> float:
-    """Return by how much longer the median of a question takes in the large record, asked of both in turns."""
+    """Return by how much longer a question takes in the large record, asked of both in turns: the shortest of each."""
     taken: dict[JobRecord, list[float]] = {large: [], small: []}
     for turn in range(_WARM + REPEATS):
         for record, durations in taken.items():
@@ -200,7 +199,7 @@ def ratio(question: Question, large: JobRecord, small: JobRecord) -> float:
             question(record)
             if turn >= _WARM:
                 durations.append(time.perf_counter() - start)
-    return statistics.median(taken[large]) / statistics.median(taken[small])
+    return min(taken[large]) / min(taken[small])
 
 
 def ask(small: JobRecord, large: JobRecord, only: str) -> None:
