@@ -82,6 +82,19 @@ class Clients:
         async with httpx.AsyncClient(base_url=self._url, timeout=300.0, limits=limits) as http:
             await asyncio.gather(*(self._client(http, number, ids, rounds) for number in range(count)))
 
+    async def post(self, count: int, rounds: int) -> None:
+        """Let `count` clients create so many jobs each, one after the other."""
+        limits, files = httpx.Limits(max_connections=count), {"asset": ("sphere.glb", self._asset)}
+        async with httpx.AsyncClient(base_url=self._url, timeout=300.0, limits=limits) as http:
+
+            async def client() -> None:
+                for _ in range(rounds):
+                    await self._timed(
+                        "create", 202, lambda: http.post("/v1/jobs", files=files, data={"request": REQUEST})
+                    )
+
+            await asyncio.gather(*(client() for _ in range(count)))
+
     async def _client(self, http: httpx.AsyncClient, number: int, ids: list[str], rounds: int) -> None:
         files = {"asset": ("sphere.glb", self._asset)}
         made = await self._timed("create", 202, lambda: http.post("/v1/jobs", files=files, data={"request": REQUEST}))

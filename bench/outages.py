@@ -3,6 +3,7 @@
     python -m bench.outages --seconds 20 --jobs 20     every fault of the table, for so long, beside so many jobs
     python -m bench.outages --chaos 10000 --pause 3 25      so many jobs under random kills and outages of the table
     python -m bench.outages --chaos 200 --real --pause 5 20   the same with the real run: a sphere, two steps
+    python -m bench.outages --chaos 200 --upgrade COMMIT    begun by that commit, upgraded in the middle
 
 Plain processes: two APIs, two workers with the default lease of 30 s (`--chaos`: 5 s), PostgreSQL behind PgBouncer,
 Redis, and an S3 server behind a proxy that fails on demand. Jobs are posted over HTTP before the fault and during it,
@@ -11,7 +12,8 @@ may fail with `asset_not_fetched`. Then every other job must have ended once, wi
 an undisturbed run (`Cluster.check`), and the record has no other. A row has the accepted jobs, those that ended so,
 those lost (not ended, failed, or with another result) and twice (a second job of a key, or a second end), those that
 took more than one attempt, the seconds from the end of the fault to the last job's end, and the slowest answer of
-/readyz meanwhile. Exits with 1 if anything was lost or twice.
+/readyz meanwhile. With `--upgrade` the parts of an earlier commit begin, on the migrated record, and give way one
+after the other in the middle; the faults go on. Exits with 1 if anything was lost or twice.
 """
 
 from __future__ import annotations
@@ -19,17 +21,20 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import os
 import random
 import re
 import shutil
 import signal
+import socket
+import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from datetime import UTC, datetime
 from functools import partial
@@ -40,10 +45,11 @@ import httpx
 import psutil
 import sqlalchemy as sa
 
+from bench.upgrades import tree_of
 from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.models import Job, JobState
 from tests.acceptance.chaos import Chaos
-from tests.acceptance.cluster import SPHERE, Cluster, Part, running_redis
+from tests.acceptance.cluster import ROOT, SPHERE, Cluster, Part, running_redis
 from tests.acceptance.service import until
 from tests.fault_proxy import FaultProxy
 from tests.s3_server import s3_server
@@ -59,6 +65,7 @@ POSTGRES = {"max_connections": "60", "superuser_reserved_connections": "0", "max
 _FETCHED = 10
 """Of so many jobs, one names its file by a URL of a slow host."""
 REAL = {"preset": "preview", "steps": 2, "checkpoint_every_steps": 1, "seed": 7}
+REQUESTS = b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n" * 1000
 TERMINATE = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = 'service'"
 
 
@@ -66,6 +73,8 @@ class Deployment(Cluster):
     """A cluster with two APIs, whose jobs are sums or, if there is an `expected` hash, small runs of the product."""
 
     real, expected, ports, slow_host = False, "", (0, 0), ""
+    tree = ROOT
+    """The sources of the parts that are started from now on."""
 
     def start_apis(self) -> None:
         """Start both, where they do not run."""
@@ -83,6 +92,25 @@ class Deployment(Cluster):
             return super().start_worker(name, **environment)
         return self._start(name, [sys.executable, "-m", "meshdeform", "worker"], environment)
 
+    def _start(self, name: str, command: list[str], environment: Mapping[str, str]) -> Part:
+        # Without the folder in which it is started, where this tree is.
+        command = [command[0], "-P", *command[1:]]
+        return super()._start(name, command, {**environment, "PYTHONPATH": str(self.tree)})
+
+    def upgrade(self) -> None:
+        """Put parts of this tree in the places of others, one after the other, as an operator does."""
+        self.tree = ROOT
+        for name in (*APIS, *WORKERS):
+            part = self.parts[name]
+            part.send(signal.SIGTERM)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                part.process.wait(timeout=60.0)
+            part.clean_up()
+            if name in APIS:
+                self.start_apis()
+            else:
+                self.start_worker(name)
+
     def check(self, job_id: str, *, steps: int = 12, state: JobState = JobState.SUCCEEDED) -> Job:
         """Hold the job against the promises; the result of a real one against the first one's."""
         if not self.real:
@@ -99,7 +127,7 @@ class Deployment(Cluster):
 class Outages:
     """The servers of one deployment, and all that can happen to them; each fault is a context in which it holds."""
 
-    def __init__(self, stack: ExitStack, *, real: bool, settings: dict[str, str]) -> None:
+    def __init__(self, stack: ExitStack, *, real: bool, settings: dict[str, str], upgrade: str = "") -> None:
         base = Path(tempfile.mkdtemp(prefix="meshdeform-outages-", dir="/tmp"))
         base.chmod(0o755)
         for name in ("disk", "pgbouncer", "s3"):
@@ -127,6 +155,8 @@ class Outages:
         self.cluster = Deployment(base, self.redis, database_url=url, **more)
         self.cluster.real, self.cluster.slow_host = real, stack.enter_context(slow_host())
         stack.callback(self.cluster.clean_up)
+        if upgrade:
+            self.cluster.tree = tree_of(upgrade, base / "tree")
         self.start_parts()
         self.faults: dict[str, Fault] = {
             "PostgreSQL frozen": self._postgres_frozen,
@@ -148,6 +178,7 @@ class Outages:
             "S3 answers 403": lambda: self._gone(self.store.error403, self.store.pass_through),
             "S3 answers NoSuchBucket": lambda: self._gone(self.store.no_bucket, self.store.pass_through),
             "a gateway answers 404 for S3": lambda: self._gone(self.store.error404, self.store.pass_through),
+            "requests without an end on both APIs": self._pipelined,
             "both workers killed in the middle": lambda: self._gone(self._kill_workers, lambda: None),
         }
 
@@ -175,8 +206,8 @@ class Outages:
 
     @contextmanager
     def _gone(self, go: Callable[[], object], come: Callable[[], object]) -> Iterator[None]:
-        go()
         try:
+            go()
             yield
         finally:
             come()
@@ -200,15 +231,38 @@ class Outages:
     @contextmanager
     def _postgres_frozen(self) -> Iterator[None]:
         server = psutil.Process(self.postgres.pid)
-        server.suspend()
-        family = server.children(recursive=True)
-        for process in family:
-            process.suspend()
+        runner = server.parent() or server  # which stops as its child does
+        frozen = [server]
         try:
+            server.suspend()
+            frozen = [runner, server, *server.children(recursive=True)]
+            for process in frozen[2:]:
+                with contextlib.suppress(psutil.NoSuchProcess):  # a session that has just ended
+                    process.suspend()
             yield
         finally:
-            for process in [*family, server]:
-                process.resume()
+            for process in reversed(frozen):
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    process.resume()
+
+    @contextmanager
+    def _pipelined(self) -> Iterator[None]:
+        """Connections that send requests one after the other, and read no answer."""
+        with ExitStack() as held:
+            senders = list[socket.socket]()
+            for port in self.cluster.ports * 5:
+                with contextlib.suppress(OSError):
+                    senders.append(held.enter_context(socket.create_connection(("127.0.0.1", port), timeout=5.0)))
+                    senders[-1].setblocking(False)
+
+            def push() -> None:
+                for sender in senders:
+                    with contextlib.suppress(OSError):
+                        while sender.send(REQUESTS):
+                            pass
+
+            with self._repeated(push, 0.2):
+                yield
 
     @contextmanager
     def _out_of_connections(self) -> Iterator[None]:
@@ -314,6 +368,8 @@ class Jobs:
         self._cluster, self._choose = cluster, random.Random(label)
         self._label = f"{re.sub('[^a-z]+', '-', label.lower())}-{time.time_ns()}"
         self.steps, self.answers, self.complaints = dict[str, int](), Counter[str](), list[str]()
+        self.disturbed: Callable[[], None] = lambda: None
+        """Raises what has ended the faults, after which nothing need work."""
         self.fetched = set[str]()  # jobs whose file comes from a slow host
         self.ended = self.lost = self.twice = self.again = self.not_fetched = 0
         self.last_end = datetime.min.replace(tzinfo=UTC)
@@ -325,6 +381,7 @@ class Jobs:
         key, turns = f"{self._label}-{number}", iter(range(1_000_000))
 
         def accepted() -> str | None:
+            self.disturbed()
             url = f"http://127.0.0.1:{self._cluster.ports[next(turns) % 2]}/v1/jobs"
             headers = {"Idempotency-Key": key}
             if number % _FETCHED == _FETCHED - 1:
@@ -368,14 +425,14 @@ class Jobs:
             self.twice += len(ends) > 1
             try:
                 job = self._cluster.job(job_id)
-                assert ends, f"not over: {job.state}"
+                assert ends, f"not over: {job.state}, {job.progress.phase}"
                 if job_id in self.fetched and job.error is not None and job.error.code == "asset_not_fetched":
                     self.not_fetched += 1  # as is said of a server that dies meanwhile
                     continue
                 job = self._cluster.check(job_id, steps=steps)
             except (AssertionError, MeshdeformError) as error:
                 self.lost += 1
-                self.complaints.append(f"{job_id}: {str(error).splitlines()[0]}")
+                self.complaints += [f"{job_id}: {str(error).splitlines()[0]}", self._cluster.story(job_id)]
                 continue
             self.ended += 1
             self.again += job.attempt > 1
@@ -435,8 +492,11 @@ def readiness(cluster: Deployment, seconds: float) -> float:
     return slowest
 
 
-def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float]) -> bool:
-    """Run so many jobs under random faults, so far apart; print what happened, and return whether all is well."""
+def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float], minutes: float) -> bool:
+    """Run so many jobs under random faults, so far apart; print what happened, and return whether all is well.
+
+    After so many minutes no more are posted.
+    """
     cluster, choose, jobs = outages.cluster, random.Random(seed), Jobs(outages.cluster, "chaos")
     if cluster.real:
         cluster.check(jobs.post(count, 0))  # the undisturbed one
@@ -446,21 +506,28 @@ def chaos(outages: Outages, count: int, seed: int, pause_s: tuple[float, float])
             time.sleep(choose.uniform(0.5, 5.0))
 
     more = {name: lambda fault=fault: briefly(fault) for name, fault in outages.faults.items()}
-    waiting, start = list[str](), time.monotonic()
+    waiting, start, upgrades = list[str](), time.monotonic(), cluster.tree != ROOT
     with Chaos(cluster, seed, WORKERS, pause_s=pause_s, more=more) as faults:
+        jobs.disturbed = faults.check
         for number in range(count):
+            if time.monotonic() - start > 60.0 * minutes:
+                break
             while len(waiting) >= BACKLOG:
                 time.sleep(0.5)
+                faults.check()
                 with contextlib.suppress(UnavailableError):
                     waiting = jobs.unfinished(waiting)
+            if upgrades and (number >= count // 2 or time.monotonic() - start > 30.0 * minutes):
+                faults.next("an upgrade", cluster.upgrade)
+                upgrades = False
             waiting.append(jobs.post(number, choose.choice([4, 8, 12, 20, 40])))
             if number % 100 == 99:
-                print(f"    {number + 1} accepted after {time.monotonic() - start:.0f} s", flush=True)
+                so_far = f"{sum(faults.faults.values())} faults, {time.monotonic() - start:.0f} s"
+                print(f"    {number + 1} accepted after {so_far}", flush=True)
     outages.start_parts()
     jobs.hold_to_account()
-    print(
-        f"seed {seed}: {sum(faults.faults.values())} faults in {time.monotonic() - start:.0f} s {dict(faults.faults)}"
-    )
+    total = sum(faults.faults.values())
+    print(f"seed {seed}: {total} faults in {time.monotonic() - start:.0f} s {dict(faults.faults)}")
     print(f"jobs {len(jobs.steps)}, ended {jobs.ended}, lost {jobs.lost}, twice {jobs.twice}, again {jobs.again}")
     print(f"of {len(jobs.fetched)} from a slow host, {jobs.not_fetched} not fetched")
     print(f"answers beside 202: {dict(jobs.answers)}", *jobs.complaints, sep="\n    ")
@@ -481,16 +548,19 @@ def main() -> None:
         "--pause", type=float, nargs=2, default=(0.5, 4.0), metavar=("LEAST", "MOST"), help="seconds between two faults"
     )
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--upgrade", default="", metavar="COMMIT", help="with --chaos: the parts that begin")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="with --chaos: post no jobs after them")
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # ends what was started
     settings = {"FAKE_STEP_S": "0.02"}
     if options.chaos:
         settings = {"MESHDEFORM_LEASE_S": "5", "MESHDEFORM_MAX_ATTEMPTS": "100", "FAKE_STEP_S": "0.01"}
     with ExitStack() as stack:
-        outages = Outages(stack, real=options.real, settings={"MESHDEFORM_LEASE_S": "30", **settings})
+        settings = {"MESHDEFORM_LEASE_S": "30", **settings}
+        outages = Outages(stack, real=options.real, settings=settings, upgrade=options.upgrade)
         if options.chaos:
             print("The clock is not set here: tests/integration/test_reconciler.py sets the record's.")
-            well = chaos(outages, options.chaos, options.seed, tuple(options.pause))
+            well = chaos(outages, options.chaos, options.seed, tuple(options.pause), options.minutes)
         else:
             print(
                 "| fault | jobs | ended | lost | twice | attempts > 1 | all ended after | slowest /readyz |\n|---|"

@@ -112,15 +112,20 @@ def upgraded(cluster: Versions) -> None:
     cluster.check(canceling, state=JobState.CANCELED)
 
 
+def tree_of(commit: str, folder: Path) -> Path:
+    """Put the files of a commit into a new folder, and return it."""
+    folder.mkdir()
+    archive = subprocess.run(["git", "archive", commit], check=True, stdout=subprocess.PIPE, cwd=ROOT).stdout
+    subprocess.run(["tar", "-x", "-C", str(folder)], input=archive, check=True)
+    return folder
+
+
 def tried(commit: str, database: str) -> None:
     """Upgrade from a commit on one kind of database."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="meshdeform-upgrade-")))
         folder.chmod(0o755)
-        tree = folder / "tree"
-        tree.mkdir()
-        archive = subprocess.run(["git", "archive", commit], check=True, stdout=subprocess.PIPE, cwd=ROOT).stdout
-        subprocess.run(["tar", "-x", "-C", str(tree)], input=archive, check=True)
+        tree = tree_of(commit, folder / "tree")
         redis, url = stack.enter_context(running_redis(folder)), ""
         if database == "postgresql":
             (folder / "postgres").mkdir()

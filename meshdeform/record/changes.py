@@ -1,4 +1,4 @@
-"""Change jobs together with their events, webhook messages, outbox rows and counters, in one transaction."""
+"""Change jobs together with their events, webhook messages and counters, in one transaction."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from meshdeform.record.counters import Counters
 from meshdeform.record.database import Database, NewRow, insert
 from meshdeform.record.deliveries import write_deliveries
 from meshdeform.record.models import Event, EventType, Job, JobState, Progress
-from meshdeform.record.schema import checkpoints, discarded, events, jobs, outbox
+from meshdeform.record.schema import checkpoints, discarded, events, jobs
 from meshdeform.record.usage import UsageCounts
 from meshdeform.requests.choices import member_of
 
@@ -71,12 +71,7 @@ class Change:
             "attempt": row.attempt,
             "data": data or {},
         }
-        announced = []
-        if happened in (EventType.QUEUED, EventType.RECOVERED) and row.state == JobState.QUEUED:
-            waits = {"job_id": row.id, "created_at": self._database.now()}
-            announced.append(NewRow(outbox, waits, unless_there=True))
-        announced_event = insert(self.connection, self._database, NewRow(events, values), *announced)
-        event = rows.event(announced_event)
+        event = rows.event(insert(self.connection, self._database, NewRow(events, values)))
         if happened is EventType.RECOVERED:
             self.counters.add("recoveries")
         if happened.terminal:
@@ -85,7 +80,6 @@ class Change:
         return row
 
     def _ended(self, row: Row) -> Row:
-        self.connection.execute(sa.delete(outbox).where(outbox.c.job_id == row.id))
         if row.retention_s:
             until = sa.update(jobs).where(jobs.c.id == row.id)
             until = until.values(retain_until=self._database.now(row.retention_s))

@@ -406,14 +406,13 @@ def _main() -> None:
 
 
 class NewRow(NamedTuple):
-    """A row to be inserted, unless there is such a row if `unless_there`; values may be SQL expressions."""
+    """A row to be inserted; values may be SQL expressions."""
 
     table: sa.Table
     values: Mapping[str, Any]
-    unless_there: bool = False
 
 
-_Shape = tuple[tuple[sa.Table, bool, tuple[tuple[str, Any], ...]], ...]
+_Shape = tuple[tuple[sa.Table, tuple[tuple[str, Any], ...]], ...]
 
 
 def insert(connection: sa.Connection, database: Database, row: NewRow, *others: NewRow) -> sa.Row[Any]:
@@ -423,14 +422,13 @@ def insert(connection: sa.Connection, database: Database, row: NewRow, *others: 
     """
     if database.is_sqlite:
         row_written = connection.execute(sa.insert(row.table).values(row.values).returning(row.table)).one()
-        for table, values, unless_there in others:
-            one = database.upsert(table).values(values)
-            connection.execute(one.on_conflict_do_nothing() if unless_there else one)
+        for table, values in others:
+            connection.execute(sa.insert(table).values(values))
         return row_written
-    shape: list[tuple[sa.Table, bool, tuple[tuple[str, Any], ...]]] = []
+    shape: list[tuple[sa.Table, tuple[tuple[str, Any], ...]]] = []
     parameters: dict[str, Any] = {}
     now, constant = database.now(), True
-    for number, (table, values, unless_there) in enumerate((row, *others)):
+    for number, (table, values) in enumerate((row, *others)):
         columns: list[tuple[str, Any]] = []
         for name, value in values.items():
             if isinstance(value, sa.ColumnElement):
@@ -439,7 +437,7 @@ def insert(connection: sa.Connection, database: Database, row: NewRow, *others: 
             else:
                 columns.append((name, None))
                 parameters[_parameter(number, name)] = value
-        shape.append((table, unless_there, tuple(columns)))
+        shape.append((table, tuple(columns)))
     statement = _kept(tuple(shape)) if constant else _built(tuple(shape))
     return connection.execute(statement, parameters).one()
 
@@ -450,16 +448,13 @@ def _parameter(number: int, name: str) -> str:
 
 def _built(shape: _Shape) -> Any:
     """Return PostgreSQL's statement for rows of these tables and columns, which have an expression or a parameter."""
-    from sqlalchemy.dialects.postgresql import insert as insert_into
-
     built = []
-    for number, (table, unless_there, columns) in enumerate(shape):
+    for number, (table, columns) in enumerate(shape):
         values = {
             name: sa.bindparam(_parameter(number, name), type_=table.c[name].type) if value is None else value
             for name, value in columns
         }
-        one = insert_into(table).values(values)
-        built.append(one.on_conflict_do_nothing() if unless_there else one)
+        built.append(sa.insert(table).values(values))
     first, *others = built
     return first.returning(shape[0][0]).add_cte(*(other.cte(f"also_{n}") for n, other in enumerate(others)))
 

@@ -181,6 +181,9 @@ _READINGS_EVERY_S = 3600.0
 _LONGEST_ROUNDS = 12
 """Rounds after which a lost message is repeated at the latest."""
 
+_ENOUGH = 2_000
+"""Messages that all workers together do not read between two runs."""
+
 _RECHECK_S = (0.1, 0.5)
 """Seconds before missing messages are counted again: much longer than a worker takes from its message to its claim."""
 
@@ -268,22 +271,20 @@ class Reconciler:
             self._queue.publish_cancel(job_id)
 
     def _announce(self) -> None:
-        """Ensure that Redis has a message for every queued job that may start."""
-        # Workers claim the next job, whichever message they read. So as long as there are as many messages as queued
-        # jobs, none is forgotten, and they need not be compared one by one.
-        # Read first: jobs queued after this are left to the next run.
-        unannounced = self._record.upkeep.unannounced()
+        """Ensure that Redis has a message for every queued job that may start, or as many as last until the next run.
+
+        Workers claim the next job, whichever message they read. So as long as there are enough messages, no job is
+        forgotten, and they need not be compared one by one.
+        """
         if self._missing() > 0:
             # A worker between reading its message and its claim looks the same, as does a job whose request is just
             # announcing it. Other reconcilers see it too: at different moments, so that one of them announces the jobs.
             self._done.wait(random.uniform(*_RECHECK_S))  # noqa: S311 - no secret
             self._announce_missing(self._missing())
-        if unannounced:
-            self._record.upkeep.mark_announced(unannounced)
 
     def _missing(self) -> int:
         """Return how many messages there are too few."""
-        return self._record.upkeep.queued_count(self._max_running) - self._queue.length()
+        return self._record.upkeep.queued_count(_ENOUGH, self._max_running) - self._queue.length()
 
     def _announce_missing(self, count: int) -> None:
         """Repeat so many lost messages; ever less often those of a job that nobody claims, which no worker can read."""
@@ -291,7 +292,8 @@ class Reconciler:
         if count <= 0:
             return
         announced = self._queue.announced()
-        lost = [each for each in self._record.upkeep.queued_ids(self._max_running) if each not in announced]
+        first = self._record.upkeep.queued_ids(2 * _ENOUGH, self._max_running)
+        lost = [each for each in first if each not in announced]
         repeated = self._repeated = {each: self._repeated.get(each, (0, 0)) for each in lost}
         due = [each for each in lost if repeated[each][1] <= self._round]
         for job_id in due[: max(0, count - (len(lost) - len(due)))]:

@@ -180,7 +180,7 @@ events = sa.Table(
     sa.Column("data", sa.JSON, nullable=False),
 )
 
-# Queued jobs not yet announced to workers; written with the job, removed once Redis has a message.
+# Earlier versions write to it; what they would read there is compared with Redis instead (`reconciler.py`).
 outbox = sa.Table(
     "outbox",
     metadata,

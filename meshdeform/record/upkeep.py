@@ -1,8 +1,8 @@
-"""The reconciler's tasks, `record.upkeep`: silent workers, deadlines, retention, and jobs not yet announced."""
+"""The reconciler's tasks, `record.upkeep`: silent workers, deadlines, retention, and how many jobs wait."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -15,7 +15,7 @@ from meshdeform.record.changes import Change, Row, changing
 from meshdeform.record.database import Database
 from meshdeform.record.leases import may_start, released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
-from meshdeform.record.schema import discarded, events, idempotency, jobs, outbox, uploads, webhooks
+from meshdeform.record.schema import discarded, events, idempotency, jobs, uploads, webhooks
 from meshdeform.requests.choices import RETIRED_KINDS
 
 _BATCH = 100
@@ -217,32 +217,20 @@ class Upkeep:
         with self._database.read() as connection:
             return list(connection.scalars(sa.select(uploads.c.id).where(over).limit(_BATCH)))
 
-    def unannounced(self) -> list[str]:
-        """Return the jobs not yet announced to workers, oldest first."""
+    def queued_count(self, most: int, max_running: int = 0) -> int:
+        """Return the number of queued jobs that may start, if so many jobs of one owner may run (0: all).
+
+        No more than `most` are counted.
+        """
+        waiting = sa.select(jobs.c.id).where(may_start(self._database, max_running)).limit(most)
         with self._database.read() as connection:
-            return list(connection.scalars(sa.select(outbox.c.job_id).order_by(outbox.c.job_id)))
+            return connection.execute(sa.select(sa.func.count()).select_from(waiting.subquery())).scalar_one()
 
-    def mark_announced(self, job_ids: Collection[str]) -> None:
-        """Remove announced jobs from the outbox."""
-        ids = sorted(job_ids)
-        with self._database.write() as connection:
-            for start in range(0, len(ids), _BATCH):
-                some = outbox.c.job_id.in_(ids[start : start + _BATCH])
-                # Locked rows stay for the next run: their jobs are just ending, or another process announces them.
-                free = sa.select(outbox.c.job_id).where(some).with_for_update(skip_locked=True).cte("free")
-                connection.execute(sa.delete(outbox).where(outbox.c.job_id.in_(sa.select(free.c.job_id))))
-
-    def queued_count(self, max_running: int = 0) -> int:
-        """Return the number of queued jobs that may start, if so many jobs of one owner may run (0: all)."""
-        count = sa.select(sa.func.count()).select_from(jobs).where(may_start(self._database, max_running))
-        with self._database.read() as connection:
-            return connection.execute(count).scalar_one()
-
-    def queued_ids(self, max_running: int = 0) -> list[str]:
+    def queued_ids(self, most: int, max_running: int = 0) -> list[str]:
         """Return the ids of the jobs of `queued_count`, highest priority first."""
         queued = sa.select(jobs.c.id).where(may_start(self._database, max_running))
         with self._database.read() as connection:
-            return list(connection.scalars(queued.order_by(jobs.c.priority.desc(), jobs.c.id)))
+            return list(connection.scalars(queued.order_by(jobs.c.priority.desc(), jobs.c.id).limit(most)))
 
     def discarded_prefixes(self) -> list[str]:
         """Return the prefixes of objects of deleted jobs."""

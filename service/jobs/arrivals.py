@@ -55,6 +55,8 @@ FETCHES_WAITING = 32
 """Files of one owner that wait for a slot."""
 _SLOW_AFTER_S = 10.0
 """Seconds for a host to begin; after them the file must come at the least rate of a body."""
+_AGAIN_S = 1.0
+"""Seconds between two tries while the record or the store is away."""
 
 
 @dataclass(frozen=True)
@@ -230,10 +232,12 @@ def go_on(app: AppState, caller: Caller, job_id: str, arrivals: Arrivals, held: 
 async def _completed(app: AppState, caller: Caller, job_id: str, arrivals: Arrivals, held: AsyncExitStack) -> None:
     async with held:
         failure = await _failure(app, caller, job_id, arrivals)
-        if failure is not None:
-            # Whatever stops: nobody else knows of it.
-            with anyio.CancelScope(shield=True):
-                await to_thread.run_sync(_fail, app, job_id, failure)
+        # Whatever stops: nobody else knows of it. A process that ends cannot wait for the record.
+        with anyio.CancelScope(shield=True):
+            while failure is not None and not await to_thread.run_sync(_failed, app, job_id, failure):
+                if app.waiters.closing:
+                    return
+                await anyio.sleep(_AGAIN_S)
 
 
 async def _failure(app: AppState, caller: Caller, job_id: str, arrivals: Arrivals) -> MeshdeformError | None:
@@ -241,8 +245,8 @@ async def _failure(app: AppState, caller: Caller, job_id: str, arrivals: Arrival
     try:
         with anyio.fail_after(FETCHING_S):
             submission = await arrivals.all()
-            async with app.bodies.slot(caller.owner_id):
-                await app.take_in(caller.owner_id, complete_job, app, caller, submission, job_id)
+            while not await _taken_in(app, caller, submission, job_id):
+                await anyio.sleep(_AGAIN_S)
     except LimitError as error:
         return AssetNotFetchedError(error.detail)
     except MeshdeformError as error:
@@ -257,11 +261,25 @@ async def _failure(app: AppState, caller: Caller, job_id: str, arrivals: Arrival
     return None
 
 
-def _fail(app: AppState, job_id: str, failure: MeshdeformError) -> None:
+async def _taken_in(app: AppState, caller: Caller, submission: Submission, job_id: str) -> bool:
+    """Complete a job whose files are there; False: the record or the store does not answer."""
+    try:
+        async with app.bodies.slot(caller.owner_id):
+            await app.take_in(caller.owner_id, complete_job, app, caller, submission, job_id)
+    except UnavailableError as error:
+        _log.warning("job %s: its files wait: %s", job_id, error.detail)
+        return False
+    return True
+
+
+def _failed(app: AppState, job_id: str, failure: MeshdeformError) -> bool:
+    """Let a job fail; False: the record does not answer."""
     try:
         app.record.fetching.fail(job_id, JobError.of(failure))
     except UnavailableError as error:
-        _log.warning("job %s: fails once its time is over: %s", job_id, error.detail)
+        _log.warning("job %s: fails once the record answers: %s", job_id, error.detail)
+        return False
+    return True
 
 
 async def give_up_late(app: AppState) -> None:

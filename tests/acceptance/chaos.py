@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import queue
 import random
 import signal
 import threading
@@ -44,6 +45,7 @@ class Chaos:
         self._thread = threading.Thread(target=self._run, name="chaos")
         self._error: BaseException | None = None
         self.faults: Counter[str] = Counter()
+        self._planned: queue.SimpleQueue[tuple[str, Callable[[], None]]] = queue.SimpleQueue()
         self._kinds: list[tuple[str, int, Callable[[], None]]] = [
             ("a worker is killed", 6, self._kill_worker),
             ("a worker sleeps past its lease", 2, self._stop_worker),
@@ -58,6 +60,15 @@ class Chaos:
             self._kinds.append(("PostgreSQL crashes", 1, self._crash_postgres))
         self._kinds += [(name, 1, fault) for name, fault in (more or {}).items()]
 
+    def next(self, name: str, fault: Callable[[], None]) -> None:
+        """Let a fault of this name come next."""
+        self._planned.put((name, fault))
+
+    def check(self) -> None:
+        """Raise what has ended the faults, if anything has: the deployment is as it was left."""
+        if self._error is not None:
+            raise self._error
+
     def __enter__(self) -> Chaos:
         self._thread.start()
         return self
@@ -67,8 +78,7 @@ class Chaos:
         self._thread.join()
         for _until, process in self._asleep:
             _wake(process)
-        if self._error is not None:
-            raise self._error
+        self.check()
 
     def _run(self) -> None:
         bag = [name for name, weight, _ in self._kinds for _ in range(weight)]
@@ -77,10 +87,10 @@ class Chaos:
             while not self._done.wait(self._random.uniform(*self._pause_s)):
                 self._wake_sleepers()
                 left = left or self._random.sample(bag, len(bag))  # in every round, each as often as it weighs
-                name = left.pop()
+                name, fault = self._planned.get() if not self._planned.empty() else (left[-1], faults[left.pop()])
                 # A fault that finds its victim dead already, by another one, is none.
                 with contextlib.suppress(psutil.NoSuchProcess, UnavailableError, redis.RedisError):
-                    faults[name]()
+                    fault()
                     self.faults[name] += 1
         except BaseException as error:
             self._error = error

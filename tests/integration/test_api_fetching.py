@@ -16,7 +16,8 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.api.states import MAX_DOCUMENT_BYTES
-from meshdeform.errors import AssetNotFetchedError
+from meshdeform.errors import AssetNotFetchedError, UnavailableError
+from meshdeform.record.fetching import Fetching
 from meshdeform.record.models import JobError, JobState, NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs
@@ -296,6 +297,37 @@ def test_a_job_that_is_canceled_while_its_file_is_fetched_stays_so(fetching: Api
     assert fetching.record.fetching.complete(job_id, NewJob(JobRequest(prompt="a vase"), {})) is None
     fetching.record.fetching.fail(job_id, JobError.of(AssetNotFetchedError("The host is gone.")))
     assert [event.type for event in fetching.record.events.after(job_id)] == ["queued", "canceled"]
+
+
+def away_once(monkeypatch: pytest.MonkeyPatch, owner: Any, name: str) -> list[str]:
+    """Let the first call of a function for each job meet an outage; return a list that has the job of each call."""
+    calls, function = list[str](), getattr(owner, name)
+
+    def called(*arguments: Any) -> Any:
+        calls.append(next(each for each in arguments if isinstance(each, str)))
+        if calls.count(calls[-1]) == 1:
+            raise UnavailableError("The record does not answer.")
+        return function(*arguments)
+
+    monkeypatch.setattr(owner, name, called)
+    return calls
+
+
+@pytest.mark.usefixtures("soon")
+@each_case(("path", "state"), [("/late", JobState.QUEUED), ("/late/missing", JobState.FAILED)])
+def test_an_outage_while_a_job_is_completed_or_fails_is_waited_for(
+    path: str, state: JobState, fetching: Api, files: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _Files.late.clear()
+    with monkeypatch.context() as patched:
+        patched.setattr(arrivals, "_AGAIN_S", 0.01)
+        completed = away_once(patched, arrivals, "complete_job")
+        failed = away_once(patched, Fetching, "fail")
+        job_id = early(fetching, files + path)
+        _Files.late.set()
+        until("it is decided", lambda: fetching.record.get(job_id).progress.phase != "fetching")
+    assert fetching.record.get(job_id).state is state
+    assert [completed.count(job_id), failed.count(job_id)] == ([2, 0] if state is JobState.QUEUED else [0, 2])
 
 
 @pytest.mark.usefixtures("soon")

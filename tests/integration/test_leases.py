@@ -189,7 +189,7 @@ def test_a_failure_that_may_pass_is_tried_again_later_each_time(record: JobRecor
         assert record.leases.claim_next("worker", LEASE_S) is None
         with record.database.write() as connection:
             connection.execute(sa.update(jobs_table).values(retry_at=record.database.now(-1.0)))
-        assert record.upkeep.queued_ids() == [job.id]
+        assert record.upkeep.queued_ids(9) == [job.id]
     claimed(record, job)
     assert record.leases.postpone(job.id, 4, error, 4, 10.0) is JobState.FAILED
     failed = record.get(job.id)

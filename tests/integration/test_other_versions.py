@@ -144,7 +144,6 @@ def test_a_job_that_no_worker_takes_is_announced_ever_less_often(record: JobReco
         assert [each for each in announced if ordinary.id in each] == announced[:1]
         # What is lost meanwhile is told at once.
         lost = posted(record)
-        record.upkeep.mark_announced([lost.id])
         assert looks.run_once() == [lost.id]
     finally:
         queue.close()

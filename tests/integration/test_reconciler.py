@@ -11,6 +11,7 @@ import pytest
 import redis
 
 from meshdeform.errors import UnavailableError
+from meshdeform.record import reconciler as module
 from meshdeform.record.models import JobState
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.reconciler import Reconciler
@@ -56,12 +57,10 @@ class Paused:
 
 
 @pytest.mark.both_databases
-def test_who_is_not_told_yet_is_told_once_and_taken_off_the_outbox(record: JobRecord, queue: JobQueue) -> None:
+def test_who_is_not_told_yet_is_told_once(record: JobRecord, queue: JobQueue) -> None:
     jobs = [new_job(record) for _ in range(3)]
     queue.enqueue(jobs[1].id)
-    assert record.upkeep.unannounced() == ids(jobs)
     assert reconciler(record, queue).run_once() == [jobs[0].id, jobs[2].id]
-    assert record.upkeep.unannounced() == []
     assert reconciler(record, queue).run_once() == []
     assert queue.length() == 3
 
@@ -97,15 +96,27 @@ def test_there_are_never_fewer_messages_than_queued_jobs_whichever_job_a_worker_
         assert looks.run_once() == []
         connection.lpop("rq:queue:test", 3)
     assert len(looks.run_once()) >= 3
-    assert queue.length() >= record.upkeep.queued_count() == len(jobs) - 2
+    assert queue.length() >= record.upkeep.queued_count(9) == len(jobs) - 2
+
+
+def test_of_very_many_only_as_many_are_told_as_are_needed_soon(
+    record: JobRecord, queue: JobQueue, redis_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_ENOUGH", 3)
+    jobs, looks = [posted(record) for _ in range(8)], reconciler(record, queue)
+    assert looks.run_once() == ids(jobs[:3])
+    assert looks.run_once() == []
+    with redis.Redis.from_url(redis_url) as connection:
+        for _ in range(2):
+            connection.lpop("rq:queue:test")
+            record.leases.claim_next("worker", LEASE_S)
+    assert looks.run_once() == ids(jobs[3:5])
 
 
 def test_a_job_whose_worker_fell_silent_is_told_again(record: JobRecord, queue: JobQueue) -> None:
     job = claimed(record, new_job(record), OVER)
-    record.upkeep.mark_announced([job.id])
     assert watching(record, queue).run_once() == [job.id]
     assert record.get(job.id).state is JobState.QUEUED
-    assert record.upkeep.unannounced() == []
 
 
 def test_a_worker_between_its_message_and_its_claim_is_no_lost_message(record: JobRecord, queue: JobQueue) -> None:

@@ -40,7 +40,7 @@ def test_many_may_start_on_an_empty_database_at_once(database_url: str, record: 
         connection.execute(sa.text("DROP TABLE alembic_version"))
     with ThreadPoolExecutor(4) as pool:
         opened = list(pool.map(JobRecord, [database_url] * 4))
-    assert opened[0].upkeep.queued_ids() == []
+    assert opened[0].upkeep.queued_ids(9) == []
     for each in opened:
         each.close()
 

@@ -185,9 +185,9 @@ def test_a_claim_counts_what_runs_however_many_workers_claim_at_once(record: Job
         for each in records:
             each.close()
     assert sorted(job.owner_id for job in taken if job) == ["a", "a", "b", "b"]
-    assert record.upkeep.queued_count() == 4
+    assert record.upkeep.queued_count(9) == 4
     # Nobody is to be told of jobs that may not start.
-    assert (record.upkeep.queued_count(2), record.upkeep.queued_ids(2)) == (0, [])
+    assert (record.upkeep.queued_count(9, 2), record.upkeep.queued_ids(9, 2)) == (0, [])
     done = next(job for job in taken if job and job.owner_id == "a")
     record.leases.finish(done.id, done.attempt, JobState.SUCCEEDED)
     again = record.leases.claim_next("worker", LEASE_S, Turns(max_running=2))

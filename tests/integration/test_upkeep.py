@@ -1,4 +1,4 @@
-"""What the reconciler does with the record, on SQLite and PostgreSQL: leases, deadlines, retention, outbox, tallies."""
+"""What the reconciler does with the record, on SQLite and PostgreSQL: leases, deadlines, retention, tallies."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 import pytest
-import sqlalchemy as sa
 
 from meshdeform.errors import NotFoundError, StaleAttemptError
 from meshdeform.record.counters import Counters
 from meshdeform.record.models import Job, JobState, NewJob
 from meshdeform.record.repository import JobRecord
-from meshdeform.record.schema import outbox
-from tests.integration.conftest import DEADLINE_S, new_job, stored_file
+from tests.integration.conftest import new_job, stored_file
 from tests.integration.record_calls import LEASE_S, OVER, claimed, history, ids, late, posted, set_to
 
 pytestmark = pytest.mark.both_databases
@@ -22,33 +20,10 @@ pytestmark = pytest.mark.both_databases
 def test_queued_jobs_are_told_the_most_urgent_first(record: JobRecord) -> None:
     usual, urgent, other = posted(record), posted(record, priority=3), posted(record)
     taken = claimed(record, posted(record))
-    assert record.upkeep.queued_ids() == [urgent.id, usual.id, other.id]
-    assert record.upkeep.queued_count() == 3
-    assert taken.id not in record.upkeep.queued_ids()
-
-
-def test_who_is_to_be_told_is_on_the_record_until_they_are(record: JobRecord) -> None:
-    first, second, third = (new_job(record) for _ in range(3))
-    assert record.upkeep.unannounced() == ids([first, second, third])
-    record.upkeep.mark_announced([second.id, "job_nothing"])
-    record.upkeep.mark_announced([])
-    assert record.upkeep.unannounced() == ids([first, third])
-    # Whoever is over needs no worker; whoever comes back to the queue needs one again.
-    record.request_cancel(first.id)
-    assert record.upkeep.unannounced() == [third.id]
-    claimed(record, second, OVER)
-    record.upkeep.reclaim_expired(3)
-    assert record.upkeep.unannounced() == ids([second, third])
-    record.upkeep.mark_announced([second.id, third.id])
-    claimed(record, second)
-    record.leases.release(second.id, 2)
-    claimed(record, third)
-    record.leases.out_of_memory(third.id, 1, 3)
-    assert record.upkeep.unannounced() == ids([second, third])
-    # Also twice, for a row that is there already.
-    claimed(record, second)
-    record.leases.release(second.id, 3)
-    assert record.upkeep.unannounced() == ids([second, third])
+    assert record.upkeep.queued_ids(9) == [urgent.id, usual.id, other.id]
+    assert record.upkeep.queued_ids(2) == [urgent.id, usual.id]
+    assert (record.upkeep.queued_count(9), record.upkeep.queued_count(2)) == (3, 2)
+    assert taken.id not in record.upkeep.queued_ids(9)
 
 
 def test_many_jobs_are_taken_back_in_one_look(record: JobRecord, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,7 +66,6 @@ def test_a_job_ends_at_its_deadline_wherever_it_is(record: JobRecord) -> None:
     assert record.get(in_time.id).state is JobState.QUEUED
     with pytest.raises(StaleAttemptError):
         record.leases.heartbeat(running.id, 1, LEASE_S)
-    assert record.upkeep.unannounced() == [in_time.id]
 
 
 def test_jobs_are_deleted_when_their_time_is_over(record: JobRecord) -> None:
@@ -185,16 +159,3 @@ def test_many_that_end_and_take_back_at_once_never_wait_in_a_circle(record: JobR
     for job in jobs:
         ended += history(record, job.id)[-1].terminal
     assert ended == sum(value for (name, _), value in record.counters().items() if name == "jobs_ended")
-
-
-def test_who_tells_many_does_not_wait_for_a_job_that_ends_this_moment(postgres_url: str) -> None:
-    record = JobRecord(postgres_url)
-    held, free = new_job(record), new_job(record)
-    with record.database.write() as connection:
-        connection.execute(sa.select(outbox.c.job_id).where(outbox.c.job_id == held.id).with_for_update())
-        with ThreadPoolExecutor(1) as pool:
-            pool.submit(record.upkeep.mark_announced, [held.id, free.id]).result(DEADLINE_S)
-    assert record.upkeep.unannounced() == [held.id]
-    record.upkeep.mark_announced([held.id])
-    assert record.upkeep.unannounced() == []
-    record.close()

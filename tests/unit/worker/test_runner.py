@@ -170,7 +170,7 @@ def test_a_failure_that_may_pass_is_tried_again_later_and_goes_on_from_its_check
     assert (event.type, event.data["reason"], event.data["error"]["code"]) == (EventType.QUEUED, "failure", "internal")
     # Nobody takes it before, and nobody else waits for it.
     assert world.run(job).attempt == 1
-    assert world.record.upkeep.queued_ids() == []
+    assert world.record.upkeep.queued_ids(9) == []
     soon = Settings(retry_delay_s=0)
     with world.record.database.write() as connection:
         connection.execute(sa.update(jobs).values(retry_at=world.record.database.now()))
@@ -233,15 +233,21 @@ def test_a_start_makes_room_and_has_twice_as_long_each_time(world: World, monkey
     monkeypatch.setattr(Turns, "of", lambda settings: Turns(0.2))
     job, others = world.create(), []
 
+    def may_start(later_s: float) -> None:
+        with world.record.database.write() as connection:
+            other = sa.update(jobs).where(jobs.c.id == others[-1].id)
+            connection.execute(other.values(retry_at=world.record.database.now(later_s)))
+
     def start(given: RunInput) -> JobRun:
-        return waits(given) if given.request.priority == 0 else world.kind.start(given)
+        if given.request.priority:
+            return world.kind.start(given)
+        may_start(-1.0)
+        return waits(given)
 
     for turns in range(3):
         assert world.record.leases.fruitless(world.record.get(job.id)) == turns
         others.append(world.create(priority=1))
-        with world.record.database.write() as connection:  # that is not taken first
-            waits_for = sa.update(jobs).where(jobs.c.id == others[-1].id)
-            connection.execute(waits_for.values(retry_at=world.record.database.now(0.1)))
+        may_start(86_400.0)  # so that it is not taken first
         began = time.monotonic()
         world.runner(start=start, settings=Settings(lease_s=1.0)).run(job.id)
         taken_s = time.monotonic() - began
