@@ -44,7 +44,7 @@ from tests.integration.conftest import DEADLINE_S, serving
 from tests.worker_world import working
 from training.shapes import torus
 
-SMALL = {"base_faces": 100, "steps": 4, "batch_faces": 4, "octaves": 1, "width": 8, "depth": 1, "level": 1}
+SMALL = {"base_faces": 100, "steps": 4, "octaves": 1, "width": 8, "depth": 1, "level": 1}
 
 
 def glb(mesh: TriangleMesh, scale: float = 1.0, shift: float = 0.0) -> bytes:
@@ -194,7 +194,7 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
     # A quarter turn about y, which projection alone would never make.
     turned = axes[:, [2, 1, 0]] * [1, 1, -1]
     anchors = [{"base": list(a), "surface": list(b)} for a, b in zip(axes * 1.2, turned, strict=True)]
-    run = begin(sphere, base=glb(ball, 1.2), steps=150, batch_faces=16, width=16, anchors=anchors)
+    run = begin(sphere, base=glb(ball, 1.2), steps=150, width=16, anchors=anchors)
     assert list(run)[-1].losses["anchors"] < 0.05
     field = read_field(run.finish()["surface.ndf"].data)
     nearest = [int(np.argmax(field.verts @ axis)) for axis in axes]
