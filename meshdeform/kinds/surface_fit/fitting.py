@@ -62,9 +62,10 @@ _OTHER_BATCH = 1024
 _BORDER_BATCH = 512
 _BORDER = 0.3
 """Weight of the distance between borders, beside that of the surfaces."""
-_FOLDED, _STEPS, _LEFT, _UNFOLD = 0.02, 10, 0.005, 300
-"""A fit is folded with such a share of triangles reversed in so many steps after each other; the share that may stay,
-and how much more normals count at twice that. A base of another shape unfolds only so; others are fitted less well."""
+_FOLDED, _SETTLED, _STEPS, _LEFT, _UNFOLD = 0.02, 0.2, 10, 0.005, 300
+"""A fit is folded with such a share of triangles reversed, after such a share of the fit, in so many steps after each
+other; the share that may stay, and how much more normals count at twice that. A base of another shape unfolds only so;
+others are fitted less well."""
 _RATE, _OF_FEATURES = 0.02, 6.0
 """Adam's rate of the layers at its highest, and how many times as fast features are learned."""
 _WARM_STEPS = 20
@@ -276,7 +277,8 @@ class FieldFit:
         to = (apart * direction).sum(1).square()
         facing = (normals * direction).sum(1)
         turned = float((facing < 0).float().mean())
-        self._folded = self._folded + 1 if turned > _FOLDED or self._folded >= _STEPS else 0
+        settled = self.step >= _SETTLED * self._options.steps
+        self._folded = self._folded + 1 if (turned > _FOLDED and settled) or self._folded >= _STEPS else 0
         more = _UNFOLD * min(max(turned / _LEFT - 1, 0), 1) if self._folded >= _STEPS else 0
         off = ((moved - self._other[2][samples]) * self._other[3][samples]).sum(1)
         squared = {

@@ -32,7 +32,7 @@ from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.learned_scalars import learned_scalars, places_on
 from meshdeform.kinds.surface_fit.measures import distances
 from meshdeform.kinds.surface_fit.reader import read_field
-from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
+from meshdeform.kinds.surface_fit.scalar_sections import colours_at, read_scalars
 from meshdeform.kinds.surface_fit.surface_sources import MeshSurface
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
@@ -124,7 +124,7 @@ def test_reversed_faces_are_never_silent() -> None:
     assert len(_warnings({"faces": len(faces), "distance": few}, turned)) == 2
 
 
-def test_a_textured_asset_comes_back_textured() -> None:
+def test_a_textured_asset_comes_back_textured(tmp_path: Path) -> None:
     ball, picture, png = icosphere(3), np.zeros((64, 64, 3), np.uint8), io.BytesIO()
     picture[:, :32, 0] = picture[:, 32:, 2] = 255  # red where x < 0, blue elsewhere
     Image.fromarray(picture).save(png, "PNG")
@@ -135,6 +135,17 @@ def test_a_textured_asset_comes_back_textured() -> None:
     found = run.finish()
     report = json.loads(found["report.json"].data)
     assert "level_1.glb alone" in report["input"]["warnings"][0]
+    data = found["surface.ndf"].data
+    painted = read_field(data)
+    colours, (verts, _) = colours_at(painted, 2), painted.unfold(2)
+    for side, colour in ((verts[:, 0] < -0.2, [255, 0, 0]), (verts[:, 0] > 0.2, [0, 0, 255])):
+        assert np.abs(colours[side].astype(int) - colour).mean() < 12
+    (tmp_path / "ball.ndf").write_bytes(data)
+    unfolded = CliRunner().invoke(app, ["unfold", str(tmp_path / "ball.ndf"), "-o", str(tmp_path / "ball.glb")])
+    assert unfolded.exit_code == 0, unfolded.output
+    written = load_asset((tmp_path / "ball.glb").read_bytes())
+    assert written.appearance().colors.shape == (len(verts), 4)
+    assert np.ptp(written.appearance().colors[:, 0]) > 0.9
     asset = load_asset(found["level_1.glb"].data)
     look = asset.appearance()
     pixels = look.paints[0].texture.pixels
