@@ -126,9 +126,7 @@ def _packed(sides: _Index) -> tuple[_Index, int, int]:
     return starts, width, top
 
 
-def _looked_up(
-    colours: BaseColours, whole: RestMesh, places: NearestPlaces, sizes: _Floats
-) -> NDArray[np.uint8]:
+def _looked_up(colours: BaseColours, whole: RestMesh, places: NearestPlaces, sizes: _Floats) -> NDArray[np.uint8]:
     """Return sRGB and opacity (P, 4) of places on the whole mesh, for texels of areas (P,)."""
     values = (colours.values[:, colours.faces[places.faces]] * places.weights.astype(np.float32)).sum(-1)
     density = colours.texel_areas()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)

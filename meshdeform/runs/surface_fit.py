@@ -32,7 +32,7 @@ from meshdeform.kinds.surface_fit.learned_scalars import check_places, learned_s
 from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
 from meshdeform.kinds.surface_fit.measures import Reference, distances
 from meshdeform.kinds.surface_fit.patches import divided, level_of
-from meshdeform.kinds.surface_fit.reader import NeuralField, read_field
+from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.scalar_fields import ScalarField
 from meshdeform.kinds.surface_fit.scalar_sections import colours_at
 from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of

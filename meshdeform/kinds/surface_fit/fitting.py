@@ -252,7 +252,10 @@ class FieldFit:
 
     def _places_of_drawn(self) -> _Places:
         which, samples, rim = self._drawn[:3]
-        corners, weights = [self._other[0][samples], self._other[4][rim]], [self._other[1][samples], self._other[5][rim]]
+        corners, weights = (
+            [self._other[0][samples], self._other[4][rim]],
+            [self._other[1][samples], self._other[5][rim]],
+        )
         if self._anchors is not None:
             corners, weights = [*corners, self._anchors[0]], [*weights, self._anchors[1]]
         triangles, at, shares = self._small[which], torch.cat(corners), torch.cat(weights)
@@ -287,9 +290,7 @@ class FieldFit:
         }
         if len(border):
             aside = rim - self._other[6][border]
-            squared["border"] = (
-                aside.square().sum(1) - (aside * self._other[7][border]).sum(1).square()
-            ).mean()
+            squared["border"] = (aside.square().sum(1) - (aside * self._other[7][border]).sum(1).square()).mean()
         if self._anchors is not None:
             squared["anchors"] = (anchors[0] - self._anchors[2]).square().sum(1).mean()
         return squared, (1 + more) * (self._shares * (1 - facing)).mean()

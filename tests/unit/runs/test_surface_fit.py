@@ -41,6 +41,8 @@ from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.surface_fit import _warnings
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, serving
+from tests.unit.assets.test_pose import bent_arm
+from tests.unit.assets.test_rig import arm
 from tests.worker_world import working
 from training.shapes import torus
 
@@ -156,6 +158,18 @@ def test_a_textured_asset_comes_back_textured(tmp_path: Path) -> None:
         assert np.abs(pixels[row, column][side][:, :3].astype(int) - colour).max() <= 1
     plain = load_asset(found["level_0.glb"].data).appearance()
     assert plain.paints[0].texture is None
+
+
+def test_a_rig_is_fitted_in_the_pose_that_its_nodes_give_and_says_so() -> None:
+    shown = load_asset(bent_arm().glb()).surface.positions
+    assert np.abs(np.ptp(shown, axis=0) - np.ptp(load_asset(arm().glb()).surface.positions, axis=0)).max() > 0.1
+    run = begin(bent_arm().glb(), "arm.glb", level=0)
+    list(run)
+    found = run.finish()
+    verts = load_asset(found["level_0.glb"].data).surface.positions
+    assert [*verts.min(0), *verts.max(0)] == pytest.approx([*shown.min(0), *shown.max(0)], abs=0.05)
+    (said,) = [each for each in json.loads(found["report.json"].data)["input"]["warnings"] if "rig" in each]
+    assert "in the pose of the file's nodes" in said
 
 
 @pytest.mark.parametrize("kind", ["xyz", "npz", "obj"])
