@@ -74,8 +74,8 @@ def baked_appearance(
         along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
         a, b, c = corners[face].transpose(1, 0, 2)
         points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a) if curved is None else curved(face, along)
-        places = NearestPlaces(whole, points, simple.normals[face], tree=tree)
-        found = _looked_up(colours, whole, places, 2 * simple.areas[face] / (sides[face] - 1) ** 2)
+        nearest = NearestPlaces(whole, points, simple.normals[face], tree=tree)
+        found = _looked_up(colours, whole, nearest, 2 * simple.areas[face] / (sides[face] - 1) ** 2)
         pixels[starts[face, 1] + row, starts[face, 0] + column] = found
     last = sides - 1
     places = np.stack([starts, starts + np.stack([last, 0 * last], 1), starts + np.stack([0 * last, last], 1)], 1)

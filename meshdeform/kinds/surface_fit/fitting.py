@@ -269,7 +269,7 @@ class FieldFit:
         at, learned = self._places, self.field.features
         of_triangles = torch.bmm(at.triangles, learned[self._corners]).reshape(-1, learned.shape[1])
         features = torch.cat([of_triangles, _mixed(learned, at.corners, at.weights)])
-        return list((at.points + self.field.displacement(features, at.encoded)).split(at.counts))
+        return list(torch.split(at.points + self.field.displacement(features, at.encoded), at.counts))
 
     def _squares(self) -> tuple[dict[str, Tensor], Tensor]:
         """Return the mean squared distances by name, and the error of normals."""
