@@ -1,7 +1,7 @@
 // @ts-check
 /** Loads `.ndf` files into three.js. Levels come from the one file, when they are needed. */
-import { BufferAttribute, BufferGeometry, FileLoader, Loader, Mesh } from "three";
-import { readField, unfold } from "./ndf.js";
+import { BufferAttribute, BufferGeometry, Color, FileLoader, Loader, Mesh, SRGBColorSpace } from "three";
+import { readField, scalarsAt, unfold } from "./ndf.js";
 
 const MOST_LEVEL = 4;
 const MOST_FACES = 1_000_000;
@@ -42,13 +42,24 @@ export class NDFLoader extends Loader {
   }
 }
 
-/** The mesh of a level. @param {import("./ndf.js").NeuralField} field @param {number} level */
+/** The mesh of a level, with the attribute `color` if the file has colours. @param {import("./ndf.js").NeuralField} field @param {number} level */
 export function geometryOf(field, level) {
-  const { positions, indices } = unfold(field, level);
+  const { positions, indices, corners, weights } = unfold(field, level);
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(positions, 3));
   geometry.setIndex(new BufferAttribute(indices, 1));
   geometry.computeVertexNormals();
+  const colour = field.scalars.find(({ name, offset }) => name === "colour" && offset.length === 3);
+  if (colour) {
+    const colours = new BufferAttribute(new Float32Array(positions.length), 3);
+    const [red, green, blue] = [0, 1, 2].map((output) => scalarsAt(colour, corners, weights, output));
+    const mixed = new Color();
+    for (let i = 0; i < colours.count; i++) {
+      mixed.setRGB(red[i], green[i], blue[i], SRGBColorSpace);
+      colours.setXYZ(i, mixed.r, mixed.g, mixed.b);
+    }
+    geometry.setAttribute("color", colours);
+  }
   geometry.userData = { field, level };
   return geometry;
 }

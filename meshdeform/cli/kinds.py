@@ -99,6 +99,7 @@ def unfold(
     check_free([path for path in (output, intrinsic) if path is not None], [field], force=force)
     from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
     from meshdeform.kinds.surface_fit.reader import read_field
+    from meshdeform.kinds.surface_fit.scalar_sections import colours_at
 
     try:
         surface = read_field(field)
@@ -110,7 +111,7 @@ def unfold(
             f"Level {level} has {faces} faces; the limit is {_MAX_FACES}.", advice="Choose a lower --level."
         )
     verts, triangles = surface.unfold(level)
-    contents = {output: level_glb(verts, triangles)}
+    contents = {output: level_glb(verts, triangles, colours_at(surface, level))}
     if intrinsic is not None:
         require("numba", "deform")
         from meshdeform.kinds.surface_fit.intrinsic import delaunay

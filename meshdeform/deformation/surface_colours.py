@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.places import NearestPlaces, tree_of
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.base_colours import BaseColours, srgb_from_linear
 
@@ -25,6 +25,8 @@ _DETAIL = 1 / 200
 _SIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Sides of tiles, in texels."""
 _MOST_TEXELS = 300_000
+_BLOCK = 50_000
+"""Texels that are looked up at once."""
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
@@ -62,14 +64,19 @@ def baked_appearance(
     """
     corners = simple.verts[simple.faces]
     sides = _tile_sides(corners, detail, most)
-    face, column, row = _texels(sides)
-    along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
-    a, b, c = corners[face].transpose(1, 0, 2)
-    points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a) if curved is None else curved(face, along)
-    colours = _looked_up(appearance, whole, points, simple.normals[face], simple.areas[face], sides[face])
     starts, width, height = _packed(sides)
     pixels = np.zeros((height, width, 4), np.uint8)
-    pixels[starts[face, 1] + row, starts[face, 0] + column] = colours
+    tree, colours = tree_of(whole, known=True), BaseColours(appearance)
+    ends = np.cumsum(sides**2)
+    for rows in np.split(np.arange(len(sides)), np.searchsorted(ends, np.arange(_BLOCK, ends[-1], _BLOCK))):
+        within, column, row = _texels(sides[rows])
+        face = rows[within]
+        along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
+        a, b, c = corners[face].transpose(1, 0, 2)
+        points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a) if curved is None else curved(face, along)
+        nearest = NearestPlaces(whole, points, simple.normals[face], tree=tree)
+        found = _looked_up(colours, whole, nearest, 2 * simple.areas[face] / (sides[face] - 1) ** 2)
+        pixels[starts[face, 1] + row, starts[face, 0] + column] = found
     last = sides - 1
     places = np.stack([starts, starts + np.stack([last, 0 * last], 1), starts + np.stack([0 * last, last], 1)], 1)
     count = 3 * len(corners)
@@ -119,14 +126,11 @@ def _packed(sides: _Index) -> tuple[_Index, int, int]:
     return starts, width, top
 
 
-def _looked_up(
-    appearance: Appearance, whole: RestMesh, points: _Floats, normals: _Floats, areas: _Floats, sides: _Index
-) -> NDArray[np.uint8]:
-    """Return sRGB and opacity (P, 4) of the places on the whole mesh that are nearest to points."""
-    places, colours = NearestPlaces(whole, points, normals), BaseColours(appearance)
+def _looked_up(colours: BaseColours, whole: RestMesh, places: NearestPlaces, sizes: _Floats) -> NDArray[np.uint8]:
+    """Return sRGB and opacity (P, 4) of places on the whole mesh, for texels of areas (P,)."""
     values = (colours.values[:, colours.faces[places.faces]] * places.weights.astype(np.float32)).sum(-1)
     density = colours.texel_areas()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
-    level = 0.5 * np.log2(np.maximum(density * 2 * areas / (sides - 1) ** 2, 1e-12))
+    level = 0.5 * np.log2(np.maximum(density * sizes, 1e-12))
     paint = colours.paint[places.faces]
     found = colours.colours(paint, values, level.astype(np.float32))
     rgba = np.stack([*srgb_from_linear(np.clip(found[:3], 0, 1)), colours.opacity(paint, found)], 1)

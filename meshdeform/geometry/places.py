@@ -246,14 +246,14 @@ class NearestPlaces:
 
     def __init__(self, mesh: RestMesh, points: _Floats, normals: _Floats, *, tree: SurfaceTree | None = None) -> None:
         self._verts, faces = mesh.verts, mesh.faces
-        tree = _tree_of(mesh, known=bool(normals.any())) if tree is None else tree
+        tree = tree_of(mesh, known=bool(normals.any())) if tree is None else tree
         self.faces, self.weights = tree.find(points, normals)
         self.corners = faces[self.faces].astype(np.int32)
 
     @classmethod
     def of_mirrored(cls, mesh: RestMesh, points: _Floats, axes: Sequence[int]) -> Iterator[tuple[_Floats, Self]]:
         """Yield the mirror images (P, 3) of points along each axis, in the mesh's box, and the places near them."""
-        tree, (low, high) = _tree_of(mesh, known=False), mesh.box
+        tree, (low, high) = tree_of(mesh, known=False), mesh.box
         for axis in axes:
             mirrored = points.copy()
             mirrored[:, axis] = low[axis] + high[axis] - points[:, axis]
@@ -280,7 +280,7 @@ def _apart(points: _Floats, distance: float) -> _Index | slice:
     return first if len(first) * _COPIES < len(points) else slice(None)
 
 
-def _tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:
+def tree_of(mesh: RestMesh, *, known: bool) -> SurfaceTree:
     """Return the tree to search with normals that are known, or with zeros."""
     edge = math.sqrt(2 * float(mesh.areas.sum()) / len(mesh.faces))
     # Unknown normals are equally far from all, which would only keep the tree from leaving branches out.

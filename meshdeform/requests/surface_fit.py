@@ -38,18 +38,13 @@ class SurfaceFitParams(StrictModel):
     octaves: int = Field(6, ge=0, le=8, description="Octaves of positions that the network sees.", examples=[6])
     width: int = Field(32, ge=4, le=128, description="Neurons of each hidden layer.", examples=[32])
     depth: int = Field(2, ge=1, le=6, description="Hidden layers.", examples=[2])
-    steps: int = Field(1500, ge=1, le=MAX_STEPS, description="Optimiser iterations.", examples=[1500])
+    steps: int = Field(600, ge=1, le=MAX_STEPS, description="Optimiser iterations.", examples=[600])
     seed: int = Field(
         0,
         ge=0,
         le=2**63 - 1,
         description="Seed of the first weights and of every random draw.",
         examples=[0],
-    )
-    batch_faces: int = Field(96, ge=1, le=1024, description="Faces of the base in each step.", examples=[96])
-    learning_rate: float = Field(0.01, gt=0, le=1, description="Adam's highest step size.", examples=[0.01])
-    normal_weight: float = Field(
-        1e-4, ge=0, le=1, description="Weight of the normals beside the squared distance.", examples=[1e-4]
     )
     level: int = Field(
         2,

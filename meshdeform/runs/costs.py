@@ -73,7 +73,7 @@ MEASURED: dict[str, Costs] = {
     "text_deform/target": Costs(1.25, 2.72, 0.0404, 0.0167, 0.0386),
     "text_deform/silhouettes": Costs(0.655, 3.3, 0.0044, 0.0193, 0.0126),
     "text_deform/exemplar": Costs(5.6, 3.0, 0.18),
-    "surface_fit/": Costs(1.73, 6.0, 0.0234),
+    "surface_fit/": Costs(1.73, 6.0, 0.0078),
 }
 """By kind and guidance; those of `sds` are with the builtin prior, 1.42 times a step in 8-bit integers, as measured."""
 

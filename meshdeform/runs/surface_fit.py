@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -11,10 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from meshdeform.assets import Asset, load_asset
-from meshdeform.assets.build import Picture, Primitive, build_glb
 from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
 from meshdeform.assets.surface_files import (
     DistanceGrid,
@@ -24,12 +21,7 @@ from meshdeform.assets.surface_files import (
     warnings_about,
 )
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
-from meshdeform.deformation.surface_colours import baked_appearance, welded_appearance
 from meshdeform.errors import AssetError, AssetTooLargeError, ParameterError
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.quality import texel_corners
-from meshdeform.geometry.weld import weld
-from meshdeform.kinds.surface_fit.base_places import within_base
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.container import EncodedBase, encode_base, write_field
@@ -37,14 +29,17 @@ from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOption
 from meshdeform.kinds.surface_fit.gluing import glue, topology
 from meshdeform.kinds.surface_fit.intrinsic import IntrinsicMesh, delaunay
 from meshdeform.kinds.surface_fit.learned_scalars import check_places, learned_scalars
-from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb, smooth_normals
+from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
 from meshdeform.kinds.surface_fit.measures import Reference, distances
 from meshdeform.kinds.surface_fit.patches import divided, level_of
-from meshdeform.kinds.surface_fit.reader import NeuralField, read_field
+from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.scalar_fields import ScalarField
+from meshdeform.kinds.surface_fit.scalar_sections import colours_at
 from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of
 from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, params_of, sha256_hex, versions
+from meshdeform.runs.surface_fit_colours import FieldColours
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -56,6 +51,15 @@ _MOST_SIZES = 20.0
 """Times the surface's diagonal that the one of a base may be, or the other way round."""
 _REVERSED, _UNCOVERED = 0.01, 0.01
 """Share of the area that may face the other way, and of the diagonal by which a hundredth of the input may be away."""
+_SAID_OF_COLOURS = (
+    "The .ndf has the colours of the asset as a small field, off by {off:.0%} of their range on average; sharp, as a "
+    "texture, they are in level_{level}.glb alone, which is written with `-o FILE.glb` or `-o FOLDER`. Transparency, "
+    "metalness, roughness, normal maps, rigs and animations are lost."
+)
+_SAID_OF_POSE = (
+    "The asset has a rig: it is fitted in the pose of the file's nodes, which viewers show. For another one, "
+    "`meshdeform convert FILE -o POSED.glb --pose CLIP@SECONDS` first."
+)
 _ANCHOR_SLACK = 0.1
 """Share of the diagonal by which an anchor may be outside of the bounding box."""
 
@@ -96,7 +100,7 @@ def start(job_input: RunInput) -> SurfaceFitRun:
         initial=load_shape(job_input.initial, shape) if job_input.initial is not None else None,
         anchors=_anchors(params, frame, frame.leave(base.verts), surface.reference.verts),
     )
-    warnings = list(warnings_about(source))
+    warnings = [*warnings_about(source), *([_SAID_OF_POSE] if asset is not None and asset.rig() else [])]
     facts = {"filename": file.filename, "bytes": len(file.data), "sha256": sha256, "warnings": warnings}
     scalars = None
     if "scalars" in job_input.files:
@@ -230,11 +234,20 @@ class SurfaceFitRun(JobRun):
             data = write()
             # Read back, so that everything else describes what is in the file.
             field = read_field(data)
+        fields: list[ScalarField] = []
         learned: list[dict[str, Any]] = []
         if self._scalars is not None:
             with self.log.phase("scalars"):
                 fields, learned = learned_scalars(field, self._scalars, seed=self._params.seed, on_step=self._on_wait)
-                data = write(scalars=fields)
+        with self.log.phase("colours"):
+            colours = FieldColours.of(self._asset, field) if self._asset is not None else None
+            if colours is not None:
+                colour, off = colours.learned(self._params.seed, self._on_wait)
+                fields = [*fields, colour]
+                self._facts["warnings"].append(_SAID_OF_COLOURS.format(off=off, level=self._params.level))
+        if fields:
+            data = write(scalars=fields)
+            field = read_field(data)
         with self.log.phase("unfold"):
             artifacts = {"surface.ndf": ArtifactData(data, _BYTES)}
             levels: list[dict[str, Any]] = []
@@ -243,13 +256,13 @@ class SurfaceFitRun(JobRun):
                 begin = time.perf_counter()
                 verts, faces = field.unfold(k)
                 seconds = time.perf_counter() - begin
-                artifacts[f"level_{k}.glb"] = ArtifactData(level_glb(verts, faces), _GLB)
+                artifacts[f"level_{k}.glb"] = ArtifactData(level_glb(verts, faces, colours_at(field, k)), _GLB)
                 levels.append({"level": k, "faces": len(faces), "vertices": len(verts), "unfold_s": seconds})
                 meshes.append((verts, faces))
             mesh = delaunay(verts, faces)
             artifacts["intrinsic.npz"] = ArtifactData(intrinsic_npz(mesh, verts), _BYTES)
-        with self.log.phase("colours"):
-            coloured = self._colour(artifacts, field)
+            if colours is not None:
+                artifacts[f"level_{self._params.level}.glb"] = ArtifactData(colours.glb(self._params.level), _GLB)
         with self.log.phase("measure"):
             for level, (points, triangles) in zip(levels, meshes, strict=True):
                 level["distance"] = distances(self._surface, points, triangles)
@@ -262,23 +275,10 @@ class SurfaceFitRun(JobRun):
                 f"this field ({len(data)} bytes), and keeps them all: as a file it is the better choice."
             )
         with self.log.phase("draw"):
-            artifacts["preview.png"] = ArtifactData(self._picture(artifacts, coloured=coloured), "image/png")
+            artifacts["preview.png"] = ArtifactData(self._picture(artifacts, coloured=colours is not None), "image/png")
         report = self._report(data, levels, mesh, {"scalars": learned, **compared})
         artifacts["report.json"] = ArtifactData(json.dumps(report, indent=2).encode(), "application/json")
         return artifacts
-
-    def _colour(self, artifacts: dict[str, ArtifactData], field: NeuralField) -> bool:
-        """Give the highest level the colours of the asset, and return whether it has any."""
-        coloured = coloured_level(self._asset, field, self._params.level) if self._asset is not None else None
-        if coloured is None:
-            return False
-        name = f"level_{self._params.level}.glb"
-        artifacts[name] = ArtifactData(coloured, _GLB)
-        self._facts["warnings"].append(
-            f"The colours of the asset are in {name} alone, as a texture of its own; the .ndf and other levels have "
-            "none. Transparency, metalness, roughness, normal maps, rigs and animations are lost."
-        )
-        return True
 
     def _picture(self, artifacts: dict[str, ArtifactData], *, coloured: bool) -> bytes:
         mesh = self._surface.reference
@@ -320,45 +320,3 @@ class SurfaceFitRun(JobRun):
             "seconds": {name: round(value, 3) for name, value in self.log.seconds.items()},
             "versions": versions(),
         }
-
-
-_MOST_TEXELS = 1_500_000
-
-
-def coloured_level(asset: Asset, field: NeuralField, level: int) -> bytes | None:
-    """Return a GLB of a level with the colours of an asset; None if the asset has one colour.
-
-    Each face of the base has a tile, so that reduced copies of the picture mix what is near on the surface.
-    """
-    welded = weld(asset.surface.positions, asset.surface.triangles)
-    look = welded_appearance(asset.appearance(), welded)
-    if look is None:
-        return None
-    divided = level_of(field.faces, len(field.verts), level)
-    verts, faces = field.evaluate(divided.corners, divided.weights), divided.faces
-    base = RestMesh.of(TriangleMesh(verts[: len(field.verts)], field.faces))
-    texels = texel_corners(look)
-    ab, ac = (texels[:, k] - texels[:, 0] for k in (1, 2))
-    count = float(np.nansum(np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])) / 2) or 4.0 * len(texels)
-    detail = float(np.sqrt(welded.mesh.areas.sum() / count) / np.linalg.norm(np.ptp(verts, axis=0)))
-
-    def curved(face: _Index, along: _Floats) -> _Floats:
-        inside = along - np.maximum(along.sum(1, keepdims=True) - 1, 0) / 2  # beyond the third side: on it
-        return field.evaluate(field.faces[face], np.column_stack([1 - inside.sum(1), inside]))
-
-    baked = baked_appearance(look, welded.mesh, base, detail, _MOST_TEXELS, curved)
-    texture, out = baked.paints[0].texture, io.BytesIO()
-    assert texture is not None
-    Image.fromarray(texture.pixels).convert("RGB").save(out, "PNG")
-    corners = np.repeat(np.arange(len(faces)), 3)
-    _, weights = within_base(field.faces, divided, corners, np.tile(np.eye(3), (len(faces), 1)))
-    tiles = baked.texcoords.reshape(-1, 3, 2)[corners // 4**level]
-    primitive = Primitive(
-        verts[faces].reshape(-1, 3),
-        np.arange(3 * len(faces)).reshape(-1, 3),
-        smooth_normals(verts, faces)[faces].reshape(-1, 3),
-        np.einsum("pk,pkc->pc", weights, tiles),
-        material="surface",
-        texture=Picture(out.getvalue()),
-    )
-    return build_glb([primitive])

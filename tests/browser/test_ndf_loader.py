@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from playwright.sync_api import Browser, Route
 
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.kinds.surface_fit.container import encode_base, write_field
 from meshdeform.kinds.surface_fit.network import FieldNetwork
 from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.scalar_fields import ScalarField
+from meshdeform.kinds.surface_fit.scalar_sections import colours_at
+from meshdeform.rendering.base_colours import linear_from_srgb
 
 PAGE = """<!doctype html><canvas width="300" height="300"></canvas>
 <script type="importmap">{"imports": {"three": "/three.module.js"}}</script>
@@ -34,7 +38,7 @@ const seen = [3000, 3].map((away) => {
 });
 const list = (name) => Array.from(geometry.getAttribute(name).array);
 const faces = Array.from(geometry.index.array);
-window.found = { seen, missing, faces, places: list("position"), normals: list("normal") };
+window.found = { seen, missing, faces, places: list("position"), normals: list("normal"), colours: list("color") };
 </script>"""
 
 
@@ -43,7 +47,10 @@ def small_field() -> bytes:
     ball = icosphere(0)
     base = encode_base(ball.verts, ball.faces)
     network = FieldNetwork.random(len(base.verts), features=1, octaves=1, width=4, depth=1, seed=0)
-    return write_field(base, network, centre=np.array([1.0, 2.0, 3.0]), scale=2.0)
+    random = torch.Generator().manual_seed(1)
+    tensors = [torch.randn(size, generator=random) for size in ((len(base.verts), 3), (4, 3), (4,), (3, 4), (3,))]
+    colour = ScalarField("colour", tensors, np.full(3, 0.5), np.full(3, 0.3))
+    return write_field(base, network, centre=np.array([1.0, 2.0, 3.0]), scale=2.0, scalars=[colour])
 
 
 def test_a_bare_page_loads_a_field_and_takes_the_level_that_it_needs(
@@ -69,7 +76,11 @@ def test_a_bare_page_loads_a_field_and_takes_the_level_that_it_needs(
         found = page.evaluate("window.found")
     finally:
         page.close()
-    verts, faces = read_field(files["surface.ndf"]).unfold(1)
+    field = read_field(files["surface.ndf"])
+    verts, faces = field.unfold(1)
+    seen, wanted = np.reshape(found["colours"], (-1, 3)), linear_from_srgb(colours_at(field, 1) / 255)
+    assert np.ptp(wanted, axis=0).min() > 0.1
+    assert np.sort(seen.clip(0, 1), 0) == pytest.approx(np.sort(wanted, 0), abs=0.01)
     places, normals = (np.reshape(found[name], (-1, 3)) for name in ("places", "normals"))
     assert places.shape == verts.shape
     assert len(found["faces"]) == faces.size

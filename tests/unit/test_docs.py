@@ -162,6 +162,20 @@ def test_every_shell_line_that_is_shown_can_be_run(repository: Path) -> None:
             assert set(flags) <= known | {"--help"}, (page, line)
 
 
+def test_commands_in_the_text_exist(repository: Path) -> None:
+    modules, named = set(), set()
+    for page in (repository / "README.md", *set((repository / "docs").glob("*.md")) - {repository / "docs/changes.md"}):
+        text = page.read_text()
+        modules |= set(re.findall(r"python -m ((?:bench|training|tests|service|worker)\.[\w.]*\w)", text))
+        named |= set(re.findall(r"`meshdeform ([a-z][\w-]*)", text))
+    assert len(modules) > 10
+    for module in modules:
+        path = repository / module.replace(".", "/")
+        assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file(), module
+    assert len(named) > 10
+    assert named <= set(commands())
+
+
 def test_commands_in_the_text_of_the_readme_name_files_of_a_clone(repository: Path) -> None:
     runs = re.findall(r"`meshdeform run (\S+) [^`]*`", (repository / "README.md").read_text())
     assert runs

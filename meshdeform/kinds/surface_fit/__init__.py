@@ -30,7 +30,7 @@ _SAMPLED_LEVEL = 3
 def fit(
     source: tuple[_Floats, _Index] | OrientedPoints | DistanceGrid | ImplicitNetwork,
     base_faces: int = 1000,
-    steps: int = 1500,
+    steps: int = 600,
     **options: Any,
 ) -> bytes:
     """Fit a field and return its `.ndf` file; needs torch.
@@ -47,10 +47,6 @@ def fit(
         Of the first weights and all random draws.
     features, octaves, width, depth : int, default 8, 6, 32, 2
         Features of a vertex of the base, octaves of its position, neurons of a hidden layer, and hidden layers.
-    batch_faces : int, default 96
-        Faces of the base in each step, each divided into 64 triangles.
-    learning_rate, normal_weight : float, default 0.01, 1e-4
-        Adam's at its highest, with a diagonal of 2; weight of (1 - cosine) of normals beside squared distances then.
 
     Raises
     ------

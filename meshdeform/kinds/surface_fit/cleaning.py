@@ -1,4 +1,7 @@
-"""Make a manifold of a mesh, or say why that is not possible."""
+"""Make a manifold of a mesh, or say why that is not possible.
+
+Source: Borodin, Zachmann and Klein 2004, Consistent Normal Orientation for Polygonal Meshes (faces that are turned).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from meshdeform.errors import AssetEmptyError, AssetError
 from meshdeform.geometry.edge_splits import unique_edges
@@ -31,7 +36,7 @@ class CleanMesh:
 
 
 def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
-    """Weld vertices, remove faces that collapsed or occur twice, and separate parts that only touch.
+    """Weld vertices, remove faces that collapsed or occur twice, turn faces, and separate parts that only touch.
 
     Parameters
     ----------
@@ -43,7 +48,7 @@ def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
     AssetEmptyError
         No face has an area.
     AssetError
-        Neighbouring faces contradict each other, or there are more than 64 separate parts.
+        The surface has one side, such as a Moebius strip, or there are more than 64 separate parts.
     """
     welded = weld(positions, triangles)
     verts, faces = welded.mesh.verts, welded.mesh.faces
@@ -54,12 +59,14 @@ def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
             f"The mesh has only {len(faces)} different triangles.", advice="Send a surface of four or more."
         )
     counts = welded.mesh.edges.counts
+    faces, turned = oriented(verts, faces)
     twin = glue(verts, faces)
     reversed_edges = _reversed(faces)
     if reversed_edges > _MOST_REVERSED * 1.5 * len(faces):
         raise AssetError(
-            f"At {reversed_edges} edges the two faces are turned to opposite sides, so the surface has no outside.",
-            advice="Recalculate the normals to the outside (Blender: Mesh, Normals, Recalculate Outside), and export.",
+            f"At {reversed_edges} edges the two faces are turned to opposite sides however they are turned, so the "
+            "surface has no outside.",
+            advice="Cut it where it leads to its own other side, as a Moebius strip does, and export.",
         )
     split, corners = glued_verts(verts, faces, twin)
     problems = topology(corners, twin)
@@ -72,6 +79,7 @@ def clean(positions: _Floats, triangles: _Index) -> CleanMesh:
         "degenerate_faces": welded.skipped["degenerate_faces"],
         "duplicate_faces": int(len(welded.mesh.faces) - len(faces)),
         "non_manifold_edges": int((counts > 2).sum()),
+        "turned_faces": turned,
         "reversed_edges": reversed_edges,
         "separated_vertices": len(split) - len(np.unique(faces)),
     }
@@ -84,3 +92,36 @@ def _reversed(faces: _Index) -> int:
     which = sides.ravel()
     ahead = np.bincount(which, faces.ravel() == edges[which, 0])
     return int(((np.bincount(which) == 2) & (ahead != 1)).sum())
+
+
+def oriented(verts: _Floats, faces: _Index) -> tuple[_Index, int]:
+    """Return faces (F, 3) that agree with their neighbours wherever they can, and how many were turned.
+
+    Of the two sides of a surface whose faces disagree, the outer one of a closed surface stays, or the one with the
+    larger faces of an open one. Neighbours are the two faces of an edge that has no more.
+    """
+    edges, sides = unique_edges(faces)
+    which, count = sides.ravel(), len(faces)
+    order = np.argsort(which, kind="stable")
+    sizes = np.bincount(which)
+    first = (np.cumsum(sizes) - sizes)[sizes == 2]
+    one, other = order[first], order[first + 1]
+    ahead = faces.ravel() == edges[which, 0]
+    against = ahead[one] == ahead[other]
+    if not against.any():
+        return faces, 0
+    # Each face has a number as it is, and one turned; what must be chosen together is connected.
+    rows = np.concatenate([one // 3, one // 3 + count])
+    columns = np.concatenate([other // 3 + count * against, other // 3 + count * ~against])
+    graph = sparse.coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(2 * count, 2 * count))
+    as_is, turned = csgraph.connected_components(graph, directed=False)[1].reshape(2, count)
+    surface, flip = np.minimum(as_is, turned), as_is > turned
+    a, b, c = verts[faces].transpose(1, 0, 2) - verts.mean(0)
+    sign = np.where(flip, -1.0, 1.0)
+    volume = np.bincount(surface, sign * (a * np.cross(b, c)).sum(1))
+    area = np.bincount(surface, sign * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    is_open = np.bincount(surface, (sizes[sides] != 2).any(1)) > 0
+    flip ^= np.where(is_open, area, volume)[surface] < 0
+    # Surfaces whose faces agree stay as they are, and so do those with one side.
+    flip &= (np.bincount(surface[one[against] // 3], minlength=len(area)) > 0)[surface] & (as_is != turned)
+    return np.where(flip[:, None], faces[:, ::-1], faces), int(flip.sum())

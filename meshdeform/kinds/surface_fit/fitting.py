@@ -1,19 +1,23 @@
 """Fit a field to a surface.
 
-Each step takes faces of the base at random, divides each into 64 triangles, and moves f there towards its own
-projection q, which is constant within the step:
+Each step moves small triangles of the base, one in each of its faces, so that every learned number has a gradient in
+every step:
 
-    L = mean |f(p) - q(f(p))|^2 + w_n mean (1 - n(f) . n_q) + mean (n_s . (f(p_s) - s))^2
+    L = mean w |f(p) - q|^2 + w_n mean w (1 - n(f) . n_q) + mean (n_s . (f(p_s) - s))^2
+
+f(p) is the middle of a triangle and n(f) its normal, q and n_q are the projection of f(p) and its normal, and w is
+between equal shares of the faces and of the area. Triangles and projections are those of a few steps, in which only
+the distance along n_q counts fully.
 
 Where both have borders, pairs of their nearest places, both ways, add their distances across the surface's border. With
 anchors, also the mean |f(p_a) - s_a|^2 of places p_a of the base that belong to places s_a of the surface.
 
 The last term is the other direction: samples s of the surface with normals n_s, and the place p_s of the base whose
-image is nearest, found again every 100 steps. Without it f could leave out parts of the surface.
+image is nearest, found a few times. Without it f could leave out parts of the surface.
 
 In the last part of a fit the tensors are rounded as the file will hold them (`network.rounded`).
 
-Source: Noma et al. 2026, section 4; weights and schedule are measured.
+Source: Noma et al. 2026, section 4; weights, triangles and schedule are measured.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -44,18 +48,31 @@ from meshdeform.kinds.surface_fit.surface_sources import Surface
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _PARTS = 8
-_OTHER_EVERY = 100
+"""A triangle's edges are an eighth of those of its face."""
+_AGAIN = 5
+"""Steps with the same triangles and projections."""
+_ALONG = 0.05
+"""Weight of the distance along the surface, beside that to it."""
+_NORMAL = 2e-4
+"""Weight of the normals beside squared distances, of a diagonal of 2."""
+_OTHER_AT = (0.0, 0.1, 0.25, 0.5, 0.75)
+"""Shares of a fit at which the places of the base are found that belong to samples of the surface."""
 _OTHER_SAMPLES = 8192
 _OTHER_BATCH = 1024
 _BORDER_BATCH = 512
-_WARM_STEPS = 20
 _BORDER = 0.3
 """Weight of the distance between borders, beside that of the surfaces."""
-_FOLDED, _STEPS, _LEFT, _UNFOLD = 0.02, 10, 0.005, 300
-"""A fit is folded with such a share of triangles reversed in so many steps after each other; the share that may stay,
-and how much more normals count at twice that. A base of another shape unfolds only so; others are fitted less well."""
+_FOLDED, _SETTLED, _STEPS, _LEFT, _UNFOLD = 0.02, 0.2, 10, 0.005, 300
+"""A fit is folded with such a share of triangles reversed, after such a share of the fit, in so many steps after each
+other; the share that may stay, and how much more normals count at twice that. A base of another shape unfolds only so;
+others are fitted less well."""
+_RATE, _OF_FEATURES = 0.02, 6.0
+"""Adam's rate of the layers at its highest, and how many times as fast features are learned."""
+_WARM_STEPS = 20
 _LAST_RATE = 0.01
 """Learning rate of the last step, as a share of the highest."""
+_KEPT = (("other", 8), ("drawn", 5))
+"""Tensors of a checkpoint."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +108,19 @@ class FitOptions:
     octaves: int = 6
     width: int = 32
     depth: int = 2
-    batch_faces: int = 96  # base faces per step
-    learning_rate: float = 0.01
-    normal_weight: float = 1e-4
+
+
+class _Places(NamedTuple):
+    """Places of a few steps: the corners of a triangle of each face; then samples, places of borders, and anchors."""
+
+    triangles: Tensor  # (F, 3, 3) float32: barycentric coordinates
+    # Of the others, (P, 3)
+    corners: Tensor
+    weights: Tensor
+    # Of all
+    points: Tensor  # (3 F + P, 3) float32: of the base
+    encoded: Tensor  # (3 F + P, 3 + 6 octaves) float32
+    counts: list[int]
 
 
 class FieldFit:
@@ -142,19 +169,20 @@ class FieldFit:
         self._random = torch.Generator().manual_seed(o.seed)
         self.step, self._folded = 0, 0
         weights, small = patch(_PARTS)
-        self._weights, self._small = torch.from_numpy(weights).float(), torch.from_numpy(small)
-        corners = torch.from_numpy(verts[faces]).float()
-        self._corners = torch.from_numpy(faces)
-        self._points = torch.einsum("pk,fkc->fpc", self._weights, corners)
-        self._octaves = octaves_of(self._points, o.octaves)
+        self._small = torch.from_numpy(weights[small]).float()  # (64, 3, 3): the corners of a face's triangles
+        self._base, self._corners = torch.from_numpy(verts).float(), torch.from_numpy(faces)
+        corners = self._base[self._corners]
         area = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).norm(dim=1)
         # Between equal shares of the faces and of the area: small faces are where the surface bends.
-        self._chance = (area.clamp_min(1e-12)).sqrt()
+        root = area.clamp_min(1e-12).sqrt()
+        self._shares = root / root.mean()
         self._level = level_of(faces, len(verts), 2)
         self._rim = border_places(verts, faces, glue(verts, faces), _OTHER_SAMPLES // 2)
         self._other: list[Tensor] = []
+        self._drawn: list[Tensor] = []
         self._anchors = self._placed(*anchors) if anchors is not None and len(anchors[0]) else None
-        self._optimizer = Adam([{"params": self._learned.tensors, "lr": 0.0}])
+        features, *layers = self._learned.tensors
+        self._optimizer = Adam([{"params": [features], "lr": 0.0}, {"params": layers, "lr": 0.0}])
         if checkpoint is not None:
             self._restore(checkpoint)
         elif initial is not None:
@@ -162,6 +190,8 @@ class FieldFit:
         for tensor in self._learned.tensors:
             tensor.requires_grad_()
         self._round()
+        if self._drawn:
+            self._places = self._places_of_drawn()
 
     def __iter__(self) -> Iterator[dict[str, float]]:
         """Run the remaining steps; yield the losses of each by name, distances as shares of the diagonal.
@@ -175,84 +205,95 @@ class FieldFit:
             yield self._advance()
 
     def _advance(self) -> dict[str, float]:
-        if self.step % _OTHER_EVERY == 0 or not self._other:
+        anew = self.step in [int(share * self._options.steps) for share in _OTHER_AT] or not self._other
+        if anew:
             self._find_other()
-        chosen = torch.multinomial(
-            self._chance, min(self._options.batch_faces, len(self.faces)), generator=self._random
-        )
-        there, normal = self._towards(chosen)
-        back = self._backwards()
-        loss = there + self._options.normal_weight * normal + back
-        losses = {}
-        if self._anchors is not None:
-            corners, weights, goals = self._anchors
-            held = (self.at(corners, weights) - goals).square().sum(1).mean()
-            loss = loss + held
-            losses = {"anchors": math.sqrt(float(held.detach())) / 2}
-        corners, weights, goals, along = self._other[4:]
-        if len(goals):
-            rows = torch.randint(0, len(goals), (_BORDER_BATCH,), generator=self._random)
-            apart = self.at(corners[rows], weights[rows]) - goals[rows]
-            border = (apart.square().sum(1) - (apart * along[rows]).sum(1).square()).mean()
-            loss = loss + _BORDER * border
-            losses["border"] = math.sqrt(float(border.detach())) / 2
+        if anew or self.step % _AGAIN == 0:
+            self._draw()
+        squared, normal = self._squares()
+        loss = squared["distance"] + _NORMAL * normal + squared["back"] + squared.get("anchors", 0.0)
+        loss = loss + _BORDER * squared.get("border", 0.0)
         if not bool(torch.isfinite(loss)):
-            raise NumericalError("The fit diverged.", advice="Set params.learning_rate lower.")
+            raise NumericalError("The fit diverged.", advice="Set another params.seed.")
         self._optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        self._optimizer.param_groups[0]["lr"] = self._rate()
+        for group, times in zip(self._optimizer.param_groups, (_OF_FEATURES, 1.0), strict=True):
+            group["lr"] = times * self._rate()
         self._optimizer.step()
         self.step += 1
         self._round()
-        losses |= {
-            "distance": math.sqrt(float(there.detach())) / 2,
-            "normals": float(normal.detach()),
-            "back": math.sqrt(float(back.detach())) / 2,
-        }
-        return {"total": float(loss.detach()), **losses}
+        lengths = {name: math.sqrt(float(value.detach())) / 2 for name, value in squared.items()}
+        return {"total": float(loss.detach()), "normals": float(normal.detach()), **lengths}
 
     def _round(self) -> None:
         """Round the field for the next step, if it is in the last part of the fit."""
         if self.rounding is None and self.step >= START * self._options.steps:
-            self.rounding = steps_of(self._learned.tensors, self._options.steps)
+            self.rounding = steps_of(self._learned.tensors)
         if self.rounding is not None:
             self.field = self._learned.with_tensors(rounded(self._learned.tensors, self.rounding))
 
     def _rate(self) -> float:
-        """Return the learning rate: a short rise, then half a cosine."""
+        """Return the learning rate of the layers: a short rise, then half a cosine."""
         share = self.step / max(self._options.steps, 1)
         fall = _LAST_RATE + (1 - _LAST_RATE) * 0.5 * (1 + math.cos(math.pi * share))
-        return self._options.learning_rate * min(1.0, (self.step + 1) / _WARM_STEPS) * fall
+        return _RATE * min(1.0, (self.step + 1) / _WARM_STEPS) * fall
 
-    def _towards(self, chosen: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the mean squared distance from the field to its projection, and the error of normals."""
-        features = torch.einsum("pk,fkd->fpd", self._weights, self.field.features[self._corners[chosen]])
-        count = chosen.shape[0] * self._weights.shape[0]
-        encoded = self._octaves[chosen].reshape(count, -1)
-        moved = self._points[chosen].reshape(count, 3) + self.field.displacement(features.reshape(count, -1), encoded)
-        placed = moved.reshape(chosen.shape[0], -1, 3)
-        a, b, c = placed[:, self._small].unbind(2)
-        cross = torch.linalg.cross(b - a, c - a)
-        normals = functional.normalize(cross, dim=-1, eps=1e-12)
-        with torch.no_grad():
-            hints = torch.zeros_like(placed)
-            for k in range(3):
-                hints.index_add_(1, self._small[:, k], normals)
-            hints = functional.normalize(hints, dim=-1).reshape(count, 3)
-        target, directions = self.project(moved.detach(), hints)
-        mean = functional.normalize(directions.reshape(chosen.shape[0], -1, 3)[:, self._small].sum(2), dim=-1)
-        facing = (normals * mean).sum(-1)
+    @torch.no_grad()
+    def _draw(self) -> None:
+        """Draw the triangles, samples and places of borders of some steps, and project the triangles' middles."""
+        which = torch.randint(0, len(self._small), (len(self.faces),), generator=self._random)
+        samples = torch.randint(0, len(self._other[2]), (_OTHER_BATCH,), generator=self._random)
+        borders = len(self._other[6])
+        rim = torch.randint(0, max(borders, 1), (_BORDER_BATCH if borders else 0,), generator=self._random)
+        self._drawn = [which, samples, rim]
+        self._places = self._places_of_drawn()
+        middles, normals = _triangles(self._moved()[0])
+        self._drawn += self.project(middles, normals)
+
+    def _places_of_drawn(self) -> _Places:
+        which, samples, rim = self._drawn[:3]
+        corners, weights = (
+            [self._other[0][samples], self._other[4][rim]],
+            [self._other[1][samples], self._other[5][rim]],
+        )
+        if self._anchors is not None:
+            corners, weights = [*corners, self._anchors[0]], [*weights, self._anchors[1]]
+        triangles, at, shares = self._small[which], torch.cat(corners), torch.cat(weights)
+        inside = torch.bmm(triangles, self._base[self._corners]).reshape(-1, 3)
+        points = torch.cat([inside, _mixed(self._base, at, shares)])
+        counts = [len(inside), *map(len, corners)]
+        return _Places(triangles, at, shares, points, octaves_of(points, self._options.octaves), counts)
+
+    def _moved(self) -> list[Tensor]:
+        """Return f at the places of this step: of triangles, samples, borders and anchors."""
+        at, learned = self._places, self.field.features
+        of_triangles = torch.bmm(at.triangles, learned[self._corners]).reshape(-1, learned.shape[1])
+        features = torch.cat([of_triangles, _mixed(learned, at.corners, at.weights)])
+        return list(torch.split(at.points + self.field.displacement(features, at.encoded), at.counts))
+
+    def _squares(self) -> tuple[dict[str, Tensor], Tensor]:
+        """Return the mean squared distances by name, and the error of normals."""
+        triangles, moved, rim, *anchors = self._moved()
+        _, samples, border, target, direction = self._drawn
+        middles, normals = _triangles(triangles)
+        apart = middles - target
+        to = (apart * direction).sum(1).square()
+        facing = (normals * direction).sum(1)
         turned = float((facing < 0).float().mean())
-        self._folded = self._folded + 1 if turned > _FOLDED or self._folded >= _STEPS else 0
+        settled = self.step >= _SETTLED * self._options.steps
+        self._folded = self._folded + 1 if (turned > _FOLDED and settled) or self._folded >= _STEPS else 0
         more = _UNFOLD * min(max(turned / _LEFT - 1, 0), 1) if self._folded >= _STEPS else 0
-        return (moved - target).square().sum(1).mean(), (1 + more) * (1 - facing).mean()
-
-    def _backwards(self) -> Tensor:
-        """Return the mean squared distance of samples of the surface from the field, along their normals."""
-        corners, weights, samples, normals = self._other[:4]
-        rows = torch.randint(0, len(samples), (_OTHER_BATCH,), generator=self._random)
-        moved = self.at(corners[rows], weights[rows])
-        return ((moved - samples[rows]) * normals[rows]).sum(1).square().mean()
+        off = ((moved - self._other[2][samples]) * self._other[3][samples]).sum(1)
+        squared = {
+            "distance": (self._shares * (to + _ALONG * (apart.square().sum(1) - to))).mean(),
+            "back": off.square().mean(),
+        }
+        if len(border):
+            aside = rim - self._other[6][border]
+            squared["border"] = (aside.square().sum(1) - (aside * self._other[7][border]).sum(1).square()).mean()
+        if self._anchors is not None:
+            squared["anchors"] = (anchors[0] - self._anchors[2]).square().sum(1).mean()
+        return squared, (1 + more) * (self._shares * (1 - facing)).mean()
 
     @torch.no_grad()
     def _find_other(self) -> None:
@@ -290,9 +331,7 @@ class FieldFit:
 
     def at(self, corners: Tensor, weights: Tensor) -> Tensor:
         """Return f (P, 3) float32 at places with corners (P, 3) and barycentric coordinates (P, 3)."""
-        base = torch.from_numpy(self.verts).float()[corners]
-        points = (weights[:, :, None] * base).sum(1)
-        return self.field(points, (weights[:, :, None] * self.field.features[corners]).sum(1))
+        return self.field(_mixed(self._base, corners, weights), _mixed(self.field.features, corners, weights))
 
     @torch.no_grad()
     def positions(self, corners: _Index, weights: _Floats) -> _Floats:
@@ -317,6 +356,7 @@ class FieldFit:
                 tensors |= {f"adam.{i}.{name}": value for name, value in state.items()}
         if self._other:
             tensors |= {f"other.{i}": value for i, value in enumerate(self._other)}
+            tensors |= {f"drawn.{i}": value for i, value in enumerate(self._drawn)}
         return Checkpoint(self.step, arrays_of(tensors))
 
     def _restore(self, checkpoint: Checkpoint) -> None:
@@ -332,7 +372,8 @@ class FieldFit:
                     }
             if "rounding" in tensors:
                 self.rounding = tensors["rounding"].tolist()
-            self._other = [tensors[f"other.{i}"] for i in range(8 if "other.0" in tensors else 0)]
+            if "other.0" in tensors:
+                self._other, self._drawn = ([tensors[f"{of}.{i}"] for i in range(n)] for of, n in _KEPT)
         except (KeyError, RuntimeError) as error:
             raise CheckpointError("The checkpoint does not hold a field of this kind.") from error
         self.step = checkpoint.step
@@ -343,3 +384,14 @@ class FieldFit:
             if value is None or value.shape != tensor.shape:
                 raise CheckpointError("The checkpoint has a field with another base or network.")
             tensor.copy_(value)
+
+
+def _mixed(values: Tensor, corners: Tensor, weights: Tensor) -> Tensor:
+    """Interpolate values (V, K) of the base's vertices at places with corners (P, 3) and weights (P, 3)."""
+    return torch.bmm(weights[:, None], values[corners])[:, 0]
+
+
+def _triangles(corners: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the middles and unit normals (F, 3) of triangles whose corners (3 F, 3) follow each other."""
+    a, b, c = corners.reshape(-1, 3, 3).unbind(1)
+    return (a + b + c) / 3, functional.normalize(torch.linalg.cross(b - a, c - a), dim=-1, eps=1e-12)

@@ -17,9 +17,9 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
 
-def level_glb(verts: _Floats, faces: _Index) -> bytes:
-    """Write a mesh with smooth normals as a GLB."""
-    return build_glb(verts, faces, normals=smooth_normals(verts, faces))
+def level_glb(verts: _Floats, faces: _Index, colours: NDArray[np.uint8] | None = None) -> bytes:
+    """Write a mesh with smooth normals, and sRGB colours (V, 3) of its vertices if there are any, as a GLB."""
+    return build_glb(verts, faces, normals=smooth_normals(verts, faces), colors=colours)
 
 
 def smooth_normals(verts: _Floats, faces: _Index) -> _Floats:

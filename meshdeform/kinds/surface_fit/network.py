@@ -87,19 +87,15 @@ class FieldNetwork:
 
 START = 0.85
 """Share of a fit's iterations before its tensors are rounded."""
-IN_SPREAD, _OF_ITERATIONS, _FINER = 8.0, 400, 2.0
-"""Steps in the root mean square of a tensor, after so many iterations of a fit; how many times as many at most."""
+IN_SPREAD = 16.0
+"""Steps in the root mean square of a tensor."""
 _LEAST = 1e-6
 _MOST = 32_767
 """Greatest whole number that a section of a `.ndf` holds."""
 
 
-def steps_of(tensors: Sequence[Tensor], iterations: int = _OF_ITERATIONS, in_spread: float = IN_SPREAD) -> list[int]:
-    """Return the steps for features (V, d) and other tensors, as exponents n of 2^(n / 4): d and one each.
-
-    A longer fit is more precise, so its steps are finer: with the square root of its iterations.
-    """
-    in_spread *= min(math.sqrt(max(iterations / _OF_ITERATIONS, 1.0)), _FINER)
+def steps_of(tensors: Sequence[Tensor], in_spread: float = IN_SPREAD) -> list[int]:
+    """Return the steps for features (V, d) and other tensors, as exponents n of 2^(n / 4): d and one each."""
     features, *others = [tensor.detach().double() for tensor in tensors]
     spreads = [*features.square().mean(0).sqrt().tolist(), *[float(each.square().mean().sqrt()) for each in others]]
     largest = [*features.abs().amax(0).tolist(), *[float(each.abs().max()) for each in others]]

@@ -20,7 +20,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from meshdeform.deformation.variables import Adam
-from meshdeform.kinds.surface_fit.network import IN_SPREAD, START, FieldNetwork, rounded, steps_of
+from meshdeform.kinds.surface_fit.network import START, FieldNetwork, rounded, steps_of
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -29,8 +29,8 @@ _FEATURES, _HIDDEN = 8, (32, 32)
 _RATE, _LAST_RATE = 0.01, 0.01
 _BATCH = 4096
 _NOISE = 0.1
-_VALUES_IN_SPREAD = 32.0
-"""Steps in the root mean square of a tensor of values: with the eight of shapes and pieces, their errors double."""
+_PIECES_IN_SPREAD, _VALUES_IN_SPREAD = 8.0, 32.0
+"""Steps in the root mean square of a tensor: with eight, the errors of values double."""
 
 
 class ScalarField(FieldNetwork):
@@ -146,7 +146,7 @@ def learn_scalars(
     optimizer = Adam([{"params": tensors, "lr": 0.0}])
     generator = torch.Generator().manual_seed(seed)
     rounding: list[int] | None = None
-    in_spread = IN_SPREAD if labels else _VALUES_IN_SPREAD
+    in_spread = _PIECES_IN_SPREAD if labels else _VALUES_IN_SPREAD
     for step in range(steps):
         if rounding is None and step >= START * steps:
             rounding = steps_of(tensors, in_spread=in_spread)

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.kinds.surface_fit.patches import level_of
 from meshdeform.kinds.surface_fit.reader import Layers, NeuralField, network_of, through
+
+COLOUR = "colour"
+"""Name of the scalars that are the surface's colour: sRGB in 0 to 1."""
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -51,6 +55,15 @@ def read_scalars(field: NeuralField) -> list[SurfaceScalars]:
         ]
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError("The .ndf contradicts itself.") from error
+
+
+def colours_at(field: NeuralField, level: int) -> NDArray[np.uint8] | None:
+    """Return the sRGB colours (V, 3) of the vertices of a level; None if the file has none."""
+    found = [each for each in read_scalars(field) if each.name == COLOUR and len(each.offset) == 3]
+    if not found:
+        return None
+    at = level_of(field.faces, len(field.verts), level)
+    return np.asarray(np.rint(255 * found[0].values(at.corners, at.weights).clip(0, 1)), np.uint8)
 
 
 def _read(described: dict[str, object], rest: NDArray[np.float32], vertices: int) -> SurfaceScalars:

@@ -18,6 +18,7 @@ from torch.nn import functional
 from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, coarsening
 from meshdeform.errors import AssetError
 from meshdeform.geometry.isosurface import continued, isosurface
+from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree, surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
@@ -140,21 +141,42 @@ class PointSurface:
 
     def project(self, points: _Floats, normals: _Floats) -> tuple[_Floats, _Floats]:
         """Return points of the zero set, by moving along the mean normal of the neighbours, and that normal."""
-        near = self._tree.query(points, k=self._count)[1]
-        places, directions = self._points[near], self._normals[near]
-        # Neighbours on the other side of a thin wall do not count.
-        facing = np.clip((directions * normals[:, None]).sum(2), 0.0, 1.0) + 1e-6
-        facing[(normals == 0).all(1)] = 1.0
-        projected = points
+        projected, directions = points.copy(), np.empty_like(points)
+        for start in range(0, len(points), _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            near = self._tree.query(points[rows], k=self._count)[1]
+            _settle(
+                projected[rows], directions[rows], normals[rows], near, self._points, self._normals, 2 * self._width**2
+            )
+        return projected, directions
+
+
+@kernel
+def _settle(
+    at: _Floats, direction: _Floats, hints: _Floats, near: _Index, places: _Floats, normals: _Floats, spread: float
+) -> None:
+    """Move points along the mean normals of their neighbours to the mean of the tangent planes; set those normals."""
+    facing = np.empty(near.shape[1])
+    for p in range(len(at)):
+        known = hints[p, 0] != 0.0 or hints[p, 1] != 0.0 or hints[p, 2] != 0.0
+        for k in range(len(facing)):
+            n, facing[k] = near[p, k], 1.0
+            if known:  # neighbours on the other side of a thin wall do not count
+                product = normals[n, 0] * hints[p, 0] + normals[n, 1] * hints[p, 1] + normals[n, 2] * hints[p, 2]
+                facing[k] = min(max(product, 0.0), 1.0) + 1e-6
         for _ in range(_NEWTON_STEPS):
-            apart = projected[:, None] - places
-            weights = facing * np.exp(-(apart**2).sum(2) / (2 * self._width**2)) + 1e-12 * facing
-            weights /= weights.sum(1, keepdims=True)
-            normal = (weights[:, :, None] * directions).sum(1)
-            normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-            height = (weights * (apart * directions).sum(2)).sum(1)
-            projected = projected - height[:, None] * normal
-        return projected, normal
+            total, height, x, y, z = 0.0, 0.0, 0.0, 0.0, 0.0
+            for k in range(len(facing)):
+                n = near[p, k]
+                a, b, c = at[p, 0] - places[n, 0], at[p, 1] - places[n, 1], at[p, 2] - places[n, 2]
+                weight = facing[k] * (np.exp(-(a * a + b * b + c * c) / spread) + 1e-12)
+                total += weight
+                height += weight * (a * normals[n, 0] + b * normals[n, 1] + c * normals[n, 2])
+                x, y, z = x + weight * normals[n, 0], y + weight * normals[n, 1], z + weight * normals[n, 2]
+            length = max(np.sqrt(x * x + y * y + z * z) / total, 1e-12) * total
+            direction[p, 0], direction[p, 1], direction[p, 2] = x / length, y / length, z / length
+            for i in range(3):
+                at[p, i] -= height / total * direction[p, i]
 
 
 class _Implicit(_Sampled):

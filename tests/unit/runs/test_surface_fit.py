@@ -32,7 +32,7 @@ from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.learned_scalars import learned_scalars, places_on
 from meshdeform.kinds.surface_fit.measures import distances
 from meshdeform.kinds.surface_fit.reader import read_field
-from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
+from meshdeform.kinds.surface_fit.scalar_sections import colours_at, read_scalars
 from meshdeform.kinds.surface_fit.surface_sources import MeshSurface
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
@@ -41,10 +41,12 @@ from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.surface_fit import _warnings
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, serving
+from tests.unit.assets.test_pose import bent_arm
+from tests.unit.assets.test_rig import arm
 from tests.worker_world import working
 from training.shapes import torus
 
-SMALL = {"base_faces": 100, "steps": 4, "batch_faces": 4, "octaves": 1, "width": 8, "depth": 1, "level": 1}
+SMALL = {"base_faces": 100, "steps": 4, "octaves": 1, "width": 8, "depth": 1, "level": 1}
 
 
 def glb(mesh: TriangleMesh, scale: float = 1.0, shift: float = 0.0) -> bytes:
@@ -124,7 +126,7 @@ def test_reversed_faces_are_never_silent() -> None:
     assert len(_warnings({"faces": len(faces), "distance": few}, turned)) == 2
 
 
-def test_a_textured_asset_comes_back_textured() -> None:
+def test_a_textured_asset_comes_back_textured(tmp_path: Path) -> None:
     ball, picture, png = icosphere(3), np.zeros((64, 64, 3), np.uint8), io.BytesIO()
     picture[:, :32, 0] = picture[:, 32:, 2] = 255  # red where x < 0, blue elsewhere
     Image.fromarray(picture).save(png, "PNG")
@@ -135,6 +137,17 @@ def test_a_textured_asset_comes_back_textured() -> None:
     found = run.finish()
     report = json.loads(found["report.json"].data)
     assert "level_1.glb alone" in report["input"]["warnings"][0]
+    data = found["surface.ndf"].data
+    painted = read_field(data)
+    colours, (verts, _) = colours_at(painted, 2), painted.unfold(2)
+    for side, colour in ((verts[:, 0] < -0.2, [255, 0, 0]), (verts[:, 0] > 0.2, [0, 0, 255])):
+        assert np.abs(colours[side].astype(int) - colour).mean() < 12
+    (tmp_path / "ball.ndf").write_bytes(data)
+    unfolded = CliRunner().invoke(app, ["unfold", str(tmp_path / "ball.ndf"), "-o", str(tmp_path / "ball.glb")])
+    assert unfolded.exit_code == 0, unfolded.output
+    written = load_asset((tmp_path / "ball.glb").read_bytes())
+    assert written.appearance().colors.shape == (len(verts), 4)
+    assert np.ptp(written.appearance().colors[:, 0]) > 0.9
     asset = load_asset(found["level_1.glb"].data)
     look = asset.appearance()
     pixels = look.paints[0].texture.pixels
@@ -145,6 +158,18 @@ def test_a_textured_asset_comes_back_textured() -> None:
         assert np.abs(pixels[row, column][side][:, :3].astype(int) - colour).max() <= 1
     plain = load_asset(found["level_0.glb"].data).appearance()
     assert plain.paints[0].texture is None
+
+
+def test_a_rig_is_fitted_in_the_pose_that_its_nodes_give_and_says_so() -> None:
+    shown = load_asset(bent_arm().glb()).surface.positions
+    assert np.abs(np.ptp(shown, axis=0) - np.ptp(load_asset(arm().glb()).surface.positions, axis=0)).max() > 0.1
+    run = begin(bent_arm().glb(), "arm.glb", level=0)
+    list(run)
+    found = run.finish()
+    verts = load_asset(found["level_0.glb"].data).surface.positions
+    assert [*verts.min(0), *verts.max(0)] == pytest.approx([*shown.min(0), *shown.max(0)], abs=0.05)
+    (said,) = [each for each in json.loads(found["report.json"].data)["input"]["warnings"] if "rig" in each]
+    assert "in the pose of the file's nodes" in said
 
 
 @pytest.mark.parametrize("kind", ["xyz", "npz", "obj"])
@@ -194,7 +219,7 @@ def test_a_base_of_other_holes_goes_where_its_anchors_say(ring: bytes) -> None:
     # A quarter turn about y, which projection alone would never make.
     turned = axes[:, [2, 1, 0]] * [1, 1, -1]
     anchors = [{"base": list(a), "surface": list(b)} for a, b in zip(axes * 1.2, turned, strict=True)]
-    run = begin(sphere, base=glb(ball, 1.2), steps=150, batch_faces=16, width=16, anchors=anchors)
+    run = begin(sphere, base=glb(ball, 1.2), steps=150, width=16, anchors=anchors)
     assert list(run)[-1].losses["anchors"] < 0.05
     field = read_field(run.finish()["surface.ndf"].data)
     nearest = [int(np.argmax(field.verts @ axis)) for axis in axes]

@@ -12,7 +12,7 @@ from meshdeform.kinds.surface_fit import fit, sample, unfold
 
 def test_a_ball_is_fitted_unfolded_and_sampled() -> None:
     ball = icosphere(3)
-    data = fit((ball.verts, ball.faces), base_faces=100, steps=150, batch_faces=24)
+    data = fit((ball.verts, ball.faces), base_faces=100, steps=150)
     verts, faces = unfold(data, 2)
     assert len(faces) >= 16 * 100
     assert np.abs(np.linalg.norm(verts, axis=1) - 1).mean() < 0.01
