@@ -52,7 +52,7 @@ _MOST_SIZES = 20.0
 _REVERSED, _UNCOVERED = 0.01, 0.01
 """Share of the area that may face the other way, and of the diagonal by which a hundredth of the input may be away."""
 _SAID_OF_COLOURS = (
-    "The .ndf has the colours of the asset as a small field, off by {off:.0%} of their range on average; sharp, as a "
+    "The .ndf has the colours of the asset as a small field, off by {off:.1%} of their range on average; sharp, as a "
     "texture, they are in level_{level}.glb alone, which is written with `-o FILE.glb` or `-o FOLDER`. Transparency, "
     "metalness, roughness, normal maps, rigs and animations are lost."
 )
