@@ -64,7 +64,14 @@ function meshOf(viewer) {
 function farthest(viewer) {
   const places = [0, 1].map((t) => {
     viewer.setMorph(t);
-    return numberedSurface(viewer.root).shown.slice();
+    viewer.root.updateMatrixWorld(true);
+    const found = [];
+    const point = viewer.rig.camera.position.clone();
+    viewer.root.traverse((object) => {
+      const count = object.isMesh && object.castShadow ? object.geometry.attributes.position.count : 0;
+      for (let v = 0; v < count; v++) found.push(...object.getVertexPosition(v, point).applyMatrix4(object.matrixWorld).toArray());
+    });
+    return found;
   });
   const [before, after] = places;
   let most = 0;
