@@ -3,7 +3,7 @@
 * docs/parameters.md, from the models of a request, and docs/extensions.md, from the rules for extensions;
 * parts of pages, between two comments: the settings in docs/configuration.md, the codes in docs/errors.md, the methods
   in docs/client.md, the commands and exit codes in docs/cli.md, the routes, and the files of each kind of job, in
-  docs/http.md, tables in docs/plain.md and docs/sketch.md, and the layout of a file in docs/surface_fit.md.
+  docs/http.md, a table in docs/plain.md, and the layout of a file in docs/surface_fit.md.
 
 The references of HTTP, of commands and of equations are made when the site is built (docs/generation/site.py).
 """
@@ -40,7 +40,6 @@ _RENEWED = {
     "errors.md": (errors.page,),
     "http.md": (routes.page, kinds.page),
     "plain.md": (tables.plain,),
-    "sketch.md": (tables.drawings,),
     "surface_fit.md": (tables.fields,),
 }
 

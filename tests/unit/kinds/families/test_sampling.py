@@ -15,7 +15,7 @@ from meshdeform.kinds.families.cut import shortened
 from meshdeform.kinds.families.embedded import Embedding, Pull
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, sampled, to_machine
-from meshdeform.kinds.sketch.solids import tube
+from bench.solids import tube
 
 
 @pytest.fixture(scope="module")
