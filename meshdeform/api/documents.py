@@ -509,7 +509,7 @@ class SketchGuesses(Document):
 
     guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the noun is named.")
     unsure: bool = Field(
-        description="Whether the drawing may be of something else: the first guess has a probability below SURE_SHARE, "
+        description="Whether the drawing may be of something else: the first guess has a probability below 0.95, "
         "and no noun was named.",
         examples=[False],
     )

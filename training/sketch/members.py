@@ -42,9 +42,7 @@ def pictures_of(noun: str, seed: int) -> Iterator[Pictures]:
 
 def _some(form: str, number: int, rng: np.random.Generator) -> LabelledMember:
     """Return a member of a form with some attributes, in some pose."""
-    wanted = [
-        Attribute(part, PARTS[part][int(rng.integers(2))]) for part in NOUNS.get(form, ()) if rng.random() < 0.15
-    ]
+    wanted = [Attribute(part, PARTS[part][int(rng.integers(2))]) for part in NOUNS.get(form, ()) if rng.random() < 0.15]
     member = drawn(form, wanted, np.random.default_rng([number, 71]))
     poses = [pose for pose in POSES.get(form, ()) if pose not in "TA"]
     if poses and rng.random() < 0.3:
@@ -52,9 +50,7 @@ def _some(form: str, number: int, rng: np.random.Generator) -> LabelledMember:
     return member
 
 
-def _as_drawn(
-    member: LabelledMember, head_alone: bool, rng: np.random.Generator
-) -> tuple[Floats, Index, Index] | None:
+def _as_drawn(member: LabelledMember, head_alone: bool, rng: np.random.Generator) -> tuple[Floats, Index, Index] | None:
     """Return vertices, faces and their parts of what is drawn of a member; None where a head is no face."""
     if rng.random() < 0.5:
         member = _with_thin_as_lines(member, rng)
@@ -101,7 +97,11 @@ def _middles(places: Floats, at: Floats) -> Floats:
 def _likely(rng: np.random.Generator) -> list[View]:
     """Return views from where people draw: the side, the front, between them, and now and then above or anywhere."""
     side = rng.choice((-90.0, 90.0))
-    last = (rng.choice((0.0, 90.0)), rng.uniform(70, 89)) if rng.random() < 0.4 else (360 * rng.random(), rng.uniform(0, 35))
+    last = (
+        (rng.choice((0.0, 90.0)), rng.uniform(70, 89))
+        if rng.random() < 0.4
+        else (360 * rng.random(), rng.uniform(0, 35))
+    )
     places = [
         (side + rng.uniform(-8, 8), rng.uniform(0, 14)),
         (rng.uniform(-6, 6), rng.uniform(0, 14)),
@@ -112,7 +112,10 @@ def _likely(rng: np.random.Generator) -> list[View]:
 
 
 def _of_a_face(rng: np.random.Generator) -> list[View]:
-    return [_clumsy(rng.uniform(-10, 10), rng.uniform(0, 8), rng), _clumsy(rng.uniform(-45, 45), rng.uniform(0, 8), rng)]
+    return [
+        _clumsy(rng.uniform(-10, 10), rng.uniform(0, 8), rng),
+        _clumsy(rng.uniform(-45, 45), rng.uniform(0, 8), rng),
+    ]
 
 
 def _clumsy(azimuth_deg: float, elevation_deg: float, rng: np.random.Generator) -> View:

@@ -33,8 +33,8 @@ _PAGE, _DRAWN, _PEN = 256, 200, 4
 class People:
     """Drawings by people (N, SIDE, SIDE), the word of each, and its class.
 
-    The class of a noun is its place in the alphabet; words that are none of ours come after them. `strange`: of a noun's
-    word that nothing is learnt from; `number`: which of its word's drawings it is.
+    The class of a noun is its place in the alphabet; words that are none of ours come after them. `strange`: of a
+    noun's word that nothing is learnt from; `number`: which of its word's drawings it is.
     """
 
     pictures: NDArray[np.float32]
@@ -50,8 +50,13 @@ class People:
 
     @property
     def to_learn(self) -> NDArray[np.bool_]:
-        """Every other drawing of the words that are learnt from."""
-        return ~self.strange & (self.number % 2 == 1)
+        """Three of four drawings of the words that are learnt from."""
+        return ~self.strange & ~self.to_measure
+
+    @property
+    def to_measure(self) -> NDArray[np.bool_]:
+        """Every fourth drawing, which nothing is learnt from."""
+        return self.number % 4 == 2
 
 
 def noun_of(word: str) -> str:

@@ -2,7 +2,7 @@
 
     python -m training.sketch.train --people quickdraw/ --cache members.npz -o sketch.safetensors
 
-It is fitted to every other drawing of each ndjson file of a folder (Quick, Draw! by Google, CC-BY 4.0), warped a few
+It is fitted to three of four drawings of each ndjson file of a folder (Quick, Draw! by Google, CC-BY 4.0), warped a few
 times, and to lines of members. `--hold-out` leaves every fourth word out, for docs/sketch.md's figure of nouns of which
 no drawing was seen.
 """
@@ -27,7 +27,8 @@ _DIMENSIONS, _EVENNESS, _OF_MEMBERS = 200, 1.0, 0.3
 """Of the projection; share of the mean variance that is added to all, and weight of members' variance in it."""
 _BEHIND = -0.12
 """Offset of places that are of members' lines alone, in cosines."""
-_SCALE = 22.0
+_SCALE = 18.0
+"""Of cosines in the logarithm of a likelihood: that at which the first guess is as often right as it says."""
 _WARPS = 3
 
 Singles = NDArray[np.float32]
@@ -45,7 +46,9 @@ def warped(pictures: Singles, rng: np.random.Generator) -> Singles:
         way[:, 0] *= mirror
         start = middle - way @ (middle + rng.normal(0, 1.5, 2))
         numbers = (*way[0], start[0], *way[1], start[1])
-        picture = Image.fromarray(each).transform(each.shape, Image.Transform.AFFINE, numbers, Image.Resampling.BILINEAR)
+        picture = Image.fromarray(each).transform(
+            each.shape, Image.Transform.AFFINE, numbers, Image.Resampling.BILINEAR
+        )
         into[:] = np.asarray(picture)
     return found
 
@@ -120,6 +123,7 @@ def learnt(people: People) -> tuple[Singles, Index]:
 
 
 def main() -> None:
+    """Fit, and write the file of weights."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--people", type=Path, required=True, help="folder of ndjson files, one of each word")
     parser.add_argument("--cache", type=Path, help="file for the lines of members")

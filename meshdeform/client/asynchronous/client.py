@@ -885,9 +885,7 @@ class AsyncClient:
         """Save the asset with its shape at a checkpoint."""
         return await saved(self._connection, job_path(job, "checkpoints", step, "mesh.glb"), Path(path))
 
-    async def guess_sketch(
-        self, drawing: bytes | str | os.PathLike[str], *, noun: str | None = None
-    ) -> SketchGuesses:
+    async def guess_sketch(self, drawing: bytes | str | os.PathLike[str], *, noun: str | None = None) -> SketchGuesses:
         """Guess what a drawing shows: three nouns with their sliders and a mesh each.
 
         Parameters

@@ -1,8 +1,7 @@
 """Guess what a drawing shows: a noun at first sight, then the member, its sides and its sizes by a search.
 
-The likeliest nouns are drawn, kind by kind, from the sides that people draw. How far their lines are from
-those of the drawing decides among members, and has a say among nouns. Of the three nouns that remain, sliders and the
-view are moved for as long as the lines come nearer.
+Members of the likeliest nouns are drawn, kind by kind, from the sides that people draw, and the one whose lines are
+nearest to those of the drawing is taken. Then its sliders and the view are moved for as long as the lines come nearer.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ from meshdeform.words.in_use import own_word
 
 __all__ = ["SURE", "Guess", "guess", "is_unsure"]
 
-SURE = 0.85
+SURE = 0.95
 """Probability of the first guess from which on it is sure; docs/sketch.md has what this threshold tells."""
-_CANDIDATES, _GUESSES, _STARTS = 5, 3, 12
+_GUESSES, _STARTS = 3, 12
 _VIEWS = tuple(View(*each) for each in ((90.0, 6.0), (0.0, 6.0), (45.0, 14.0), (0.0, 80.0)))
-_SAY = 20.0
-"""What a distance of the whole page takes off the logarithm of a noun's likelihood."""
 _STEPS = (0.5, 0.25)
 """By how much of a part's size, and of twice a side, sliders are moved, in turn."""
+_NEARER = 0.98
+"""Share of a distance that is nearer: what the drawing does not show stays as it is."""
 _TURN_DEG = 30.0
 """By how much the view is moved with a step of 1."""
 
@@ -85,15 +84,8 @@ def guess(data: bytes, *, noun: str = "") -> list[Guess]:
     only = known_noun(noun) if noun else ""
     picture = read_drawing(data)
     likely = _likely(picture)
-    names = [only] if only else sorted(likely, key=lambda each: -likely[each])[:_CANDIDATES]
-    searches = {name: _Search(picture, name) for name in names}
-    mass = sum(likely[name] for name in names)
-    weights = {name: likely[name] * np.exp(-_SAY * searches[name].best.distance) for name in names}
-    whole = sum(weights.values())
-    order = sorted(names, key=lambda name: -weights[name])[:_GUESSES]
-    return [
-        Guess.of(name, round(float(mass * weights[name] / whole), 4), searches[name].nearer().values) for name in order
-    ]
+    names = [only] if only else sorted(likely, key=lambda each: -likely[each])[:_GUESSES]
+    return [Guess.of(name, round(likely[name], 4), _Search(picture, name).nearest().values) for name in names]
 
 
 def is_unsure(guesses: Sequence[Guess], *, noun: str = "") -> bool:
@@ -144,25 +136,22 @@ class _Found:
 
 
 class _Search:
-    """The search for the member of a noun, of which `best` is the first result."""
+    """The search for the member of a noun."""
 
     def __init__(self, picture: Singles, noun: str) -> None:
         self._noun = noun
         self._drawing = [Drawn(each) for each in (picture, picture[:, ::-1])]
-        every = [found for values in _starts(noun) for found in self._graded(values, _VIEWS, (False, True))]
-        self.best = min(every, key=lambda each: each.distance)
 
-    def _graded(
-        self, values: dict[str, Value], views: Sequence[View], mirrored: Sequence[bool]
-    ) -> Iterator[_Found]:
+    def _graded(self, values: dict[str, Value], views: Sequence[View], mirrored: Sequence[bool]) -> Iterator[_Found]:
         for view, page in _drawn(self._noun, values, views):
             lines = Drawn(((page & ~np.uint8(BEND)) > 0).astype(np.float32))
             for each in mirrored:
                 yield _Found(values, view, each, distance(self._drawing[each], lines))
 
-    def nearer(self) -> _Found:
-        """Move one slider or the view after the other, for as long as the lines come nearer."""
-        best = self.best
+    def nearest(self) -> _Found:
+        """Return the nearest of some members, of which one slider after the other, and the view, has been moved."""
+        every = [found for values in _starts(self._noun) for found in self._graded(values, _VIEWS, (False, True))]
+        best = min(every, key=lambda each: each.distance)
         numbers = sliders_of(self._noun).numbers
         for step in _STEPS:
             for about in (None, *numbers):
@@ -173,7 +162,7 @@ class _Search:
                     else:
                         values = values | {about.name: _moved(about, float(values[about.name]), by)}
                     found = next(self._graded(values, [view], [best.mirrored]))
-                    if found.distance < best.distance:
+                    if found.distance < _NEARER * best.distance:
                         best = found
                         break
         return best

@@ -2,8 +2,8 @@
 
 The histograms of a picture's gradients are projected to where drawings of one thing lie close and those of others apart
 (Fisher's linear discriminants), and a noun is as likely as its own places are near there: the means of what people drew
-(Quick, Draw! by Google, CC-BY 4.0), and of the lines of its members. A new noun or a word of somebody's own has the mean
-of the lines of its members. `training/sketch` fits the projection.
+(Quick, Draw! by Google, CC-BY 4.0), and of the lines of its members. A new noun or a word of somebody's own has the
+mean of the lines of its members. `training/sketch` fits the projection.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.nouns.forms import drawn, own_forms, settable
 from meshdeform.nouns.labels import LabelledMember
 from meshdeform.nouns.poses import POSES, posed
-from meshdeform.requests.sketches import Choice, Number, Sliders, Value
+from meshdeform.requests.sketches import Choice, Number, Sliders
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS, SYNONYMS
 from meshdeform.vocabulary.solids import PART_NAMES
@@ -77,7 +77,7 @@ def sliders_of(noun: str) -> Sliders:
     word = own_word(noun)
     if word is None:
         return _sliders(noun)
-    count = tuple(str(number + 1) for number in range(len(word.shapes)))
+    count = tuple(str(number + 1) for number in range(len(word.sources)))
     return Sliders(noun, _numbers(sorted(parts_to_set(word))), (Choice("variant", count),))
 
 
