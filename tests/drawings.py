@@ -22,7 +22,7 @@ def lines_of(noun: str, view: View | None = None, pixels: int = 300, **values: o
 
 def drawing_of(noun: str, view: View | None = None, **values: object) -> bytes:
     """Return a PNG of the lines of a shape of a noun."""
-    return _png(lines_of(noun, view, **values))
+    return _png(lines_of(noun, view, 300, **values))
 
 
 def blank_page() -> bytes:

@@ -150,12 +150,15 @@ def _words(guess: Guess) -> str:
 
 def _list(noun: str, *, as_json: bool) -> None:
     """Print the sliders of a noun, with ranges, options and defaults."""
-    from meshdeform.kinds.sketch.shapes import described, known_noun
+    from meshdeform.kinds.sketch.shapes import described, known_noun, sliders_of
 
-    about = described(known_noun(noun), {})
+    noun = known_noun(noun)
     if as_json:
+        about = described(noun, {})
         emit({"sliders": [{name: value for name, value in each.items() if name != "value"} for each in about]})
         return
-    for each in about:
-        range_ = f"{each['minimum']:g} to {each['maximum']:g}" if "minimum" in each else ", ".join(each["options"])
-        typer.echo(f"{each['name']:<12} {range_}; default {each['default']}")
+    sliders = sliders_of(noun)
+    for choice in sliders.choices:
+        typer.echo(f"{choice.name:<12} {', '.join(choice.options)}; default {choice.default}")
+    for number in sliders.numbers:
+        typer.echo(f"{number.name:<12} {number.low:g} to {number.high:g}; default {number.default:g}")

@@ -60,7 +60,7 @@ def _as_drawn(member: LabelledMember, head_alone: bool, rng: np.random.Generator
             return None
         keep = member.carried("head")[member.faces].all(1)
     elif rng.random() < 0.2:
-        keep = (rng.random(len(member.part_of_solid)) > 0.25)[member.solid_of_face]
+        keep = np.asarray((rng.random(len(member.part_of_solid)) > 0.25)[member.solid_of_face])
         if keep.mean() < 0.6:
             keep[:] = True
     if keep.sum() < 20:
@@ -108,7 +108,7 @@ def _likely(rng: np.random.Generator) -> list[View]:
         (side / 90 * rng.uniform(28, 68), rng.uniform(2, 20)),
         last,
     ]
-    return [_clumsy(*place, rng) for place in places]
+    return [_clumsy(azimuth, elevation, rng) for azimuth, elevation in places]
 
 
 def _of_a_face(rng: np.random.Generator) -> list[View]:

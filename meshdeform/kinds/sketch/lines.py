@@ -60,7 +60,7 @@ def line_pictures(
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     places = clip[..., :2] / clip[..., 3:]
     sizes = np.ptp(places, axis=1).prod(1)
-    shown = np.flatnonzero(sizes >= _LEAST_SHARE * sizes.max())
+    shown = np.flatnonzero(sizes >= _LEAST_SHARE * sizes.max()).tolist()
     pages = [_lines(_framed(clip[k], places[k], views[k]), faces, normals, parts, pixels) for k in shown]
     return [(views[k], page) for k, page in zip(shown, pages, strict=True)]
 

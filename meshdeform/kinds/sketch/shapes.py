@@ -85,12 +85,14 @@ def described(noun: str, values: Mapping[str, object]) -> list[dict[str, object]
     """Return the sliders of a noun with their values, defaults, and ranges or options, as documents have them."""
     sliders = sliders_of(noun)
     every = sliders.checked(values)
-    numbers = [{"minimum": each.low, "maximum": each.high} for each in sliders.numbers]
-    choices = [{"options": list(each.options)} for each in sliders.choices]
-    return [
-        {"name": each.name, "value": every[each.name], "default": each.default, **more}
-        for each, more in zip((*sliders.choices, *sliders.numbers), (*choices, *numbers), strict=True)
+    found: list[dict[str, object]] = [
+        {"name": each.name, "value": every[each.name], "default": each.default, "options": list(each.options)}
+        for each in sliders.choices
     ]
+    for number in sliders.numbers:
+        about = {"default": number.default, "minimum": number.low, "maximum": number.high}
+        found.append({"name": number.name, "value": every[number.name], **about})
+    return found
 
 
 def shape(noun: str, values: Mapping[str, object]) -> LabelledMember:
