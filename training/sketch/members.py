@@ -58,7 +58,7 @@ def _as_drawn(member: LabelledMember, head_alone: bool, rng: np.random.Generator
     if head_alone:
         if "head" not in member.parts or not _FACES & set(member.parts):
             return None
-        keep = member.carried("head")[member.faces].all(1)
+        keep = np.asarray(member.carried("head")[member.faces].all(axis=1))
     elif rng.random() < 0.2:
         keep = np.asarray((rng.random(len(member.part_of_solid)) > 0.25)[member.solid_of_face])
         if keep.mean() < 0.6:
