@@ -15,19 +15,18 @@ from collections.abc import Callable
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageFilter
 
 from bench.hero import coat
 from bench.jobs import ROOT
 from bench.parametric_families import family, labels_document
 from meshdeform.assets import Limits, build_glb
 from meshdeform.assets.container import Json, dump_json, glb_layout, pack_glb, parse_json
-from meshdeform.kinds.sketch.families import FAMILIES as DRAWN
+from meshdeform.kinds.sketch.lines import View, line_pictures
+from meshdeform.kinds.sketch.shapes import shape
 from meshdeform.nouns.labels import LabelledMember, labelled_member
 from training.evaluation.relaxed import capsule, relaxed_surface, smooth_union
 from training.evaluation.sources import quadruped
-from training.sketch.lines import View, joined, visible_lines
-from training.sketch.strokes import draw
 
 FOLDER = ROOT / "service" / "web" / "examples"
 CHAIRS, DRAWING_SIDE = 12, 320
@@ -172,11 +171,12 @@ def dragonfruit() -> bytes:
 
 
 def drawing() -> bytes:
-    """Return a PNG of a chair, drawn as by a hand."""
-    lines = visible_lines(joined(DRAWN["chair"].solids({})), View(0, 20, 25))
+    """Return a PNG of the lines of a chair."""
+    chair = shape("chair", {})
+    ((_, page),) = line_pictures(chair.verts, chair.faces, chair.labels, [View(25, 16)], DRAWING_SIDE)
     buffer = io.BytesIO()
-    picture: Image.Image = draw(lines, np.random.default_rng(0), size=DRAWING_SIDE)
-    picture.quantize(16).save(buffer, "PNG", optimize=True)
+    lines = Image.fromarray(np.where(page > 0, 0, 255).astype(np.uint8)).filter(ImageFilter.MinFilter(3))
+    lines.quantize(16).save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.solids import Floats, Solid, box, hexahedron, plate, ring, tube
 from meshdeform.assets import Primitive, build_glb
-from meshdeform.kinds.sketch.solids import Floats, Solid, box, hexahedron, plate, ring, tube
 
 __all__ = ["CLASSES", "PARTS", "Member", "family", "labels_document", "packed"]
 

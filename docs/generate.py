@@ -3,7 +3,7 @@
 * docs/parameters.md, from the models of a request, and docs/extensions.md, from the rules for extensions;
 * parts of pages, between two comments: the settings in docs/configuration.md, the codes in docs/errors.md, the methods
   in docs/client.md, the commands and exit codes in docs/cli.md, the routes, and the files of each kind of job, in
-  docs/http.md, tables in docs/plain.md and docs/sketch.md, the layout of a file in docs/surface_fit.md, and the folders
+  docs/http.md, a table in docs/plain.md, the layout of a file in docs/surface_fit.md, and the folders
   in docs/architecture.md;
 * docs/pictures/architecture.svg, from the imports.
 
@@ -55,7 +55,6 @@ _RENEWED = {
     "errors.md": (errors.page,),
     "http.md": (routes.page, kinds.page),
     "plain.md": (tables.plain,),
-    "sketch.md": (tables.drawings,),
     "surface_fit.md": (tables.fields,),
 }
 

@@ -5,19 +5,24 @@ from __future__ import annotations
 import io
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageFilter
 
-from meshdeform.kinds.sketch.families import FAMILIES
-from training.sketch.lines import View, joined, visible_lines
-from training.sketch.strokes import draw
+from meshdeform.kinds.sketch.lines import View, line_pictures
+from meshdeform.kinds.sketch.shapes import shape
 
-__all__ = ["blank_page", "drawing_of"]
+__all__ = ["blank_page", "drawing_of", "lines_of"]
 
 
-def drawing_of(family: str, size: int = 300) -> bytes:
-    """Return a PNG of a family's default member, drawn as by a hand."""
-    lines = visible_lines(joined(FAMILIES[family].solids({})), View(0, 20, 25))
-    return _png(draw(lines, np.random.default_rng(0), size=size))
+def lines_of(noun: str, view: View | None = None, pixels: int = 300, **values: object) -> Image.Image:
+    """Return the lines of a shape of a noun, as wide as those of a pen; from the side by default."""
+    made = shape(noun, values)
+    ((_, page),) = line_pictures(made.verts, made.faces, made.labels, [view or View(90, 6)], pixels)
+    return Image.fromarray(np.where(page > 0, 0, 255).astype(np.uint8)).filter(ImageFilter.MinFilter(3))
+
+
+def drawing_of(noun: str, view: View | None = None, **values: object) -> bytes:
+    """Return a PNG of the lines of a shape of a noun."""
+    return _png(lines_of(noun, view, 300, **values))
 
 
 def blank_page() -> bytes:

@@ -1,13 +1,12 @@
-"""Generate tables of pages from those of the code: changes in plain words, families of drawings, the `.ndf` file."""
+"""Generate tables of pages from those of the code: changes in plain words, the `.ndf` file."""
 
 from __future__ import annotations
 
 from docs.generation.between import renewed
 from meshdeform.kinds.surface_fit import reader
 from meshdeform.plain.table import KINDS, SHAPES, TABLE
-from meshdeform.requests.sketches import SKETCH_FAMILIES
 
-__all__ = ["drawings", "fields", "plain"]
+__all__ = ["fields", "plain"]
 
 _MOST_EXAMPLES = 8
 
@@ -20,16 +19,6 @@ def plain(text: str) -> str:
         told = ", ".join(f"{name}: {way}" for name, way in operations.items() if name not in SHAPES)
         lines.append(f"| `{kind}` | {', '.join(words[:_MOST_EXAMPLES])} | {told} |")
     return renewed(text, "meshdeform/plain/table.py", "\n".join(lines) + "\n")
-
-
-def drawings(text: str) -> str:
-    """Return docs/sketch.md with its table of families regenerated."""
-    lines = ["| family | numbers | choices |", "|---|---|---|"]
-    for name, family in SKETCH_FAMILIES.items():
-        numbers = ", ".join(f"`{each.name}`" for each in family.numbers)
-        choices = "; ".join(f"`{each.name}`: {', '.join(each.options)}" for each in family.choices)
-        lines.append(f"| `{name}` | {numbers} | {choices} |")
-    return renewed(text, "meshdeform/requests/sketches.py", "\n".join(lines) + "\n")
 
 
 def fields(text: str) -> str:

@@ -471,22 +471,22 @@ class ModelList(Document):
 
 
 class SketchParameter(Document):
-    """A parameter of a family: a number in a range, or one of several options."""
+    """A slider of a noun: a number in a range, or one of several options."""
 
-    name: str = Field(description="Its name.", examples=["lip"])
-    value: float | str = Field(description="Value in the drawing.", examples=[0.2])
-    default: float | str = Field(description="Its value where nothing is known.", examples=[0.16])
-    minimum: float | None = Field(None, description="Of a number: the least value.", examples=[0.08])
-    maximum: float | None = Field(None, description="Of a number: the greatest value.", examples=[0.3])
+    name: str = Field(description="Its name.", examples=["neck"])
+    value: float | str = Field(description="Value in the drawing.", examples=[0.5])
+    default: float | str = Field(description="Its value where nothing is known.", examples=[0.0])
+    minimum: float | None = Field(None, description="Of a number: the least value.", examples=[-1.0])
+    maximum: float | None = Field(None, description="Of a number: the greatest value.", examples=[1.0])
     options: list[str] | None = Field(None, description="Of a choice: its values.", examples=[None])
 
 
 class SketchGuess(Document):
     """One reading of a drawing."""
 
-    family: str = Field(description="Family of the drawing.", examples=["vase"])
-    probability: float = Field(ge=0.0, le=1.0, description="That it shows this family and no other.", examples=[0.98])
-    parameters: list[SketchParameter] = Field(description="All parameters of the family.")
+    noun: str = Field(description="What the drawing shows.", examples=["vase"])
+    probability: float = Field(ge=0.0, le=1.0, description="That it shows this and nothing else.", examples=[0.98])
+    parameters: list[SketchParameter] = Field(description="All sliders of the noun.")
     mesh: str = Field(
         description="The shape as a GLB, in base64.",
         examples=["Z2xURgIAAAA="],
@@ -495,7 +495,7 @@ class SketchGuess(Document):
 
     @property
     def values(self) -> dict[str, float | str]:
-        """The parameters by name."""
+        """The sliders by name."""
         return {each.name: each.value for each in self.parameters}
 
     @property
@@ -505,12 +505,12 @@ class SketchGuess(Document):
 
 
 class SketchGuesses(Document):
-    """The families that a drawing may show."""
+    """The nouns that a drawing may show."""
 
-    guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the family is named.")
+    guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the noun is named.")
     unsure: bool = Field(
-        description="Whether the drawing may be of none of the families: the first guess has a probability below 0.85, "
-        "and no family was named.",
+        description="Whether the drawing may be of something else: the first guess has a probability below 0.95, "
+        "and no noun was named.",
         examples=[False],
     )
 

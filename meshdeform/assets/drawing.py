@@ -17,7 +17,8 @@ MAX_BYTES = 20_000_000
 _MAX_PIXELS = 50_000_000
 _LOOKED_AT = 512
 """Longer side to which a picture is made smaller before it is looked at."""
-_MARGIN = 0.06
+MARGIN = 0.06
+"""Empty border of a prepared drawing, as a share of its longer side."""
 _INK = 0.25
 """Difference from the paper from which something is ink, as a share of the range from black to white."""
 _ADVICE = "Draw the outlines of one thing with dark lines on an even, bright page, large enough to fill most of it."
@@ -96,7 +97,7 @@ def prepared(picture: Image.Image) -> NDArray[np.float32]:
     ink = ink_of(picture)
     rows, columns = np.flatnonzero((ink > _INK).any(1)), np.flatnonzero((ink > _INK).any(0))
     cut = ink[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    size = round(max(cut.shape) * (1 + 2 * _MARGIN)) + 1
+    size = round(max(cut.shape) * (1 + 2 * MARGIN)) + 1
     square = np.zeros((size, size), np.float32)
     top, left = (size - cut.shape[0]) // 2, (size - cut.shape[1]) // 2
     square[top : top + cut.shape[0], left : left + cut.shape[1]] = np.where(cut > 0.06, cut, 0)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -30,7 +30,7 @@ from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
 from meshdeform.vocabulary.solids import Piece
 
-__all__ = ["FORMS", "GENERAL", "drawn", "is_able", "other_kinds", "own_forms"]
+__all__ = ["FORMS", "GENERAL", "drawn", "is_able", "other_kinds", "own_forms", "settable"]
 
 
 _DRAWN: dict[str, tuple[Callable[[Rng, Traits], Part], str]] = {
@@ -102,11 +102,15 @@ def own_forms(noun: str, attributes: Iterable[Attribute]) -> tuple[str, ...]:
 
 def is_able(form: str, attributes: Iterable[Attribute]) -> bool:
     """Return whether members of a family or a form have attributes with which they are drawn."""
+    return {attribute.part for attribute in attributes} - {"whole"} <= set(settable(form))
+
+
+def settable(form: str) -> tuple[str, ...]:
+    """Return the parts of a family or a form whose size can be set, by the alphabet."""
     base = _base(form)
-    parts = {attribute.part for attribute in attributes} - {"whole"}
     if form in _KINDS:
-        return parts <= _settable(form)
-    return parts <= set(_TRAITS.get(base, ()) if base in _DRAWN else NOUNS[base])
+        return tuple(sorted(_settable(form)))
+    return tuple(sorted(_TRAITS.get(base, ()) if base in _DRAWN else NOUNS[base]))
 
 
 @cache
@@ -121,24 +125,36 @@ def _base(form: str) -> str:
     return "dragon" if form == "two-legged-dragon" else _UPRIGHT.get(form, form)
 
 
-def drawn(form: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> LabelledMember:
-    """Draw a labelled member of a family or a form; a form without parts of an attribute's name leaves it out."""
+def drawn(
+    form: str, attributes: Iterable[Attribute], rng: np.random.Generator, sizes: Mapping[str, float] | None = None
+) -> LabelledMember:
+    """Draw a labelled member of a family or a form; a form without parts of an attribute's name leaves it out.
+
+    `sizes`: as for `Traits`.
+    """
     wanted = tuple(attributes)
     base = _base(form)
     if base != form:
-        return _stood(form, base, wanted, rng)
+        return _stood(form, base, wanted, rng, sizes)
+    traits = Traits(wanted, sizes)
     if form in _KINDS:
         noun, family = _KINDS[form]
-        return replace(labelled(noun, deformed(family(rng, Traits(wanted)), wanted, rng)), noun=form)
+        return replace(labelled(noun, deformed(family(rng, traits), wanted, rng)), noun=form)
     if form not in _DRAWN:
-        return labelled_member(form, wanted, rng)
+        return labelled_member(form, wanted, rng, traits)
     draw, names = _DRAWN[form]
-    shape = deformed(draw(rng, Traits(wanted)), wanted, rng)
+    shape = deformed(draw(rng, traits), wanted, rng)
     return labelled_solids(form, shape, [(Piece(0, name),) for name in names.split()], solids_of(shape))
 
 
-def _stood(form: str, base: str, attributes: tuple[Attribute, ...], rng: np.random.Generator) -> LabelledMember:
+def _stood(
+    form: str,
+    base: str,
+    attributes: tuple[Attribute, ...],
+    rng: np.random.Generator,
+    sizes: Mapping[str, float] | None,
+) -> LabelledMember:
     """Draw a member on its hind legs; what is tall or fat is so as it stands."""
-    member = drawn(base, [each for each in attributes if each.part != "whole"], rng)
+    member = drawn(base, [each for each in attributes if each.part != "whole"], rng, sizes)
     member = on_hind_legs(member, rng) if form in _UPRIGHT else two_legged(member)
     return replace(member, noun=form, verts=deformed(Part(member.verts, member.faces), attributes, rng).verts)

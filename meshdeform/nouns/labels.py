@@ -93,10 +93,15 @@ class LabelledMember:
         return replace(self, verts=verts)
 
 
-def labelled_member(noun: str, attributes: Iterable[Attribute], rng: np.random.Generator) -> LabelledMember:
-    """Draw a member like `families.member`, with labels: the same generator state gives the same member."""
+def labelled_member(
+    noun: str, attributes: Iterable[Attribute], rng: np.random.Generator, traits: Traits | None = None
+) -> LabelledMember:
+    """Draw a member like `families.member`, with labels: the same generator state gives the same member.
+
+    `traits`: Default: those of the attributes.
+    """
     names = tuple(attributes)
-    drawn = labelled(noun, FAMILIES[noun](rng, Traits(names)))
+    drawn = labelled(noun, FAMILIES[noun](rng, traits or Traits(names)))
     return drawn.moved(deformed(Part(drawn.verts, drawn.faces), names, rng).verts)
 
 

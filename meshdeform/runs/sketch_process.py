@@ -6,83 +6,86 @@ numpy, and the child no torch, whose start would take longer than all else.
 
 from __future__ import annotations
 
-import argparse
 import base64
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from meshdeform.requests.sketches import Sketch, sketch_family
-from meshdeform.runs.questions import Question, answer
+from meshdeform.requests.sketches import Sketch
+from meshdeform.runs.questions import Question, answer_task
+from meshdeform.words import Word, in_use
+from meshdeform.words.file import SUFFIX
 
 _QUESTION = Question(
     __name__,
     cannot="The drawing cannot be read on this server.",
-    lacks="Drawings are read with the extra `asset`, which the API of this server lacks",
+    lacks="Drawings are read with the extra `deform`, which the API of this server lacks",
     instead="Send the drawing with its job, or run `meshdeform sketch DRAWING`.",
 )
 
 
-def guesses_of(drawing: Path, *, family: str = "", timeout_s: float) -> dict[str, Any]:
-    """Return the families that a drawing may show.
+def guesses_of(drawing: Path, *, noun: str = "", words: Sequence[Word] = (), timeout_s: float) -> dict[str, Any]:
+    """Return the nouns that a drawing may show.
 
-    `drawing`: a PNG, JPEG or WebP. The child's temporary files lie beside it. `family`: the only family to consider.
-    Default: all. Returns dict: `guesses`, the likeliest first, each with `family`, `probability`, `values` and the
-    `mesh` as a GLB in base64; and whether the first one is `unsure`. Raises ParameterError: there is no such family.
-    Raises DrawingError: the picture is no line drawing. Raises ModelError: the package's weights are missing or
-    damaged. Raises DependencyError: Numpy, Pillow or safetensors is not installed here. Raises UnavailableError: it
-    took too long or too much memory, or no process can be started.
+    `drawing`: a PNG, JPEG or WebP. The child's temporary files lie beside it. `noun`: the only one to consider.
+    Default: all, and `words` of somebody's own. Returns dict: `guesses`, the likeliest first, each with `noun`,
+    `probability`, `parameters` and the `mesh` as a GLB in base64; and whether the first one is `unsure`.
+
+    Raises ParameterError: there is no such noun. Raises DrawingError: the picture is no line drawing. Raises
+    ModelError: the package's weights are missing or damaged. Raises DependencyError: a package is not installed here.
+    Raises UnavailableError: it took too long or too much memory, or no process can be started.
     """
-    if family:
-        sketch_family(family)
-    return _asked(["guess", str(drawing.absolute()), family], drawing.absolute().parent, timeout_s)
+    return _asked(drawing.absolute(), {"noun": noun}, words, timeout_s)
 
 
-def shape_of(sketch: Sketch, folder: Path, *, timeout_s: float) -> bytes:
-    """Return a shape of a family as a GLB; the child's temporary files lie in the folder.
+def shape_of(sketch: Sketch, folder: Path, *, words: Sequence[Word] = (), timeout_s: float) -> bytes:
+    """Return a shape of a noun as a GLB; the child's temporary files lie in the folder.
 
-    Raises DependencyError: Numpy is not installed here. Raises UnavailableError: it took too long, or no process can be
-    started.
+    Raises ParameterError: there is no such noun or slider, or a value is out of range. Raises DependencyError: a
+    package is not installed here. Raises UnavailableError: it took too long, or no process can be started.
     """
-    answer = _asked(["shape", sketch.model_dump_json()], folder.absolute(), timeout_s)
+    answer = _asked(folder.absolute() / "sketch", {"sketch": sketch.model_dump(mode="json")}, words, timeout_s)
     return base64.b64decode(answer["mesh"])
 
 
-def _asked(arguments: list[str], folder: Path, timeout_s: float) -> dict[str, Any]:
-    answer: dict[str, Any] = _QUESTION.ask(arguments, folder, timeout_s)
-    return answer
+def _asked(drawing: Path, task: dict[str, Any], words: Sequence[Word], timeout_s: float) -> dict[str, Any]:
+    files = {drawing.with_name(f"{word.sha256}{SUFFIX}"): word.data for word in words}
+    for path, content in files.items():
+        path.write_bytes(content)
+    found: dict[str, Any] = _QUESTION.ask_about(drawing, {**task, "words": [str(each) for each in files]}, timeout_s)
+    return found
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Carry out a task, and print a JSON verdict with what was found or what went wrong."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("task", choices=["guess", "shape"])
-    parser.add_argument("subject")
-    parser.add_argument("family", nargs="?", default="")
-    options = parser.parse_args(arguments)
-    if options.task == "guess":
-        return answer(partial(_guessed, options.subject, options.family))
-    return answer(partial(_shaped, options.subject))
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Carry out the task of a file, and print a JSON verdict with what was found or what went wrong."""
+
+    def found(task: dict[str, Any]) -> dict[str, Any]:
+        with in_use(Word.read(Path(path).read_bytes()) for path in task["words"]):
+            if "noun" in task:
+                return _guessed(Path(task["asset"]), task["noun"])
+            return _shaped(Sketch.model_validate(task["sketch"]))
+
+    return answer_task(found, arguments)
 
 
-def _guessed(path: str, family: str) -> dict[str, Any]:
-    from meshdeform.kinds.sketch.looking import guess, is_unsure
+def _guessed(drawing: Path, noun: str) -> dict[str, Any]:
+    from meshdeform.kinds.sketch.guessing import guess, is_unsure
+    from meshdeform.kinds.sketch.shapes import described
 
-    answer = guess(Path(path).read_bytes(), family=family)
+    answer = guess(drawing.read_bytes(), noun=noun)
     guesses = [
         {
-            "family": each.family,
+            "noun": each.noun,
             "probability": each.probability,
-            "values": each.values,
+            "parameters": described(each.noun, each.values),
             "mesh": base64.b64encode(each.glb()).decode(),
         }
         for each in answer
     ]
-    return {"guesses": guesses, "unsure": is_unsure(answer, family=family)}
+    return {"guesses": guesses, "unsure": is_unsure(answer, noun=noun)}
 
 
-def _shaped(document: str) -> dict[str, Any]:
-    from meshdeform.kinds.sketch.families import member_glb
+def _shaped(sketch: Sketch) -> dict[str, Any]:
+    from meshdeform.kinds.sketch.shapes import known_noun, shape_glb
 
-    sketch = Sketch.model_validate_json(document)
-    return {"mesh": base64.b64encode(member_glb(sketch.family, sketch.values)).decode()}
+    return {"mesh": base64.b64encode(shape_glb(known_noun(sketch.noun), sketch.values)).decode()}

@@ -1,4 +1,4 @@
-"""A drawing on the page: strokes, a way back, the guesses, another parameter, and its mesh as the target of a job."""
+"""A drawing on the page: strokes, a way back, the guesses, another slider, and its mesh as the target of a job."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from meshdeform.kinds.sketch.families import member_glb
+from meshdeform.kinds.sketch.shapes import shape_glb
 from tests.acceptance.service import Service
 from tests.browser.conftest import Watch
 from tests.browser.steps import drag, expect, open_form, open_more, set_steps, start
@@ -48,13 +48,16 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
     guess.click()
     guesses = dialog.get_by_role("radiogroup", name="Guesses").get_by_role("radio")
     expect(guesses).to_have_count(3)
-    expect(dialog.get_by_role("radio", name="Table")).to_be_checked()
     expect(dialog.locator(".sketch-guess img[src^='blob:']")).to_have_count(3)
-    legs = dialog.get_by_label("Legs", exact=True)
+    dialog.get_by_label("What it is", exact=True).fill("table")
+    guess.click()
+    expect(guesses).to_have_count(1)
+    expect(dialog.get_by_role("radio", name="Table")).to_be_checked()
+    kind = dialog.get_by_label("Kind", exact=True)
     with page.expect_response("**/v1/sketches:mesh") as made:
-        legs.select_option("column")
+        kind.select_option("round-table")
     sent = made.value.request.post_data_json
-    assert (sent["family"], sent["values"]["legs"]) == ("table", "column")
+    assert (sent["noun"], sent["values"]["kind"]) == ("table", "round-table")
     expect(use).to_be_enabled()
     use.click()
     expect(dialog).to_have_count(0)
@@ -66,5 +69,5 @@ def test_a_drawn_table_is_the_target_of_a_job(page: Page, service: Service, watc
     # The job has the mesh that was shown, as any other target.
     assert document["params"]["guidance"] == {"kind": "target"}
     assert list(document["files"]) == ["asset", "target"]
-    assert service.http.get(f"/v1/jobs/{job}/files/target").content == member_glb("table", sent["values"])
+    assert service.http.get(f"/v1/jobs/{job}/files/target").content == shape_glb("table", sent["values"])
     expect(page.locator(".guide-head")).to_contain_text("table.glb")

@@ -1,5 +1,1 @@
-"""Train the network that reads line drawings.
-
-`lines`, `habits` and `strokes` draw members of the families as people do, `strangers` draws what is of none, and
-`train` trains the network of `network`.
-"""
+"""Train the network that guesses which noun a drawing shows: on lines of members, and on drawings by people."""

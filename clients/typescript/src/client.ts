@@ -134,15 +134,15 @@ export class Client {
     return { data: await response.arrayBuffer(), draft: headers.get("Meshdeform-Draft") === "true", asset: headers.get("Meshdeform-Asset") ?? "" };
   }
 
-  /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
-  async guessSketch(drawing: Blob | ArrayBuffer | Uint8Array<ArrayBuffer>, options: { family?: Sketch["family"]; signal?: AbortSignal } = {}): Promise<SketchGuesses> {
-    const query = options.family ? `?family=${encodeURIComponent(options.family)}` : "";
+  /** Guess what a drawing shows: nouns with their sliders, and a mesh each as a GLB in base64. */
+  async guessSketch(drawing: Blob | ArrayBuffer | Uint8Array<ArrayBuffer>, options: { noun?: string; signal?: AbortSignal } = {}): Promise<SketchGuesses> {
+    const query = options.noun ? `?noun=${encodeURIComponent(options.noun)}` : "";
     const headers = { "Content-Type": "application/octet-stream" };
     const body = named(drawing).blob;
     return this.#transport.json<SketchGuesses>(`v1/sketches:guess${query}`, { method: "POST", body, headers, signal: options.signal });
   }
 
-  /** Make a shape of a family, as a GLB. */
+  /** Make a shape of a noun, as a GLB. */
   async makeSketchMesh(sketch: Sketch, signal?: AbortSignal): Promise<ArrayBuffer> {
     return this.bytes("v1/sketches:mesh", { method: "POST", json: sketch, signal });
   }

@@ -826,40 +826,40 @@ class Client:
         """Save the asset with its shape at a checkpoint."""
         return saved(self._connection, job_path(job, "checkpoints", step, "mesh.glb"), Path(path))
 
-    def guess_sketch(self, drawing: bytes | str | os.PathLike[str], *, family: str | None = None) -> SketchGuesses:
-        """Guess what a drawing shows: three families with their parameters and a mesh each.
+    def guess_sketch(self, drawing: bytes | str | os.PathLike[str], *, noun: str | None = None) -> SketchGuesses:
+        """Guess what a drawing shows: three nouns with their sliders and a mesh each.
 
         Parameters
         ----------
         drawing : bytes or path
             A PNG, JPEG or WebP.
-        family : str, optional
-            What it shows; no other family is considered.
+        noun : str, optional
+            What it shows; nothing else is considered.
 
         Raises
         ------
         DrawingError
             The picture is no line drawing.
         ParameterError
-            There is no such family.
+            There is no such noun.
         DependencyError, UnavailableError
             The service cannot read drawings, or cannot read them now.
         """
         data = drawing if isinstance(drawing, bytes) else work(Path(drawing).read_bytes)
-        query = {} if family is None else {"family": family}
+        query = {} if noun is None else {"noun": noun}
         headers = {"Content-Type": "application/octet-stream"}
         call = Call("POST", "/v1/sketches:guess", query=query, headers=headers, content=data)
         return self._connection.document(SketchGuesses, call)
 
-    def make_sketch_mesh(self, family: str, values: Mapping[str, float | str] | None = None) -> bytes:
-        """Return the GLB of a shape of a family; parameters left out have their default.
+    def make_sketch_mesh(self, noun: str, values: Mapping[str, float | str] | None = None) -> bytes:
+        """Return the GLB of a shape of a noun; sliders left out have their default.
 
         Raises
         ------
         ParameterError
-            There is no such family, a name is unknown, or a value is out of range.
+            There is no such noun, a name is unknown, or a value is out of range.
         """
-        document = {"family": family, "values": dict(values or {})}
+        document = {"noun": noun, "values": dict(values or {})}
         answer = self._connection.answered(Call("POST", "/v1/sketches:mesh", document=document))
         return answer.content
 

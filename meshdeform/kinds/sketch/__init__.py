@@ -1,6 +1,6 @@
-"""Turn a line drawing into the parameters of a procedural family, and so into a mesh.
+"""Turn a line drawing into a shape of a noun with sliders.
 
-`families` declares what can be drawn, `looking` looks at a drawing without torch, and `guesses` puts both together;
-`training/sketch` draws as hands do and trains the network. Source: Huang, Kalogerakis, Yumer, Mech 2017, "Shape
-Synthesis from Sketches via Procedural Models and Convolutional Networks"; the networks here are much smaller.
+`looking` says at first sight which nouns it may show, `lines` draws members of them, `matching` says how far their
+lines are from the drawing, and `guessing` puts these together; `shapes` makes shapes by sliders. `training/sketch` fits
+what `looking` looks with.
 """

@@ -1,167 +1,124 @@
-"""Look at a drawing with the network's weights, without torch: loading torch takes far longer than one look.
+"""Look at a drawing: how likely it shows each noun.
 
-`network` has the same layers for the training; a test compares what both see.
+The histograms of a picture's gradients are projected to where drawings of one thing lie close and those of others apart
+(Fisher's linear discriminants), and a noun is as likely as its own places are near there: the means of what people drew
+(Quick, Draw! by Google, CC-BY 4.0), and of the lines of its members. A new noun or a word of somebody's own has the
+mean of the lines of its members. `training/sketch` fits the projection.
 """
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 from safetensors import SafetensorError, safe_open
+from scipy.ndimage import gaussian_filter1d
 
-from meshdeform.assets.drawing import read_drawing
+from meshdeform.assets.drawing import prepared
 from meshdeform.errors import ModelError
-from meshdeform.kinds.sketch.families import FAMILIES, family_of, member_glb
-from meshdeform.requests.sketches import Value
+from meshdeform.kinds.sketch.lines import Pictures
+
+__all__ = ["WEIGHTS", "Projection", "gradients", "inked", "read_projection"]
 
 WEIGHTS = Path(__file__).parent / "weights" / "sketch.safetensors"
 """The weights that are part of the package."""
-WIDTHS = ((16, 2), (32, 2), (48, 1), (64, 2), (64, 1), (96, 2))
-"""Channels and stride of each convolution."""
 _ADVICE = "Install meshdeform again (the weights are part of the package), or train: python -m training.sketch.train."
-_Floats = NDArray[np.float32]
+_BLUR, _CELL, _WAYS = 0.7, 8, 9
+
+Singles = NDArray[np.float32]
+
+
+def gradients(pictures: Singles) -> Singles:
+    """Return histograms of oriented gradients (N, D) of pictures (N, S, S): unsigned, blocks of 2 x 2 cells.
+
+    Source: Dalal and Triggs 2005.
+    """
+    cells = _oriented(pictures)
+    side = cells.shape[1]
+    blocks = np.concatenate([cells[:, i : side - 1 + i, j : side - 1 + j] for i in (0, 1) for j in (0, 1)], -1)
+    blocks /= np.linalg.norm(blocks, axis=-1, keepdims=True) + 0.1
+    return np.asarray(blocks.reshape(len(pictures), -1), np.float32)
+
+
+def _oriented(pictures: Singles) -> Singles:
+    """Return how much ink runs which way in each cell of pictures (N, S, S), (N, S / 8, S / 8, 9).
+
+    The size of the gradient, divided between the two nearest of the ways.
+    """
+    rows, columns = (gaussian_filter1d(pictures.astype(np.float32), _BLUR, axis) for axis in (1, 2))
+    dx, dy = gaussian_filter1d(rows, 1.0, 2, order=1), gaussian_filter1d(columns, 1.0, 1, order=1)
+    size, place = np.hypot(dx, dy), np.mod(np.arctan2(dy, dx), np.pi) / np.pi * _WAYS
+    low = place.astype(np.int64)
+    share = place - low
+    count, side = len(pictures), pictures.shape[1] // _CELL
+    at = np.arange(pictures.shape[1]) // _CELL
+    first = ((np.arange(count)[:, None, None] * side + at[:, None]) * side + at) * _WAYS
+    total = np.zeros(count * side * side * _WAYS)
+    for way, part in ((low % _WAYS, 1 - share), ((low + 1) % _WAYS, share)):
+        total += np.bincount((first + way).ravel(), (size * part).ravel(), len(total))
+    return np.asarray(total.reshape(count, side, side, _WAYS), np.float32)
+
+
+def inked(lines: Pictures) -> Singles:
+    """Return lines as a drawing that was `prepared`."""
+    return prepared(Image.fromarray(np.where(lines > 0, 0, 255).astype(np.uint8)))
 
 
 @dataclass(frozen=True)
-class Seen:
-    """The network's answer for one drawing."""
+class Projection:
+    """The projection, and what lies where.
 
-    probabilities: NDArray[np.float64]  # of the families
-    shares: Mapping[str, NDArray[np.float64]]
-    """mapping of str to (N,) float64: of each family, its numbers as shares of their ranges."""
-    options: Mapping[str, list[int]]  # of each family, the likeliest option of each choice
+    `arrays`: `projection` (D, E); `people` and `members` (D,), the middles of both kinds of lines; `places` (R, E), of
+    length 1, with the class `of` each (R,) and its `offset` (R,); `scale`. Classes are the nouns by their order, and
+    after them things that are no noun of ours.
+    """
 
+    arrays: Mapping[str, NDArray[Any]]
+    nouns: tuple[str, ...]
 
-def parameters_hash() -> str:
-    """Return a hash of all families with their parameters; weights of others would be misread."""
-    about = [f"{f.name}:{f.numbers}:{f.choices}" for f in FAMILIES.values()]
-    return hashlib.sha256("\n".join(about).encode()).hexdigest()[:16]
+    def placed(self, pictures: Singles, *, of_members: bool = False) -> Singles:
+        """Return the places (N, E) of drawings or lines of members (N, SIDE, SIDE), with those of their mirrors."""
+        found = (gradients(pictures) + gradients(pictures[:, :, ::-1])) / 2
+        found = (found - self.arrays["members" if of_members else "people"]) @ self.arrays["projection"]
+        return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+    def likelihoods(self, picture: Singles, new: Mapping[str, Singles]) -> dict[str, float]:
+        """Return how likely a drawing (SIDE, SIDE) shows each noun; `new`: places (E,) of nouns that are new or other.
+
+        What is left to 1 is how likely it shows something else.
+        """
+        of = self.arrays["of"].astype(np.int64)
+        known = np.full(int(of.max()) + 1, -np.inf)
+        place, scale = self.placed(picture[None])[0], float(self.arrays["scale"])
+        np.maximum.at(known, of, scale * (self.arrays["places"] @ place + self.arrays["offset"]))
+        lower = float(self.arrays["offset"].min())
+        scores = dict(zip(self.nouns, known.tolist(), strict=False))
+        scores |= {noun: scale * (float(each @ place) + lower) for noun, each in new.items()}
+        others = known[len(self.nouns) :]
+        every = np.array([*scores.values(), *others])
+        likely = np.exp(every - every.max())
+        return dict(zip(scores, (likely / likely.sum()).tolist(), strict=False))
 
 
 @cache
-def read_weights(path: Path = WEIGHTS) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a file of weights by name; a file is read once.
+def read_projection(path: Path = WEIGHTS) -> Projection:
+    """Return the projection of a file of weights; a file is read once.
 
     Raises
     ------
     ModelError
-        The file is missing or damaged, or it is of other families.
+        The file is missing or damaged.
     """
     try:
         with safe_open(path, "np") as file:
-            families = (file.metadata() or {}).get("families")
-            state = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
-    except (OSError, SafetensorError) as error:
-        raise ModelError(f"The sketch network's weights {path.name} cannot be read.", advice=_ADVICE) from error
-    if families != parameters_hash():
-        raise ModelError(f"The sketch network's weights {path.name} are of other families.", advice=_ADVICE)
-    return {name: each.astype(np.float32) if each.dtype == np.float16 else each for name, each in state.items()}
-
-
-def look(picture: _Floats, weights: Mapping[str, NDArray[Any]]) -> Seen:
-    """Look at a drawing (SIDE, SIDE) that `read_drawing` returned."""
-    maps = picture[None]
-    for index, (_, stride) in enumerate(WIDTHS):
-        maps = _convolved(maps, weights[f"trunk.{3 * index}.weight"], stride)
-        norm = {name: weights[f"trunk.{3 * index + 1}.{name}"][:, None, None] for name in _NORM}
-        scale = norm["weight"] / np.sqrt(norm["running_var"] + 1e-5)
-        maps = np.maximum((maps - norm["running_mean"]) * scale + norm["bias"], 0)
-    # After the convolutions: flattening, dropout, which only the training has, and a layer.
-    features = np.maximum(_layer(maps.reshape(-1), weights, f"trunk.{3 * len(WIDTHS) + 2}"), 0)
-    logits = _layer(features, weights, "family").astype(np.float64)
-    likely = np.exp(logits - logits.max())
-    shares, options = {}, {}
-    for name, family in FAMILIES.items():
-        shares[name] = _layer(features, weights, f"numbers.{name}").astype(np.float64) + 0.5
-        ends = np.cumsum([len(each.options) for each in family.choices])[:-1]
-        options[name] = [int(each.argmax()) for each in np.split(_layer(features, weights, f"choices.{name}"), ends)]
-    return Seen(likely / likely.sum(), shares, options)
-
-
-_NORM = ("weight", "bias", "running_mean", "running_var")
-
-
-def _convolved(maps: _Floats, kernels: _Floats, stride: int) -> _Floats:
-    """Return maps (C, H, W) convolved with kernels (D, C, K, K), as large as before or by the stride smaller."""
-    side = kernels.shape[-1]
-    around = np.pad(maps, ((0, 0), (side // 2, side // 2), (side // 2, side // 2)))
-    windows = np.lib.stride_tricks.sliding_window_view(around, (side, side), (1, 2))[:, ::stride, ::stride]
-    return np.asarray(np.tensordot(kernels, windows, ((1, 2, 3), (0, 3, 4))))
-
-
-def _layer(features: _Floats, weights: Mapping[str, NDArray[Any]], name: str) -> _Floats:
-    return np.asarray(weights[f"{name}.weight"] @ features + weights[f"{name}.bias"])
-
-
-SURE = 0.85
-"""Probability of the first guess from which on it is sure; docs/sketch.md has what this threshold tells."""
-
-
-@dataclass(frozen=True)
-class Guess:
-    """One reading of a drawing."""
-
-    family: str
-    probability: float  # that the drawing shows this family and none of the others
-    values: dict[str, Value]  # all parameters of the family
-
-    @classmethod
-    def of(cls, family: str, probability: float, values: Mapping[str, object]) -> Self:
-        """Return a guess with checked parameters; those left out have their default.
-
-        Raises
-        ------
-        ParameterError
-            There is no such family, a name is unknown, or a value is out of range.
-        """
-        return cls(family, probability, family_of(family).checked(values))
-
-    def glb(self) -> bytes:
-        """Return the mesh as `member_glb` does."""
-        return member_glb(self.family, self.values)
-
-
-def guess(data: bytes, *, family: str = "") -> list[Guess]:
-    """Return what a drawing may show, the likeliest first.
-
-    Parameters
-    ----------
-    data : bytes
-        A PNG, JPEG or WebP with dark lines on a bright page, or the reverse.
-    family : str
-        The only family to consider. Default: all, of which the first three are returned.
-
-    Raises
-    ------
-    DrawingError
-        The picture is no line drawing.
-    ParameterError
-        There is no such family.
-    ModelError
-        The package's weights are missing or damaged.
-    """
-    if family:
-        family_of(family)
-    seen = look(read_drawing(data), read_weights())
-    probabilities = seen.probabilities.tolist()
-    names = list(FAMILIES)
-    order = sorted(range(len(names)), key=lambda index: -probabilities[index])
-    candidates = [index for index in order if not family or names[index] == family][:3]
-    guesses = []
-    for index in candidates:
-        name = names[index]
-        values = FAMILIES[name].values(seen.shares[name], seen.options[name])
-        guesses.append(Guess(name, round(probabilities[index], 4), values))
-    return guesses
-
-
-def is_unsure(guesses: Sequence[Guess], *, family: str = "") -> bool:
-    """Return whether a drawing may be of none of the families; never if its `family` was named."""
-    return not family and guesses[0].probability < SURE
+            nouns = file.metadata()["nouns"].split()
+            arrays: dict[str, NDArray[Any]] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError, KeyError, TypeError) as error:
+        raise ModelError(f"The weights for drawings {path.name} cannot be read.", advice=_ADVICE) from error
+    return Projection({name: each.astype(np.float32) for name, each in arrays.items()}, tuple(nouns))

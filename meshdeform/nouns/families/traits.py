@@ -6,7 +6,7 @@ greater), chosen by the label.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -18,10 +18,14 @@ Rng = np.random.Generator
 
 
 class Traits:
-    """Attributes of one member of a family; `asked`: the parts whose size has been drawn."""
+    """Attributes of one member of a family; `asked`: the parts whose size has been drawn.
 
-    def __init__(self, attributes: Iterable[Attribute] = ()) -> None:
+    `sizes`: of some parts, a size in place of a draw: -1 the least that there is, 0 the middle, 1 the greatest.
+    """
+
+    def __init__(self, attributes: Iterable[Attribute] = (), sizes: Mapping[str, float] | None = None) -> None:
         self._degrees = {attribute.part: attribute.degree for attribute in attributes if attribute.part != "whole"}
+        self._sizes = dict(sizes or {})
         self.asked: set[str] = set()
 
     def draw(self, rng: Rng, part: str, lesser: Range, neutral: Range, greater: Range) -> float:
@@ -37,6 +41,10 @@ class Traits:
             Disjoint ranges in the family's unit.
         """
         self.asked.add(part)
+        if part in self._sizes:
+            rng.uniform()  # all that is drawn after it stays
+            size, middle = self._sizes[part], sum(neutral) / 2
+            return middle + abs(size) * ((lesser[0] if size < 0 else greater[1]) - middle)
         degree = self._degrees.get(part)
         if degree is None:
             return float(rng.uniform(*neutral))

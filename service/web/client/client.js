@@ -72,14 +72,14 @@ export class Client {
         const { headers } = response;
         return { data: await response.arrayBuffer(), draft: headers.get("Meshdeform-Draft") === "true", asset: headers.get("Meshdeform-Asset") ?? "" };
     }
-    /** Guess what a drawing shows: families with their parameters, and a mesh each as a GLB in base64. */
+    /** Guess what a drawing shows: nouns with their sliders, and a mesh each as a GLB in base64. */
     async guessSketch(drawing, options = {}) {
-        const query = options.family ? `?family=${encodeURIComponent(options.family)}` : "";
+        const query = options.noun ? `?noun=${encodeURIComponent(options.noun)}` : "";
         const headers = { "Content-Type": "application/octet-stream" };
         const body = named(drawing).blob;
         return this.#transport.json(`v1/sketches:guess${query}`, { method: "POST", body, headers, signal: options.signal });
     }
-    /** Make a shape of a family, as a GLB. */
+    /** Make a shape of a noun, as a GLB. */
     async makeSketchMesh(sketch, signal) {
         return this.bytes("v1/sketches:mesh", { method: "POST", json: sketch, signal });
     }

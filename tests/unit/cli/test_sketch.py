@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from meshdeform.assets import Limits, load_asset
-from meshdeform.kinds.sketch.families import member_glb
+from meshdeform.kinds.sketch.shapes import shape_glb
 from tests.cases import each_case
 from tests.drawings import drawing_of
 from tests.unit.cli.lines import done, refused
@@ -21,71 +21,60 @@ def triangles(file: str) -> int:
 
 @pytest.fixture(autouse=True)
 def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drawing of a vase in the current folder."""
+    """A drawing of a giraffe in the current folder."""
     monkeypatch.chdir(tmp_path)
-    Path("vase.png").write_bytes(drawing_of("vase"))
+    Path("drawn.png").write_bytes(drawing_of("giraffe"))
 
 
 def test_a_drawing_becomes_three_meshes_and_a_picture() -> None:
-    said = json.loads(done("sketch vase.png -o out/made.glb --set lip=0.2 --set handles=two --json").stdout)
-    assert said["guesses"][0]["family"] == "vase"
-    assert said["guesses"][0]["parameters"] | {"lip": 0.2, "handles": "two"} == said["guesses"][0]["parameters"]
-    assert not said["unsure"]
+    said = json.loads(done("sketch drawn.png -o out/made.glb --set neck=0.2 --set variant=2 --json").stdout)
+    assert said["guesses"][0]["noun"] == "giraffe"
+    assert said["guesses"][0]["sliders"] | {"neck": 0.2, "variant": "2"} == said["guesses"][0]["sliders"]
+    assert said["unsure"] == (said["guesses"][0]["probability"] < 0.95)
     for each in said["guesses"]:
         assert triangles(each["file"]) > 100
     with Image.open("out/made.png") as sheet:
         assert sheet.width == 480
-    assert "--force" in refused("sketch vase.png -o out/made.glb")
+    assert "--force" in refused("sketch drawn.png -o out/made.glb")
 
 
 def test_a_drawing_chooses_among_the_assets_of_a_folder() -> None:
     Path("shapes").mkdir()
-    for name in ("chair", "vase", "airplane"):
-        Path(f"shapes/{name}.glb").write_bytes(member_glb(name, {}))
-    chosen = json.loads(done("sketch vase.png --among shapes -o best.glb --json").stdout)["chosen"]
-    assert chosen[0] == {"name": "vase.glb", "file": "best.glb"}
+    for name in ("chair", "giraffe", "airplane"):
+        Path(f"shapes/{name}.glb").write_bytes(shape_glb(name, {}))
+    chosen = json.loads(done("sketch drawn.png --among shapes -o best.glb --json").stdout)["chosen"]
+    assert chosen[0] == {"name": "giraffe.glb", "file": "best.glb"}
     assert len(chosen) == 3
-    assert Path("best.glb").read_bytes() == Path("shapes/vase.glb").read_bytes()
+    assert Path("best.glb").read_bytes() == Path("shapes/giraffe.glb").read_bytes()
 
 
-def test_a_drawing_of_something_else_is_told() -> None:
-    page = Image.new("L", (300, 300), 255)
-    pen = ImageDraw.Draw(page)
-    pen.ellipse((60, 40, 240, 260), outline=0, width=3)  # a face
-    for x in (100, 170):
-        pen.ellipse((x, 110, x + 30, 130), outline=0, width=3)
-    pen.line([(150, 130), (135, 170), (160, 170)], fill=0, width=3)
-    pen.arc((100, 170, 200, 220), 20, 160, fill=0, width=3)
-    page.save("face.png")
-    assert "may be none of chair, table" in done("sketch face.png").stderr
-    assert "may be none" not in done("sketch face.png --family vase --force").stderr
+def test_a_noun_can_be_named_and_the_drawing_is_never_overwritten() -> None:
+    before = Path("drawn.png").read_bytes()
+    said = done("sketch drawn.png --noun llama --force")
+    assert "llama (" in said.stdout
+    assert "unsure" not in said.stderr
+    assert Path("drawn.png").read_bytes() == before
+    assert Path("drawn.guesses.png").exists()
 
 
-def test_the_drawing_is_never_overwritten() -> None:
-    before = Path("vase.png").read_bytes()
-    assert "vase (" in done("sketch vase.png --force").stdout
-    assert Path("vase.png").read_bytes() == before
-    assert Path("vase.guesses.png").exists()
-
-
-def test_parameters_alone_make_a_mesh_and_are_listed() -> None:
-    done("sketch --family table --set legs=column -o table.glb")
+def test_sliders_alone_make_a_mesh_and_are_listed() -> None:
+    done("sketch --noun table --set legs=0.5 -o table.glb")
     assert triangles("table.glb") > 100
-    listed = json.loads(done("sketch --parameters --json").stdout)["families"]
-    assert listed["table"]["height"] == {"minimum": 0.3, "maximum": 0.9, "default": 0.6}
-    assert "leg_thickness" in done("sketch --parameters").stdout
+    listed = json.loads(done("sketch --noun table --sliders --json").stdout)["sliders"]
+    assert {"name": "height", "default": 1.0, "minimum": 0.5, "maximum": 2.0} in listed
+    assert "round-table" in done("sketch --noun table --sliders").stdout
 
 
 @each_case(
     ("line", "said"),
     [
         ("empty.png", "empty"),
-        ("vase.png --family dragon", "no family"),
-        ("vase.png --set lip=9", "lip"),
-        ("vase.png --set lip", "NAME=VALUE"),
-        ("vase.png -o vase.obj", ".glb"),
+        ("drawn.png --noun justice", "no noun"),
+        ("drawn.png --noun vase --set neck=9", "neck"),
+        ("drawn.png --set neck", "NAME=VALUE"),
+        ("drawn.png -o vase.obj", ".glb"),
         ("", "neither"),
-        ("--family dragon", "no family"),
+        ("--sliders", "no noun"),
     ],
 )
 def test_what_cannot_be_drawn_is_said(line: str, said: str) -> None:

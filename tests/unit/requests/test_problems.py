@@ -19,7 +19,7 @@ from meshdeform.cli.environment import load_settings
 from meshdeform.cli.request import make_request
 from meshdeform.errors import MeshdeformError, ParameterError
 from meshdeform.mcp.tools import explained
-from meshdeform.requests import parameters, selection, sketches
+from meshdeform.requests import parameters, selection
 from meshdeform.requests.document import JobRequest, first_problem
 from meshdeform.requests.problems import reason
 from meshdeform.settings import Settings
@@ -28,7 +28,7 @@ from service.http.errors import parameter_error
 from service.jobs import documents, routes
 from tests.cases import each_case
 
-WITH_VALIDATORS: tuple[ModuleType, ...] = (settings, parameters, selection, sketches, documents, routes)
+WITH_VALIDATORS: tuple[ModuleType, ...] = (settings, parameters, selection, documents, routes)
 BOX = {"min": [1, 0, 0], "max": [0, 0, 0]}
 WORDS = ("Value error", "Assertion failed", "Extra inputs")
 
@@ -49,7 +49,6 @@ REQUESTS: list[dict[str, Any]] = [
     control("handles", {"to": [0, 0, 0]}),
 ]
 OTHERS: list[tuple[type[BaseModel], dict[str, Any]]] = [
-    (sketches.Sketch, {"family": "vase", "values": {"none": 1}}),
     (documents.JobDocument, {"asset": {"upload_id": "upl_" + "0" * 26, "artifact": "a.glb"}}),
     (documents.JobDocument, {"asset": {}}),
     (documents.JobDocument, {"asset": {"url": "https://a"}, "files": {"asset": {"url": "https://b"}}}),

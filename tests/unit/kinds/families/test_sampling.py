@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import torch
 
+from bench.solids import tube
 from meshdeform.kinds.families.assembly import Assembler, sewn
 from meshdeform.kinds.families.boundary import boundary_defects, without_strays
 from meshdeform.kinds.families.cut import shortened
 from meshdeform.kinds.families.embedded import Embedding, Pull
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, sampled, to_machine
-from meshdeform.kinds.sketch.solids import tube
 
 
 @pytest.fixture(scope="module")

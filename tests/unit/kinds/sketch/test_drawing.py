@@ -10,14 +10,10 @@ import pytest
 from PIL import Image, ImageDraw, ImageOps
 
 from meshdeform.assets.drawing import SIDE, read_drawing
-from meshdeform.errors import DrawingError, ParameterError
-from meshdeform.kinds.sketch.families import FAMILIES, Family
-from meshdeform.kinds.sketch.solids import box
+from meshdeform.errors import DrawingError
+from meshdeform.kinds.sketch.lines import BEND, BORDER, OUTLINE, STEP, View, line_pictures
 from tests.cases import each_case
-from training.sketch.lines import View, joined, visible_lines
-from training.sketch.strokes import Hand, draw
-
-EXACT = Hand(shake=0, shift=0, overshoot=0, gaps=0, again=0, lost=0, width=0.008)
+from tests.drawings import lines_of
 
 
 def png(picture: Image.Image, kind: str = "PNG") -> bytes:
@@ -57,13 +53,8 @@ def test_what_is_no_drawing_is_told(data: bytes, told: str) -> None:
         read_drawing(data)
 
 
-def chair(size: int = 400) -> Image.Image:
-    lines = visible_lines(joined(FAMILIES["chair"].solids({})), View(30, 20, 25))
-    return draw(lines, np.random.default_rng(0), EXACT, size)
-
-
 def test_a_drawing_looks_the_same_inverted_shifted_and_transparent() -> None:
-    picture = chair()
+    picture = lines_of("chair", View(30, 20), 400)
     found = read_drawing(png(picture))
     assert found.shape == (SIDE, SIDE)
     assert found.max() == 1
@@ -78,75 +69,44 @@ def test_a_drawing_looks_the_same_inverted_shifted_and_transparent() -> None:
     np.testing.assert_allclose(read_drawing(png(clear)), found, atol=0.05)
 
 
-# Visible lines of a mesh: silhouettes and creases, without what is hidden.
+# Lines: outlines, steps, borders of parts and bends.
 
 
-def length(lines: list[np.ndarray]) -> float:
-    return sum(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in lines)
+def cube(at: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float) + [at, 0, 0]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, np.array([[a, b, c] for a, b, c, d in sides] + [[a, c, d] for a, b, c, d in sides])
 
 
-def test_nine_of_twelve_edges_of_a_cube_are_seen_from_a_corner_and_four_from_the_front() -> None:
-    cube = joined({"cube": box((-1, -1, -1), (1, 1, 1))})
-    # From far away at azimuth 45, edges of length 2 have these lengths on a page whose half size is sqrt(3).
-    e = np.radians(35.2643896828)
-    flat, upright = np.sqrt(2 + 2 * np.sin(e) ** 2), 2 * np.cos(e)
-    expected = (6 * flat + 3 * upright) / (2 * np.sqrt(3))
-    assert length(visible_lines(cube, View(45, 35.2643896828, 1.0))) == pytest.approx(expected, rel=0.02)
-    assert length(visible_lines(cube, View(0, 0, 1.0))) == pytest.approx(8 / (2 * np.sqrt(3)), rel=0.02)
+def counted(page: np.ndarray, bit: int) -> int:
+    return int(((page & bit) > 0).sum())
 
 
-# Procedural families: closed solids of the stated proportions, and parameters by name.
+def test_a_cube_has_an_outline_and_three_bends_from_a_corner_and_no_bend_from_the_front() -> None:
+    verts, faces = cube()
+    (_, front), (_, corner) = line_pictures(verts, faces, np.zeros(12, int), [View(0, 0), View(45, 35.26)], 200)
+    assert counted(front, BEND) == 0
+    side = 200 / 1.12
+    assert counted(front, OUTLINE) == pytest.approx(4 * side, rel=0.03)
+    # three edges meet at the middle, each as long as half of the page's height
+    assert counted(corner, BEND) == pytest.approx(3 * side / 2, rel=0.2)
 
 
-EVERY = each_case("family", FAMILIES.values(), ids=list(FAMILIES))
+def test_what_stands_before_something_is_a_step_and_parts_that_meet_have_a_border() -> None:
+    verts, faces = cube()
+    behind = verts * [3, 3, 1] - [0, 0, 6]
+    both, every = np.concatenate([verts, behind]), np.concatenate([faces, faces + 8])
+    ((_, page),) = line_pictures(both, every, np.zeros(24, int), [View(0, 0)])
+    assert counted(page, STEP) > 60
+    assert counted(page, BORDER) == 0
+    beside = np.concatenate([verts, cube(2.0)[0]])
+    ((_, page),) = line_pictures(beside, every, np.repeat([0, 1], 12), [View(0, 0)])
+    assert counted(page, BORDER) > 20
+    assert counted(page, STEP) == 0
 
 
-@EVERY
-def test_solids_are_closed_and_turned_outwards(family: Family) -> None:
-    for seed in range(8):
-        for name, solid in family.solids(family.draw(np.random.default_rng(seed))).items():
-            faces = joined({name: solid}).faces
-            edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-            there, back = ({tuple(edge) for edge in each.tolist()} for each in (edges, edges[:, ::-1]))
-            assert len(there) == len(edges)
-            assert there == back
-            corners = solid.verts[solid.faces]
-            assert np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) > 0
-
-
-@EVERY
-def test_parameters_return_from_shares_and_every_option_changes_the_shape(family: Family) -> None:
-    values = family.draw(np.random.default_rng(3))
-    found = family.values(family.shares(values), family.indices(values))
-    assert found == {k: pytest.approx(v, abs=1e-4) if isinstance(v, float) else v for k, v in values.items()}
-    assert family.checked(family.defaults()) == family.defaults()
-    plain = family.solids({})
-    for choice in family.choices:
-        for option in choice.options[1:]:
-            other = family.solids({choice.name: option})
-            same = other.keys() == plain.keys() and all(
-                np.array_equal(other[name].verts, plain[name].verts) for name in plain
-            )
-            assert not same, (choice.name, option)
-
-
-def test_proportions_are_those_that_the_parameters_state() -> None:
-    def box(name: str, **values: object) -> tuple[np.ndarray, np.ndarray]:
-        verts = joined(FAMILIES[name].solids(values)).verts
-        return verts.min(0), verts.max(0)
-
-    low, high = box("table", depth=0.8, height=0.5)
-    np.testing.assert_allclose(high - low, [1.0, 0.5, 0.8], atol=1e-12)
-    low, high = box("chair", width=0.5, back_height=0.4)
-    np.testing.assert_allclose([high[0] - low[0], high[1], low[1]], [0.5, 0.85, 0.0], atol=1e-12)
-    low, high = box("airplane", span=1.0, engines="none")
-    np.testing.assert_allclose(high[0] - low[0], 2.0, atol=0.02)
-    for name in ("vase", "goblet", "lamp"):
-        low, high = box(name)
-        np.testing.assert_allclose([low[1], high[1]], [0.0, 1.0], atol=1e-9)
-
-
-@each_case("values", [{"wings": 2}, {"width": 7}, {"width": "wide"}, {"width": float("nan")}, {"legs": "x"}])
-def test_parameters_that_do_not_exist_are_refused(values: dict[str, object]) -> None:
-    with pytest.raises(ParameterError):
-        FAMILIES["chair"].solids(values)
+def test_a_view_that_shows_hardly_anything_is_left_out() -> None:
+    verts, faces = cube()
+    flat = verts * [1, 0.02, 1]
+    shown = line_pictures(flat, faces, np.zeros(12, int), [View(0, 0), View(0, 85)])
+    assert [view.elevation_deg for view, _ in shown] == [85]

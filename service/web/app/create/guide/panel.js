@@ -34,7 +34,7 @@ export class GuidePanel {
     this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files));
     this.pictureInput = fileInput("picture-file", "Picture file", "image/png,image/jpeg,image/webp", (files) => this.take(files), true);
     this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
-    this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw a chair, table, vase, goblet, lamp or airplane as the target, or as the asset" });
+    this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw the target, or the asset" });
     this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
     this.body = h("div", { class: "guide-body" });
     this.problem = h("p", { class: "field-problem", role: "alert", hidden: true });

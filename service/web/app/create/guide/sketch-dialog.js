@@ -1,5 +1,5 @@
 // @ts-check
-/** Draw what the asset should become: the service guesses it, its parameters are corrected, and its mesh is the target, or the asset. */
+/** Draw what the asset should become: the service guesses it, its sliders are moved, and its mesh is the target, or the asset. */
 import { announce } from "../../announce.js";
 import { exampleAsset } from "../../assets.js";
 import { client, isAbort } from "../../client.js";
@@ -18,9 +18,9 @@ function decoded(text) {
   return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 }
 
-/** @param {string} family @returns {File} */
-function meshFile(/** @type {BlobPart} */ bytes, family) {
-  return new File([bytes], `${family}.glb`, { type: "model/gltf-binary" });
+/** @param {string} noun @returns {File} */
+function meshFile(/** @type {BlobPart} */ bytes, noun) {
+  return new File([bytes], `${noun}.glb`, { type: "model/gltf-binary" });
 }
 
 class SketchDialog {
@@ -28,18 +28,19 @@ class SketchDialog {
   constructor(use) {
     this.use = use;
     this.scope = new Scope();
-    /** Of the parameters under way. */
+    /** Of the sliders under way. */
     this.asking = new AbortController();
     /** @type {File | null} */
     this.mesh = null;
     this.pad = new SketchPad(() => this._changed());
     this.problem = h("div", { class: "dialog-problem", "aria-live": "polite" });
     this.guesses = h("div", { class: "sketch-guesses", role: "radiogroup", "aria-label": "Guesses" });
-    this.fields = h("div", { class: "sketch-fields", role: "group", "aria-label": "Parameters" });
+    this.fields = h("div", { class: "sketch-fields", role: "group", "aria-label": "Sliders" });
     this.place = h("div", { class: "sketch-view" });
     this.input = fileInput("sketch-file", "Drawing file", "image/png,image/jpeg,image/webp", ([file]) => this._take(file));
     this.undo = button("Undo", () => this.pad.undo(), { class: "chip" });
     this.clear = button("Clear", () => this.pad.clear(), { class: "chip" });
+    this.name = h("input", { type: "text", "aria-label": "What it is", placeholder: "What it is, if you like", maxlength: 64, autocomplete: "off" });
     this.guess = button("Guess what it is", () => this._guess(), { class: "button" });
     this.deform = button("Use as asset", () => this._use("asset"), { class: "button" });
     this.done = button("Use as target", () => this._use("target"), { class: "button button-primary" });
@@ -50,8 +51,8 @@ class SketchDialog {
         "div",
         { class: "dialog-body" },
         h("h2", { id: "sketch-title" }, "Draw a shape"),
-        h("p", { class: "small muted" }, "The outlines of a chair, table, vase, goblet, lamp or airplane, from the front or a little from above. Or drop a picture of a drawing. The chair is a sample: draw, and it goes."),
-        h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.guess)), h("div", null, this.problem, this.guesses, this.place, this.fields)),
+        h("p", { class: "small muted" }, "The outlines of one thing, an animal or a tool or anything else with a name, from the side or the front. Or drop a picture of a drawing. The chair is a sample: draw, and it goes."),
+        h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.name, this.guess)), h("div", null, this.problem, this.guesses, this.place, this.fields)),
         h("div", { class: "dialog-actions" }, h("button", { type: "button", class: "button", on: { click: () => this.element.close() } }, "Cancel"), this.deform, this.done),
       ),
     );
@@ -108,12 +109,12 @@ class SketchDialog {
     this.guess.disabled = true;
     fill(this.problem, h("p", { class: "muted" }, "Looking…"));
     try {
-      const found = await client.guessSketch(await this.pad.png(), { signal });
+      const found = await client.guessSketch(await this.pad.png(), { noun: this.name.value.trim() || undefined, signal });
       if (signal.aborted) return;
-      fill(this.problem, found.unsure ? h("p", null, "This may be none of the shapes that can be drawn here. If it is one of them, choose it below, or draw more of it.") : null);
+      fill(this.problem, found.unsure ? h("p", null, "This may be something else. Choose one below, name it, or draw more of it.") : null);
       fill(this.guesses, found.guesses.map((each, i) => this._card(each, i === 0)));
       this._choose(found.guesses[0]);
-      announce(`This may be a ${found.guesses[0].family}`);
+      announce(`This may be: ${found.guesses[0].noun}`);
     } catch (error) {
       if (!isAbort(error) && !signal.aborted) fill(this.problem, problemBox(error));
     } finally {
@@ -126,7 +127,7 @@ class SketchDialog {
     const image = h("img", { alt: "", width: 96, height: 96 });
     this._picture(guess, image);
     const radio = h("input", { type: "radio", name: "sketch-guess", class: "visually-hidden", ".checked": first, on: { change: () => this._choose(guess) } });
-    return h("label", { class: "sketch-guess" }, radio, image, h("span", null, `${titled(guess.family)} ${Math.round(guess.probability * 100)} %`));
+    return h("label", { class: "sketch-guess" }, radio, image, h("span", null, `${titled(guess.noun)} ${Math.round(guess.probability * 100)} %`));
   }
 
   /** Without WebGL the words remain. @param {any} guess @param {HTMLImageElement} image */
@@ -147,9 +148,9 @@ class SketchDialog {
     const values = Object.fromEntries(guess.parameters.map((/** @type {any} */ each) => [each.name, each.value]));
     fill(this.fields, guess.parameters.map((/** @type {any} */ each) => this._field(each, (value) => {
       values[each.name] = value;
-      this._make(guess.family, values);
+      this._make(guess.noun, values);
     })));
-    this._show(meshFile(decoded(guess.mesh), guess.family), false);
+    this._show(meshFile(decoded(guess.mesh), guess.noun), false);
   }
 
   /** @param {any} about @param {(value: number | string) => void} set */
@@ -166,17 +167,17 @@ class SketchDialog {
     return h("label", null, h("span", { class: "small muted" }, label), slider);
   }
 
-  /** Make the mesh of other parameters, a moment after the last change. @param {string} family @param {Record<string, any>} values */
-  async _make(family, values) {
+  /** Make the mesh of other sliders, a moment after the last change. @param {string} noun @param {Record<string, any>} values */
+  async _make(noun, values) {
     const signal = this._turn();
     this.mesh = null;
     this._enable();
     if (!(await this.scope.sleep(PAUSE_MS)) || signal.aborted) return;
     try {
-      const bytes = await client.makeSketchMesh({ family: /** @type {any} */ (family), values: { ...values } }, signal);
+      const bytes = await client.makeSketchMesh({ noun, values: { ...values } }, signal);
       if (signal.aborted) return;
       fill(this.problem);
-      this._show(meshFile(bytes, family), true);
+      this._show(meshFile(bytes, noun), true);
     } catch (error) {
       if (!isAbort(error) && !signal.aborted) fill(this.problem, problemBox(error));
     }
