@@ -132,7 +132,9 @@ class ExemplarFit:
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
         if self._is_draft:
-            self.result = self._drafted()
+            [nearest, *_] = self._chosen()
+            yield Stage("choose", _CHOSEN)
+            self.result = self._drafted(nearest)
             yield Stage("fit", 1.0, self.frame.leave(self.result.verts))
             return
         known = self._known_ways
@@ -148,8 +150,7 @@ class ExemplarFit:
         self.result = self._mended(ways)
         yield Stage("mend", 1.0, self.frame.leave(self.result.verts))
 
-    def _drafted(self) -> ExemplarResult:
-        [exemplar, *_] = self._chosen()
+    def _drafted(self, exemplar: Exemplar) -> ExemplarResult:
         [way, *_] = self._ways(exemplar)
         rest = self.source.verts
         verts = rest + self._wish.strength * (way.verts - rest)
