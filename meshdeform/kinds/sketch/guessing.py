@@ -30,7 +30,7 @@ _VIEWS = tuple(View(*each) for each in ((90.0, 6.0), (0.0, 6.0), (45.0, 14.0), (
 _STEPS = (0.5, 0.25)
 """By how much of a part's size, and of twice a side, sliders are moved, in turn."""
 _NEARER = 0.98
-"""Share of a distance that is nearer: what the drawing does not show stays as it is."""
+"""Share of a distance that is nearer: what the drawing hardly shows stays as it is."""
 _TURN_DEG = 30.0
 """By how much the view is moved with a step of 1."""
 
