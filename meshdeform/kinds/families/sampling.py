@@ -98,7 +98,7 @@ def _beside(family: FamilyFile, member: int, random: np.random.Generator) -> Dra
     both = (family.exists[member] & family.exists[other])[:, None]
     way = both * (family.points[other] - family.points[member])
     points = family.points[member] + shares[family.labels, None] * way
-    sources, taken = dict[int, list[int]](), set[int]()
+    sources, taken = dict[int, list[int]](), {member}
     parts = np.unique(family.segments[member]).tolist()
     for part in random.permutation(parts).tolist():
         alike = [each for each in like_parts(family, member, part) if each not in taken]

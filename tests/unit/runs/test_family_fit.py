@@ -292,9 +292,10 @@ def read_as_their_nodes(monkeypatch, chairs, swapped=()):
 def test_parts_have_the_names_that_most_members_are_read_with(chairs, glbs, monkeypatch):
     wrong = chairs[3].name
     asked = read_as_their_nodes(monkeypatch, chairs, {wrong})
-    run = begin(packed(glbs), read=True, points=60, samples=200, iterations=8)
+    data, params = packed(glbs), {"read": True, "points": 60, "samples": 200, "iterations": 8}
+    run = begin(data, **params)
     kept = {report.step: run.checkpoint() for report in run}
-    report, found = results_of(begin(packed(glbs), kept[12], read=True, points=60, samples=200, iterations=8))
+    report, found = results_of(begin(data, kept[12], **params))
     assert asked.count((chairs[0].name, None)) == asked.count((chairs[0].name, "chair")) == 1  # it is no throne
     assert {asset["noun"] for asset in report["assets"]} == {"chair"}
     assert set(report["parts"]) <= {"seat", "back", "leg", "arm"}
