@@ -24,7 +24,7 @@ _FOLDERS = {
     "exemplar": "choosing posture pieces affine_maps axis_maps side_maps blending splines smooth_fit surface_fit "
     "sprouts mending invertible relaxing clay spherical borrowing outlook",
     "kinds/surface_fit": "surface_sources oriented_points collapse network fitting scalar_fields intrinsic",
-    "kinds/families": "collection inference machine learning sampling boundary cut assembly embedded",
+    "kinds/families": "collection inference machine learning sampling boundary cut assembly placing",
 }
 MODULES = [f"meshdeform/{folder}/{name}" for folder, names in _FOLDERS.items() for name in names.split()]
 """Files whose docstrings hold the method, without their ending."""

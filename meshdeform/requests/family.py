@@ -20,11 +20,24 @@ class FamilyParams(StrictModel):
 
     points: int = Field(500, ge=20, le=1000, description="Number of template points, over all parts.", examples=[300])
     samples: int = Field(1000, ge=50, le=4000, description="Number of samples of each surface.", examples=[600])
+    read: bool = Field(
+        True,
+        description="Read each asset by its noun first: its parts have the noun's names, and where assets are "
+        "labelled, what is read helps to find their parts in the others.",
+        examples=[True],
+    )
+    noun: str | None = Field(
+        None,
+        min_length=1,
+        max_length=100,
+        description="What all assets are, a noun of the builtin prior. Default: recognised.",
+        examples=["chair"],
+    )
     parts: int = Field(
         4,
         ge=2,
         le=16,
-        description="Number of parts if no asset is labelled; otherwise the labels have it.",
+        description="Number of parts if no asset is labelled and none is read; otherwise labels or readings have it.",
         examples=[5],
     )
     iterations: int = Field(20, ge=1, le=200, description="Rounds of the mean-field inference.", examples=[20])
@@ -74,13 +87,6 @@ class FamilySynthesisParams(StrictModel):
         max_length=16,
         description="For `complete`: names of the parts of the member that stay exactly as they are.",
         examples=[["seat", "leg"]],
-    )
-    max_defect: float = Field(
-        0.25,
-        ge=0.0,
-        le=10.0,
-        description="Greatest defect of a part's boundary with which the part may be used.",
-        examples=[0.25],
     )
     seed: int = Field(0, ge=0, le=2**63 - 1, description="Seed of the sampling.", examples=[0])
     checkpoint_every_steps: int = Field(

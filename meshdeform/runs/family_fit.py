@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import posixpath
 from collections.abc import Iterator
 
@@ -11,20 +12,24 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets import Limits, build_glb, load_asset
+from meshdeform.assets import Asset, Limits, build_glb, load_asset
 from meshdeform.assets.collection import MIN_COLLECTION, AssetLabels, CollectionFiles, open_collection, own_labels
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError
 from meshdeform.geometry.tensors import arrays_of, tensors_of
 from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
-from meshdeform.kinds.families.inference import Inference, Template
+from meshdeform.kinds.families.inference import Inference, Template, reading_prior
 from meshdeform.kinds.families.learning import Learning
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import correspondences, visible_points
+from meshdeform.reading import NO_PART
 from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
 from meshdeform.runs.family_fit_kind import READ_STEPS, total_steps
+from meshdeform.runs.family_reading import MemberReading, believed_nouns, named_parts, read_member
 from meshdeform.runs.family_results import FamilyResults, labels_of
+from meshdeform.runs.kept_readings import Readings
+from meshdeform.vocabulary.solids import PART_NAMES
 
 _REST = "rest"
 
@@ -42,7 +47,7 @@ def start(job_input: RunInput) -> FamilyFitRun:
         files = dataclasses.replace(files, labels=own_labels(files.assets, limits))
     run = fingerprint(kind="family_fit", params=params.model_dump(mode="json"), collection=file.digest)
     state = load_checkpoint(job_input.checkpoint, run) if job_input.checkpoint is not None else None
-    return FamilyFitRun(files, params, limits, run, file.digest, state)
+    return FamilyFitRun(files, params, limits, run, file.digest, state, job_input.readings)
 
 
 class FamilyFitRun(JobRun):
@@ -56,7 +61,10 @@ class FamilyFitRun(JobRun):
         run: str,
         sha256: str,
         state: Checkpoint | None,
+        readings: Readings,
     ) -> None:
+        self._readings = readings
+        self._read_as: list[MemberReading] = []  # of the samples, not of all triangles
         self._files, self._params, self._limits, self._run, self._sha256 = files, params, limits, run, sha256
         self._every = list(files.assets)
         self._names: list[str] = []  # of those that can be read
@@ -82,6 +90,7 @@ class FamilyFitRun(JobRun):
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
         tensors = dump_shapes(self._shapes, self._truth)
+        tensors |= dump_readings(self._read_as)
         tensors["names"] = torch.tensor([self._every.index(name) for name in self._names], dtype=torch.long)
         if self._inference is not None:
             tensors |= dump_inference(self._inference)
@@ -116,6 +125,7 @@ class FamilyFitRun(JobRun):
             inference=self._inference,
             machine=self._learning.finished(),
             best_error=self._learning.best_error,
+            nouns=[each.noun for each in self._read_as],
         )
         return results.artifacts()
 
@@ -133,11 +143,27 @@ class FamilyFitRun(JobRun):
                 continue
             parts = self._files.labels.parts if self._files.labels else []
             self._truth.append(labels_of(asset, name, self._labels_of(name), parts)[shape.triangles])
+            self._read_as.append(self._reading(asset, name, self._params.noun, shape))
             self._shapes.append(shape)
             self._names.append(name)
         if self._wrong is not None and count - self._every.index(name) - 1 + len(self._names) < MIN_COLLECTION:
             raise self._wrong  # the others are too few
         return {"total": float(count - t - 1)}
+
+    def _reading(self, asset: Asset, name: str, noun: str | None, shape: SampledShape) -> MemberReading:
+        """Return what a member is read as, of its samples; nothing where parts are not to be read."""
+        if not self._params.read:
+            return MemberReading("", {}, np.full(len(shape.points), NO_PART), np.zeros(len(shape.points)))
+        found = read_member(asset, self._files.assets[name], name, noun, self._readings)
+        return dataclasses.replace(found, codes=found.codes[shape.triangles], sure=found.sure[shape.triangles])
+
+    def _agree_on_nouns(self) -> None:
+        """Read members again whose noun few of the collection are said to be, as the noun that most are."""
+        nouns = believed_nouns([each.probabilities for each in self._read_as])
+        for t, (name, each) in enumerate(zip(self._names, self._read_as, strict=True)):
+            if each.noun and each.noun not in nouns:
+                asset = load_asset(self._files.assets[name], name, self._limits)
+                self._read_as[t] = self._reading(asset, name, nouns[0], self._shapes[t])
 
     def _labels_of(self, name: str) -> AssetLabels:
         by_name = self._files.labels.assets if self._files.labels else {}
@@ -149,8 +175,11 @@ class FamilyFitRun(JobRun):
 
     def _infer(self) -> dict[str, float]:
         if self._inference is None:
+            if self._params.noun is None:
+                self._agree_on_nouns()
+            given = self._given()
             self._inference = Inference.start(
-                self._collection(), self._given(), self._params.points, self._part_count()
+                self._collection(), given, self._params.points, self._part_count(), self._prior(given)
             )
         losses = self._inference.step()
         return {"total": -losses["log_likelihood"], **losses}
@@ -174,6 +203,18 @@ class FamilyFitRun(JobRun):
         names = ("points", "normals", "features", "neighbours")
         return Collection.of(*(stacked(name) for name in names), turn=self._params.turn)
 
+    def _prior(self, given: Tensor) -> Tensor | None:
+        """Return what readings say of the parts of samples, as `reading_prior` does; None if nothing was read."""
+        codes = np.stack([each.codes for each in self._read_as])
+        if not (codes >= 0).any():
+            return None
+        every, parts = np.unique(codes[codes >= 0]), self._part_names()
+        read = np.where(codes >= 0, np.searchsorted(every, codes), -1)
+        names = [PART_NAMES[code] for code in every]
+        own = [parts.index(name) if name in parts else -1 for name in names]
+        sure = torch.from_numpy(np.stack([each.sure for each in self._read_as])).float()
+        return reading_prior(torch.from_numpy(read), sure, torch.tensor(own), given, len(parts))
+
     def _given(self) -> Tensor:
         """Return the parts of samples (T, P) that the inference may use; AssetError: no asset has all its labels."""
         truth = torch.from_numpy(np.stack(self._truth)).clone()
@@ -182,7 +223,7 @@ class FamilyFitRun(JobRun):
                 truth[t] = -1
         if self._has_rest:
             truth[(truth >= 0).any(1)[:, None] & (truth < 0)] = self._part_count() - 1
-        elif (truth >= 0).any() and not (truth >= 0).all(1).any():
+        elif (truth >= 0).any() and not (truth >= 0).all(1).any() and not self._read_parts:
             raise AssetError(
                 "labels.json labels no asset completely.",
                 advice="Give at least one asset, better ten, a part for every node, material or triangle.",
@@ -196,6 +237,11 @@ class FamilyFitRun(JobRun):
         own = self._files.labels is not None and not self._files.labels.assets
         return bool(own and known.any() and not known.all(1).any())
 
+    @property
+    def _read_parts(self) -> list[str]:
+        """The names of the parts that readings found on enough members."""
+        return [PART_NAMES[code] for code in named_parts(np.stack([each.codes for each in self._read_as]))]
+
     def _learns_names(self) -> bool:
         used = zip(self._truth, self._labels, strict=True)
         return any(bool((marks >= 0).any()) and not labels.held_out for marks, labels in used)
@@ -204,6 +250,8 @@ class FamilyFitRun(JobRun):
         if self._files.labels is not None and self._learns_names():
             parts = self._files.labels.parts
             return [*parts, _REST if _REST not in parts else f"{_REST} of it"] if self._has_rest else list(parts)
+        if len(found := self._read_parts) > 1:
+            return found
         return [f"part {number}" for number in range(1, self._params.parts + 1)]
 
     def _part_count(self) -> int:
@@ -213,8 +261,10 @@ class FamilyFitRun(JobRun):
         tensors = tensors_of(state.tensors)
         self._shapes, self._truth = load_shapes(tensors)
         self._names = [self._every[t] for t in tensors["names"].tolist()]
+        self._read_as = load_readings(tensors)
         if state.step > READ_STEPS:
-            self._inference = load_inference(tensors, self._collection(), self._given(), self._part_count())
+            given = self._given()
+            self._inference = load_inference(tensors, self._collection(), given, self._part_count(), self._prior(given))
         if state.step > READ_STEPS + self._params.iterations:
             assert self._inference is not None
             self._learning = load_learning(tensors, self._inference.edges)
@@ -264,13 +314,37 @@ def dump_inference(inference: Inference) -> dict[str, Tensor]:
     return tensors
 
 
-def load_inference(tensors: dict[str, Tensor], collection: Collection, truth: Tensor, parts: int) -> Inference:
+def dump_readings(readings: list[MemberReading]) -> dict[str, Tensor]:
+    """Return what was read so far."""
+    if not readings:
+        return {}
+    told = json.dumps([[each.noun, each.probabilities] for each in readings]).encode()
+    return {
+        "read.nouns": torch.frombuffer(bytearray(told), dtype=torch.uint8),
+        "read.codes": torch.from_numpy(np.stack([each.codes for each in readings])),
+        "read.sure": torch.from_numpy(np.stack([each.sure for each in readings])),
+    }
+
+
+def load_readings(tensors: dict[str, Tensor]) -> list[MemberReading]:
+    """Return what `dump_readings` was given."""
+    if "read.nouns" not in tensors:
+        return []
+    told = json.loads(tensors["read.nouns"].numpy().tobytes())
+    arrays = tensors["read.codes"].numpy(), tensors["read.sure"].numpy()
+    return [MemberReading(*nouns, *values) for nouns, *values in zip(told, *arrays, strict=True)]
+
+
+def load_inference(
+    tensors: dict[str, Tensor], collection: Collection, truth: Tensor, parts: int, prior: Tensor | None
+) -> Inference:
     """Return the inference that `dump_inference` was given."""
     points, features, labels = (tensors[f"template.{name}"] for name in ("points", "features", "labels"))
     template = Template(points, features, labels, parts)
     state = {name: tensors[f"inference.{name}"] for name in _OF_INFERENCE}
     edges = state.pop("edges")
-    inference = Inference(collection, template, truth, **state, iteration=int(tensors["inference.iteration"]))
+    known = torch.empty(0) if prior is None else prior
+    inference = Inference(collection, template, truth, known, **state, iteration=int(tensors["inference.iteration"]))
     inference.edges = edges  # those of the first template
     return inference
 

@@ -9,6 +9,7 @@ from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
+from meshdeform.vocabulary.grammar import noun_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -23,6 +24,9 @@ def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> 
         detail = f"params.samples is {params.samples}, less than params.points: {params.points}."
         advice = "Take at least as many samples as template points; twice as many is usual."
         raise ParameterError.at(["params", "samples"], detail, advice)
+    if params.noun is not None and noun_of(params.noun) is None:
+        detail = f"params.noun is {params.noun[:80]!r}, which is no noun of the builtin prior."
+        raise ParameterError.at(["params", "noun"], detail, "Leave it out, or name one of GET /v1/models.")
     return params
 
 

@@ -77,6 +77,7 @@ class FamilyResults:
     inference: Inference
     machine: BetaMachine
     best_error: float
+    nouns: list[str]  # what each was read as, or empty
 
     def artifacts(self) -> dict[str, ArtifactData]:
         """Return all artifacts by name."""
@@ -234,6 +235,7 @@ class FamilyResults:
                     "name": name,
                     "labels": "held out" if self.labels[t].held_out else truth,
                     "parts": [self.parts[part] for part in used],
+                    **({"noun": self.nouns[t]} if self.nouns[t] else {}),
                     "turn_deg": round(float(turns[t]), 3),
                     "log_likelihood": float(likelihood[t]),
                     "machine_log_likelihood": float(fit[t]),
@@ -441,7 +443,6 @@ class SynthesisResults:
     digests: dict[str, str]
     members: list[int]
     energies: list[float]
-    defects: NDArray[np.float64]
     shapes: list[bytes]
     about: list[dict[str, Any]]
     drawn: list[tuple[NDArray[np.float64], NDArray[np.bool_]]]
@@ -517,15 +518,10 @@ class SynthesisResults:
         return [each for each in nearest if each["name"] != self.family.names[query]][: self.params.count]
 
     def _report(self, neighbours: list[dict[str, Any]] | None) -> bytes:
-        clean = np.isfinite(self.defects) & (self.defects <= self.params.max_defect)
-        read = np.isfinite(self.defects)
         warnings = []
         for number, about in enumerate(self.about):
             if about["loose"]:
                 warnings.append(f"{self._name(number)}: no member says where {', '.join(about['loose'])} would touch.")
-        for part, name in enumerate(self.family.parts):
-            if read[:, part].any() and not clean[:, part].any():
-                warnings.append(f"No member has a {name} with a clean boundary; the cleanest was used.")
         report = {
             "kind": "family_synthesize",
             "versions": versions(),
@@ -536,10 +532,6 @@ class SynthesisResults:
                 {"name": name, "free_energy": energy}
                 for name, energy in zip(self.family.names, self.energies, strict=True)
             ],
-            "boundaries": {
-                name: {"members": int(read[:, part].sum()), "clean": int(clean[:, part].sum())}
-                for part, name in enumerate(self.family.parts)
-            },
             "shapes": [{"name": self._name(number), **about} for number, about in enumerate(self.about)],
             "nearest_members": neighbours,
             "warnings": warnings,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -19,21 +19,17 @@ from meshdeform.assets.family_file import FamilyFile, has_digest, read_family
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError, ParameterError
 from meshdeform.kinds.families.assembly import Assembler, Assembly
-from meshdeform.kinds.families.boundary import boundary_defects
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.sampling import Drawn, FreeEnergy, between, completed, sampled, to_machine
 from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
-from meshdeform.runs.family_fit_kind import READ_STEPS
 from meshdeform.runs.family_results import FamilyResults, SynthesisResults, nearest_members
 from meshdeform.runs.family_synthesize_kind import total_steps
 
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
 _SAME = 1e-6
-_TRIES, _GOOD = (True, True, True, False), 0.008
-"""Whether each try mixes parts of two members, and the fault, in diagonals, below which a shape is taken."""
 
 
 def machine_of(family: FamilyFile) -> BetaMachine:
@@ -81,7 +77,6 @@ class FamilySynthesisRun(JobRun):
         self._keep = [_part(family, name, self._members[0], n) for n, name in enumerate(params.keep)]
         self._machine = machine_of(family)
         self._energy = FreeEnergy(self._machine, *self._known(family.points, family.exists))
-        self._defects = np.full((len(family.names), len(family.parts)), np.inf)
         super().__init__(total_steps(params), 0 if state is None else state.step)
         self._shapes: list[bytes] = []
         self._about: list[dict[str, Any]] = []
@@ -96,17 +91,15 @@ class FamilySynthesisRun(JobRun):
         return tuple(self._shapes)
 
     def _steps(self) -> Iterator[dict[str, float]]:
-        """Run the remaining steps: reading, then one for each shape."""
+        """Run the remaining steps, one for each shape."""
         while self.step < self.total_steps:
-            if self.step < READ_STEPS:
-                self._read()
-            elif self._params.mode is not SynthesisMode.SEARCH:
-                self._make(self.step - READ_STEPS)
+            if self._params.mode is not SynthesisMode.SEARCH:
+                self._make(self.step)
             yield {"total": float(self.total_steps - self.step - 1)}
 
     def checkpoint(self) -> bytes:
         """Return the complete state of the run; call only between two steps."""
-        tensors: dict[str, NDArray[Any]] = {"defects": self._defects}
+        tensors: dict[str, NDArray[Any]] = {}
         for number, (shape, about) in enumerate(zip(self._shapes, self._about, strict=True)):
             tensors[f"glb.{number}"] = _bytes(shape)
             tensors[f"about.{number}"] = _bytes(json.dumps(about).encode())
@@ -131,7 +124,6 @@ class FamilySynthesisRun(JobRun):
             self._digests,
             members=self._members,
             energies=self._energy.members.tolist(),
-            defects=self._defects,
             shapes=self._shapes,
             about=self._about,
             drawn=self._drawn,
@@ -152,6 +144,8 @@ class FamilySynthesisRun(JobRun):
             raise type(error)(f"{name}: {error.detail}", advice=error.advice_text, **error.extra) from error
         if not has_digest(asset.surface, self.family.digests[member]):
             raise AssetError(f"{name} has another shape than when the family was fitted.", advice=_ITS_COLLECTION)
+        if len(asset.surface.triangles) != len(self.family.segments[member]):
+            raise AssetError(f"{name} has another number of triangles than in the family.", advice=_AGAIN)
         used = asset.surface.positions[np.unique(asset.surface.triangles)]
         low, high = used.min(0), used.max(0)
         diagonal = float(np.linalg.norm(high - low))
@@ -162,62 +156,36 @@ class FamilySynthesisRun(JobRun):
             raise AssetError(f"{name} has another size or place than in the family.", advice=_AGAIN)
         return asset
 
-    def _read(self) -> None:
-        """Measure the boundaries of a tenth of the members that may give parts."""
-        mode = self._params.mode
-        if mode is SynthesisMode.SEARCH:
-            return
-        needed = self._members if mode is SynthesisMode.INTERPOLATE else list(range(len(self.family.names)))
-        count = len(needed)
-        for member in needed[count * self.step // READ_STEPS : count * (self.step + 1) // READ_STEPS]:
-            surface = self.asset(member).surface
-            if len(surface.triangles) != len(self.family.segments[member]):
-                detail = f"{self.family.names[member]} has another number of triangles than in the family."
-                raise AssetError(detail, advice=_AGAIN)
-            self._defects[member] = boundary_defects(
-                surface.positions, surface.triangles, self.family.segments[member], len(self.family.parts)
-            )
-
     def _make(self, number: int) -> None:
         if self._assembler is None:
-            self._assembler = Assembler(self.family, self.asset, self._defects, self._params.max_defect)
-        diagonal, centre, draws = self._draws(number)
-        tried: list[tuple[Assembly, Drawn]] = []
-        for draw in draws:
-            choice = self._assembler.chosen(draw) | dict.fromkeys(self._keep, (self._members or [0])[0])
-            if not choice:
-                continue
-            assembly = self._assembler.assemble(
-                draw.points, draw.exists, choice, kept=self._keep, diagonal=diagonal, centre=centre
-            )
-            tried.append((assembly, draw))
-            if assembly.fault < _GOOD:
-                break
-        if not tried:
+            self._assembler = Assembler(self.family, self.asset)
+        diagonal, centre, draw = self._drawn_shape(number)
+        choice = self._assembler.chosen(draw) | dict.fromkeys(self._keep, self._members[:1])
+        if not choice:
             raise AssetError(
                 f"Shape {number} has no point that any member has.",
                 advice="Take another seed, or run family_fit again with more points.",
             )
-        assembly, draw = min(tried, key=lambda each: each[0].fault)
+        assembly = self._assembler.assemble(
+            draw.points, draw.exists, choice, kept=self._keep, diagonal=diagonal, centre=centre
+        )
         self._shapes.append(assemble(assembly.pieces, {"kind": "family_synthesize", "shape": number}))
         self._drawn.append((draw.points, draw.exists))
         frame = {"centre": [float(value) for value in centre], "diagonal": float(diagonal)}
         self._about.append({"frame": frame, **self._described(assembly, draw)})
 
-    def _draws(self, number: int) -> tuple[float, NDArray[np.float64], Iterable[Drawn]]:
-        """Return the diagonal and the centre of a shape, and its draws, of which the first good one is taken."""
-        family, members, mode = self.family, self._members, self._params.mode
-        random = np.random.default_rng([self._params.seed, number])
+    def _drawn_shape(self, number: int) -> tuple[float, NDArray[np.float64], Drawn]:
+        """Return the diagonal, the centre and the draw of a shape."""
+        family, members, mode, seed = self.family, self._members, self._params.mode, self._params.seed
         if mode is SynthesisMode.INTERPOLATE:
             share = number / (self._params.count - 1)
             one, other = (np.append(family.centres[each], family.diagonals[each]) for each in members)
             frame = (1 - share) * one + share * other
-            return float(frame[3]), frame[:3], [between(family, members, share)]
+            return float(frame[3]), frame[:3], between(family, members, share)
         if mode is SynthesisMode.COMPLETE:
-            draws = (completed(family, members[0], self._keep, random, mixed=mixed) for mixed in _TRIES)
-            return float(family.diagonals[members[0]]), family.centres[members[0]], draws
-        middle = np.median(family.centres, axis=0)
-        return float(np.median(family.diagonals)), middle, (sampled(family, random, mixed=mixed) for mixed in _TRIES)
+            draw = completed(family, members[0], self._keep, np.random.default_rng([seed, number]))
+            return float(family.diagonals[members[0]]), family.centres[members[0]], draw
+        return float(np.median(family.diagonals)), np.median(family.centres, axis=0), sampled(family, number, seed)
 
     def _described(self, assembly: Assembly, draw: Drawn) -> dict[str, Any]:
         family = self.family
@@ -227,11 +195,10 @@ class FamilySynthesisRun(JobRun):
             {
                 "part": family.parts[each.number],
                 "member": family.names[each.member],
-                "kept": each.embedding is None,
+                "kept": each.still,
                 "distance": each.distance,
                 "gap": each.gap,
                 "penetration": each.penetration,
-                "boundary_defect": float(self._defects[each.member, each.number]),
             }
             for each in assembly.parts
         ]
@@ -245,8 +212,7 @@ class FamilySynthesisRun(JobRun):
 
     def _resume(self, state: Checkpoint) -> None:
         tensors = state.tensors
-        self._defects = tensors["defects"].copy()
-        for number in range(max(state.step - READ_STEPS, 0)):
+        for number in range(state.step):
             if f"glb.{number}" not in tensors:
                 return
             self._shapes.append(tensors[f"glb.{number}"].tobytes())

@@ -9,7 +9,6 @@ from meshdeform.requests.choices import JobKind, SynthesisMode
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind, params_of, start_of
-from meshdeform.runs.family_fit_kind import READ_STEPS
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -51,7 +50,7 @@ def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> 
 
 def total_steps(params: FamilySynthesisParams) -> int:
     """Return the number of steps of a run."""
-    return READ_STEPS + (1 if params.mode is SynthesisMode.SEARCH else params.count)
+    return 1 if params.mode is SynthesisMode.SEARCH else params.count
 
 
 FAMILY_SYNTHESIZE = Kind(

@@ -56,7 +56,7 @@ class People:
     @property
     def to_measure(self) -> NDArray[np.bool_]:
         """Every fourth drawing, which nothing is learnt from."""
-        return self.number % 4 == 2
+        return np.asarray(self.number % 4 == 2)
 
 
 def noun_of(word: str) -> str:

@@ -1,31 +1,38 @@
-"""Make a shape out of parts of members: choose them, deform them onto the points, and make neighbours meet."""
+"""Make a shape out of parts of members: choose them, bring them to the shape's proportions, and make neighbours meet.
+
+A part is scaled along the axes to its points of the shape. Then each place where it touches a neighbour in its own
+member goes to that neighbour here, with the offset that it has there, and what stands on the ground stays on it; the
+rest of the part follows smoothly (`placing`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.assets.assemble import Piece
 from meshdeform.assets.family_file import FamilyFile
-from meshdeform.kinds.families.embedded import Embedding, Pull, axis_fit
 from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, depth_beyond, turned
+from meshdeform.kinds.families.placing import Joint, Placing, axis_fit
 from meshdeform.kinds.families.sampling import Drawn
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
-_NODE_WEIGHT, _CONTACT_WEIGHT = 0.5, 50.0
+
 _FAR, _LEAST_FAR = 2.5, 0.04
 """Points farther from their places than so many times the median, and than so many diagonals, are no match."""
 _FEWEST = 4
 _STILL = 1e-4
 """Gaps below this share of the diagonal are none."""
-_REACH = 0.15
-"""A neighbour farther than this share of the diagonal is another one than in the member: nothing is pulled there."""
-_MEETINGS = 2
+_REACH, _OTHER = 0.15, 0.05
+"""A neighbour farther than the first share of the diagonal is another one than in the member, and is not met; a part
+that is no neighbour there is met within the second."""
+_MEETINGS, _OFFERS, _GOOD, _BESIDE = 3, 3, 0.008, 0.06
 _FIRM = 1e9
 """Weight of a vertex of a part that may not move, beside one of a part that may."""
 _KEPT = 8
@@ -39,11 +46,8 @@ class PlacedPart:
     number: int
     member: int
     shape: MemberShape
-    # (3,) float64: the rough fit, before the embedded deformation
-    scale: _Floats
-    shift: _Floats
-    embedding: Embedding | None  # none where nothing may move
-    pulls: list[Pull] = field(default_factory=list)
+    placing: Placing
+    still: bool = False  # whether it may not move
     distance: float = 0.0
     """Root mean square distance of the part's points from where they should be, after the rough fit, in diagonals."""
     # In diagonals, beyond what the member itself has: the widest gap to a neighbour, as the mean over the place where
@@ -56,14 +60,9 @@ class PlacedPart:
         """The part of the member."""
         return self.shape.part(self.number)
 
-    def roughly(self, points: _Floats) -> _Floats:
-        """Return points (P, 3) of the member after the rough fit."""
-        return points + ((self.scale - 1) * points + self.shift)
-
     def moved(self, points: _Floats, patches: _Index) -> _Floats:
         """Return the displacement (P, 3) of points of the member."""
-        rough = (self.scale - 1) * points + self.shift
-        return rough if self.embedding is None else rough + self.embedding.displacement(points + rough, patches)
+        return self.placing.moved(points, patches)
 
     def surface(self) -> PlacedSurface:
         """Return the part in its place."""
@@ -79,10 +78,37 @@ class Assembly:
     pieces: list[Piece]  # for `assets.assemble`
     loose: list[int]  # parts that touch no other part, because no member says where they would
 
-    @property
-    def fault(self) -> float:
-        """The widest gap or the deepest penetration, in diagonals."""
-        return max((max(each.gap, each.penetration) for each in self.parts), default=0.0)
+
+@dataclass
+class _Site:
+    """A place where a part touches another one in its member, and its joint."""
+
+    neighbour: int
+    contact: Contact
+    joint: Joint
+    met: int = -1  # the part that it meets here
+
+
+@dataclass
+class _Standing:
+    """What is in place already."""
+
+    parts: list[PlacedPart] = field(default_factory=list)
+    surfaces: dict[int, PlacedSurface] = field(default_factory=dict)
+
+    def nearest(self, site: _Site, here: _Floats) -> tuple[int, _Floats] | None:
+        """Return the part that a place meets, its neighbour of the member or what is nearest, and the places (P, 3)."""
+        found = {}
+        for number, surface in self.surfaces.items():
+            place = surface.nearest(here, site.contact.normals)[2]
+            found[number] = place, float(np.linalg.norm(here - place, axis=1).mean())
+        if not found:
+            return None
+        own = found.get(site.neighbour)
+        if own and own[1] < _REACH:
+            return site.neighbour, own[0]
+        number = min(found, key=lambda each: found[each][1])
+        return (number, found[number][0]) if found[number][1] < _OTHER else None
 
 
 class Assembler:
@@ -92,17 +118,10 @@ class Assembler:
     ----------
     load : callable
         Returns the asset of a member.
-    defects : (T, L) float64
-        `boundary_defects` of the members.
-    most_defect : float
-        Parts with a greater one are not used where others are there.
     """
 
-    def __init__(self, family: FamilyFile, load: Callable[[int], Asset], defects: _Floats, most_defect: float) -> None:
+    def __init__(self, family: FamilyFile, load: Callable[[int], Asset]) -> None:
         self.family, self._load = family, load
-        finite = np.where(np.isfinite(defects), defects, np.inf)
-        best = finite.min(0, keepdims=True)
-        self.offered = np.isfinite(finite) & (finite <= np.maximum(most_defect, best))
         self._shapes: dict[int, MemberShape] = {}
 
     def shape(self, member: int) -> MemberShape:
@@ -113,128 +132,103 @@ class Assembler:
             self._shapes[member] = MemberShape(self.family, member, self._load(member))
         return self._shapes[member]
 
-    def chosen(self, draw: Drawn) -> dict[int, int]:
-        """Return the first member for each part that may give it and has points of it that the shape has.
-
-        A part that is drawn of one member alone comes from that one, whatever its boundary.
-        """
-        choice: dict[int, int] = {}
+    def chosen(self, draw: Drawn) -> dict[int, list[int]]:
+        """Return the members for each part that have points of it that the shape has, in the order of the draw."""
         there = self.family.exists & draw.exists
+        choice = dict[int, list[int]]()
         for part, members in draw.sources.items():
             own = np.asarray(there[:, self.family.labels == part].any(axis=1))
-            for member in members:
-                if (own[member] and self.offered[member, part]) or (len(members) == 1 and there[member].any()):
-                    choice[part] = member
-                    break
+            can = [each for each in members if own[each] and (self.family.segments[each] == part).any()]
+            if can:
+                choice[part] = can
         return choice
 
     def assemble(
         self,
         points: _Floats,
         exists: NDArray[np.bool_],
-        choice: Mapping[int, int],
+        choice: Mapping[int, Sequence[int]],
         *,
         kept: Collection[int] = (),
         diagonal: float,
         centre: _Floats,
     ) -> Assembly:
-        """Deform the chosen parts onto the points, and move each to its neighbours that are in place already.
+        """Bring the chosen parts to the points, and move each to its neighbours that are in place already.
 
         Parameters
         ----------
         points : (K, 3) float64
             In the frame.
         exists : (K,) bool
+        choice : mapping
+            For each part the members that may give it: the first few are tried until one meets its neighbours.
         kept : collection of int
             Parts that stay exactly as they are in their member.
         diagonal : float
             Of the frame in units of the result.
         centre : (3,) float64
         """
-        placed = [self._placed(points, exists, part, member, part in kept) for part, member in choice.items()]
-        waiting = self._in_order(placed)
-        done: list[PlacedPart] = []
-        surfaces: dict[int, PlacedSurface] = {}
-        loose: list[int] = []
-        while waiting:
-            ready = next((each for each in waiting if self._meetings(each, done)), None)
-            each = ready or waiting[0]
-            waiting.remove(each)
-            if ready is None and done and each.embedding is not None:
-                loose.append(each.number)
-            self._meet(each, done, surfaces)
-            surfaces[each.number] = each.surface()
-            done.append(each)
+        order = self._in_order(points, exists, list(choice), kept)
+        first = [self._placed(points, exists, part, choice[part][0], part in kept) for part in order]
+        ground = _ground(first)
+        standing, loose = _Standing(), list[int]()
+        for each in first:
+            best, met = self._best(each, choice[each.number], standing, ground, (points, exists))
+            if not met and standing.parts and not best.still:
+                loose.append(best.number)
+            standing.parts.append(best)
+            standing.surfaces[best.number] = best.surface()
+        placed = sorted(standing.parts, key=lambda each: list(choice).index(each.number))
         for each in placed:
-            each.penetration = max(
-                (_beyond(each, other, surfaces) for other in placed if other is not each), default=0.0
-            )
+            others = [other for other in placed if other is not each]
+            each.penetration = max((_beyond(each, other, standing.surfaces) for other in others), default=0.0)
         ways = sewn(placed)
         return Assembly(placed, [self._piece(each, ways[each.number], diagonal, centre) for each in placed], loose)
+
+    def _best(
+        self,
+        first: PlacedPart,
+        members: Sequence[int],
+        standing: _Standing,
+        ground: float | None,
+        shape: tuple[_Floats, NDArray[np.bool_]],
+    ) -> tuple[PlacedPart, bool]:
+        """Return the part of the first of some members that meets what is in place, or of that which nearly does."""
+        best, least = (first, False), np.inf
+        for member in members[:_OFFERS]:
+            each = first if member == first.member else self._placed(*shape, first.number, member, False)
+            met = _meet(each, standing, ground)
+            surfaces = {**standing.surfaces, each.number: each.surface()}
+            fault = max([each.gap, *(_beyond(each, other, surfaces) for other in standing.parts)])
+            fault += 0.0 if met or not standing.parts else _OTHER
+            if fault < least:
+                best, least = (each, met), fault
+            if fault < _GOOD or each.still:
+                break
+        return best
 
     def _placed(self, points: _Floats, exists: NDArray[np.bool_], part: int, member: int, kept: bool) -> PlacedPart:
         family, shape = self.family, self.shape(member)
         common = exists & family.exists[member] & (family.labels == part)
-        still = PlacedPart(part, member, shape, np.ones(3), np.zeros(3), None)
         if kept or int(common.sum()) < 1:
-            return still
-        source, target = family.points[member, common], points[common]
-        near, scale, shift, distance = _rough_fit(source, target)
-        source, target = source[near], target[near]
-        nodes = source + ((scale - 1) * source + shift)
-        patches = shape.part(part).patch_of(source)
-        for last in (False, True):
-            pull, embedding = Pull(nodes, target, patches, _NODE_WEIGHT), Embedding(nodes, patches)
-            embedding.solve([pull])
-            apart = np.linalg.norm(nodes + embedding.displacement(nodes, patches) - target, axis=1)
-            match = apart <= max(_FAR * float(np.median(apart)), _LEAST_FAR / 2)
-            if last or match.all():
-                break
-            nodes, target, patches = nodes[match], target[match], patches[match]
-        return PlacedPart(part, member, shape, scale, shift, embedding, [pull], distance)
+            return PlacedPart(part, member, shape, Placing(np.ones(3), np.zeros(3)), still=True)
+        scale, shift, distance = _rough_fit(family.points[member, common], points[common])
+        return PlacedPart(part, member, shape, Placing(scale, shift), distance=distance)
 
-    def _in_order(self, placed: list[PlacedPart]) -> list[PlacedPart]:
-        """Return what may not move first; else what touches most others in most of the members; then the largest."""
-        by_area = sorted(placed, key=lambda each: -each.part.area)
-        if any(each.embedding is None for each in placed):
-            return sorted(by_area, key=lambda each: each.embedding is not None)
-        shapes = {each.member: each.shape for each in placed}.values()
-        touches = [
-            sum(bool(s.contacts(o.number, e.number)) for s in shapes for o in placed if o is not e) for e in by_area
-        ]
-        first = by_area.pop(touches.index(max(touches)))
-        return [first, *by_area]
-
-    def _meetings(self, each: PlacedPart, done: list[PlacedPart]) -> list[tuple[PlacedPart, bool, list[Contact]]]:
-        """Return the placed neighbours of a part, whose side the contacts are on (True: its own), and the contacts."""
-        # A part that may not move says itself where it is touched: those of others meet their own neighbours elsewhere.
-        meetings = []
-        for other in done:
-            own, theirs = (a.shape.contacts(a.number, b.number) for a, b in ((each, other), (other, each)))
-            if own and not (theirs and other.embedding is None):
-                meetings.append((other, True, own))
-            elif theirs:
-                meetings.append((other, False, theirs))
-        return meetings
-
-    def _meet(self, each: PlacedPart, done: list[PlacedPart], surfaces: dict[int, PlacedSurface]) -> None:
-        meetings = self._meetings(each, done)
-        if not meetings:
-            return
-        for round_ in range(_MEETINGS + 1):
-            pulls, gap = [], 0.0
-            own = each.surface()
-            for other, mine, contacts in meetings:
-                whole = each.member == other.member and each.shape.of_one_piece(each.number, other.number)
-                for contact in contacts:
-                    pull, apart = (_towards if mine else _from_other)(each, own, other, surfaces[other.number], contact)
-                    gap = gap if whole else max(gap, apart)
-                    if pull is not None:
-                        pulls.append(pull)
-            each.gap = gap
-            if each.embedding is None or not pulls or round_ == _MEETINGS:
-                return
-            each.embedding.solve([*each.pulls, *pulls])
+    def _in_order(
+        self, points: _Floats, exists: NDArray[np.bool_], parts: list[int], kept: Collection[int]
+    ) -> list[int]:
+        """Return the parts: what may not move, then what is beside most others, then those of most points."""
+        own = {part: points[exists & (self.family.labels == part)] for part in parts}
+        near = {
+            part: sum(
+                len(own[part]) and len(own[other]) and cKDTree(own[part]).query(own[other])[0].min() < _BESIDE
+                for other in parts
+            )
+            for part in parts
+        }
+        by_size = sorted(parts, key=lambda part: (-near[part], -len(own[part])))
+        return sorted([by_size[0], *sorted(by_size[1:], key=lambda part: -len(own[part]))], key=lambda p: p not in kept)
 
     def _piece(self, each: PlacedPart, moved: _Floats, diagonal: float, centre: _Floats) -> Piece:
         shape, part, surface = each.shape, each.part, each.shape.asset.surface
@@ -244,17 +238,15 @@ class Assembler:
         else:
             positions[part.rows] = (part.verts + moved) * diagonal + centre
         if moved.any() or shape.turn != 0:
-            maps = np.tile(np.diag(each.scale), (len(part.rows), 1, 1))
-            if each.embedding is not None:
-                maps = each.embedding.linear(each.roughly(part.verts), part.patches) @ maps
+            maps = each.placing.linear(part.verts, part.patches)
             normals[part.rows] = _directions(_cofactors(maps), turned(normals[part.rows], shape.turn))
             tangents[part.rows, :3] = _directions(maps, turned(tangents[part.rows, :3], shape.turn))
         extras = {"part": self.family.parts[each.number], "member": self.family.names[each.member]}
         return Piece(shape.asset, part.triangles, positions, normals, tangents, extras["part"], {"meshdeform": extras})
 
 
-def _rough_fit(source: _Floats, target: _Floats) -> tuple[NDArray[np.bool_], _Floats, _Floats, float]:
-    """Return which points match, the scale and the shift of the others' fit, and its root mean square distance."""
+def _rough_fit(source: _Floats, target: _Floats) -> tuple[_Floats, _Floats, float]:
+    """Return the scale and the shift that take points to others, and the root mean square distance that remains."""
     near = np.ones(len(source), bool)
     for _ in range(3):
         scale, shift = axis_fit(source[near], target[near])
@@ -265,43 +257,76 @@ def _rough_fit(source: _Floats, target: _Floats) -> tuple[NDArray[np.bool_], _Fl
         if (kept == near).all():
             break
         near = kept
-    return near, scale, shift, float(np.sqrt((apart**2).mean()))
+    return scale, shift, float(np.sqrt((apart**2).mean()))
 
 
-def _towards(
-    each: PlacedPart, _own: PlacedSurface, _other: PlacedPart, target: PlacedSurface, contact: Contact
-) -> tuple[Pull | None, float]:
-    """Pull the points of a contact of a part onto its neighbour, with the offset that they have in the member."""
+def _ground(placed: list[PlacedPart]) -> float | None:
+    """Return the height on which the parts stand, or None: none stands on the ground of its member."""
+    heights = [
+        (contact.points + each.moved(contact.points, contact.patches) - contact.offsets)[:, 1].mean()
+        for each in sorted(placed, key=lambda each: not each.still)
+        for contact in each.shape.feet(each.number)
+    ]
+    if not heights:
+        return None
+    still = [each for each in placed if each.still and each.shape.feet(each.number)]
+    return float(heights[0] if still else np.mean(heights))
+
+
+def _meet(each: PlacedPart, standing: _Standing, ground: float | None) -> bool:
+    """Move the joints of a part to what is in place and to the ground, measure the gaps, and say whether it met any."""
+    sites = [_site(each, other, c) for other in each.shape.present for c in each.shape.contacts(each.number, other)]
+    feet = [_site(each, -1, contact) for contact in each.shape.feet(each.number)]
+    if not each.still:
+        if standing.parts:
+            each.placing.joints.extend(site.joint for site in sites)
+        for _ in range(_MEETINGS):
+            for site in sites:
+                way = _way(each, site, standing)[0]
+                site.joint.way = site.joint.way + way
+            used = [site.joint for site in sites if site.met >= 0]
+            each.placing.joints[:] = used
+            _stand(each, feet, ground)
+    gaps = [_way(each, site, standing)[1] for site in sites if site.met >= 0 or each.still]
+    each.gap = max(gaps, default=0.0)
+    return any(site.met >= 0 for site in sites)
+
+
+def _site(each: PlacedPart, neighbour: int, contact: Contact) -> _Site:
+    points = each.placing.roughly(contact.points)
+    centre = points.mean(0)
+    radius = float(np.linalg.norm(points - centre, axis=1).max())
+    return _Site(neighbour, contact, Joint(centre, radius, int(contact.patches[0])))
+
+
+def _way(each: PlacedPart, site: _Site, standing: _Standing) -> tuple[_Floats, float]:
+    """Return the way (3,) that closes the gap at a site, and how wide the gap is."""
+    contact = site.contact
     here = contact.points + each.moved(contact.points, contact.patches)
-    place = target.nearest(here, contact.normals)[2]
-    return _pull(each, contact.points, contact.patches, place + contact.offsets - here, here - place, contact)
-
-
-def _from_other(
-    each: PlacedPart, own: PlacedSurface, other: PlacedPart, _target: PlacedSurface, contact: Contact
-) -> tuple[Pull | None, float]:
-    """Pull the places of a part that are nearest to a contact of its neighbour."""
-    there = contact.points + other.moved(contact.points, contact.patches)
-    face, weights, place = own.nearest(there, contact.normals)
-    corners = own.faces[face]
-    points = np.einsum("pc,pcd->pd", weights, each.part.verts[corners])
-    patches = each.part.patches[corners[:, 0]]
-    return _pull(each, points, patches, there - contact.offsets - place, there - place, contact)
-
-
-def _pull(
-    each: PlacedPart, points: _Floats, patches: _Index, way: _Floats, offsets: _Floats, contact: Contact
-) -> tuple[Pull | None, float]:
-    """Return the pull that closes a gap, if there is one, and how wide the gap is."""
+    found = standing.nearest(site, here)
+    if found is None:
+        site.met = -1
+        return np.zeros(3), 0.0
+    site.met, place = found
+    other = next(part for part in standing.parts if part.number == site.met)
+    whole = each.member == other.member and each.shape.of_one_piece(each.number, other.number)
     # All points of a contact go the same way, so that the end of a leg keeps its shape.
-    together = way.mean(0)
-    now, before = (float(np.linalg.norm(each, axis=1).mean()) for each in (offsets, contact.offsets))
-    apart = max(now - before, 0.0)
-    if not _STILL < float(np.linalg.norm(together)) < _REACH:
-        return None, apart
-    base = each.roughly(points)
-    target = points + each.moved(points, patches) + together
-    return Pull(base, target, patches, _CONTACT_WEIGHT), apart
+    way = (place + contact.offsets - here).mean(0)
+    now, before = (float(np.linalg.norm(apart, axis=1).mean()) for apart in (here - place, contact.offsets))
+    return way * (float(np.linalg.norm(way)) > _STILL), 0.0 if whole else max(now - before, 0.0)
+
+
+def _stand(each: PlacedPart, feet: list[_Site], ground: float | None) -> None:
+    """Add the joints that keep the feet of a part on the ground, beside those that it has."""
+    if ground is None:
+        return
+    for foot in feet:
+        contact = foot.contact
+        here = contact.points + each.moved(contact.points, contact.patches)
+        aside = (here - each.placing.roughly(contact.points)).mean(0)
+        down = ground - float((here - contact.offsets)[:, 1].mean())
+        foot.joint.way = aside + (np.array([0.0, down, 0.0]) if abs(down) > _STILL else 0.0)
+    each.placing.joints.extend(foot.joint for foot in feet if foot.joint.way.any())
 
 
 def _beyond(each: PlacedPart, other: PlacedPart, surfaces: Mapping[int, PlacedSurface]) -> float:
@@ -324,12 +349,12 @@ def sewn(placed: list[PlacedPart]) -> dict[int, _Floats]:
         place = np.unique(np.concatenate([each.part.verts for each in own]), axis=0, return_inverse=True)[1].reshape(-1)
         shared = np.bincount(np.unique(np.stack([place, owner], 1), axis=0)[:, 0]) > 1
         # Parts that may not move decide where the others go.
-        weight = np.where([each.embedding is None for each in own], _FIRM, 1.0)[owner]
+        weight = np.where([each.still for each in own], _FIRM, 1.0)[owner]
         way = np.concatenate([ways[each.number] for each in own])
         total = np.bincount(place, weight)
         mean = np.stack([np.bincount(place, weight * each) / total for each in way.T], 1)
         for number, each in enumerate(own):
-            if each.embedding is not None:
+            if not each.still:
                 rows = owner == number
                 ways[each.number] = np.where(shared[place[rows], None], mean[place[rows]], way[rows])
     return ways

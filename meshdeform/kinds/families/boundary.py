@@ -1,8 +1,4 @@
-"""Measure how clean the boundary of each part of a segmented surface is.
-
-Parts of a collection become parts of new shapes, where a ragged boundary shows. The authors left shapes with bad
-boundaries out by hand (25 % of the airplanes, 40 % of the chairs); here a measure does.
-"""
+"""Clean the boundaries of the parts of a segmented surface: no stray patches, pieces of one part, short boundaries."""
 
 from __future__ import annotations
 
@@ -12,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
-from scipy.spatial import ConvexHull, QhullError
 
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.kinds.families.cut import shortened
@@ -29,6 +24,8 @@ of the surface: a model that is welded to one piece says nothing by its pieces."
 _LIMB = 1.5
 """A patch of another part is no mistake within a piece if its boundary is shorter than this many roots of its area, as
 around the trunk of a tree: mistakes have 2.1 and more on vehicles and trees, and limbs 0.9 and less."""
+_SPINDLE, _LEAST_LIMB = 1.0, 0.02
+"""And with less than so many roots it is stray only below the second share of the largest patch of its part."""
 
 _BOUNDARY = 0.03
 """A boundary of the length of the diagonal is worth as much as this share of the square of the diagonal."""
@@ -41,34 +38,6 @@ def welded(positions: _Floats, triangles: _Index) -> _Index:
     number = np.full(len(positions), -1, np.int64)
     number[used] = used[coincident(points, WELD_TOLERANCE * float(np.linalg.norm(np.ptp(points, axis=0))))]
     return number[triangles]
-
-
-def boundary_defects(positions: _Floats, triangles: _Index, parts: NDArray[np.uint8], count: int) -> _Floats:
-    """Return how unclean the boundary of each part is (L,): 0 for none or a clean one; infinite for a missing part.
-
-    It is the sum of two shares: the area of the part in stray patches (`without_strays`); and how much longer the
-    boundary's loops are than the convex hulls of their projections to their planes of best fit. A cut around a limb is
-    as long as its hull, a ragged one is longer.
-    Where parts are separate pieces of the mesh, there is no boundary.
-
-    Parameters
-    ----------
-    positions : (N, 3) float64
-    triangles : (F, 3) int64
-    parts : (F,) uint8
-    """
-    areas = _areas(positions, triangles)
-    faces, ends = _neighbours(welded(positions, triangles))
-    cut = parts[faces[:, 0]] != parts[faces[:, 1]]
-    patches = components(len(triangles), faces[~cut])
-    stray = _stray(parts, patches, areas, faces[cut])[patches]
-    defects = np.full(count, np.inf)
-    for part in np.unique(parts):
-        chosen = parts == part
-        across = cut & chosen[faces].any(1)
-        share = float(areas[chosen & stray].sum() / max(areas[chosen].sum(), 1e-300))
-        defects[part] = share + _raggedness(positions, ends[across]) if across.any() else 0.0
-    return defects
 
 
 def without_strays(positions: _Floats, triangles: _Index, parts: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -93,7 +62,7 @@ def _smoothed(parts: _Index, areas: _Floats, faces: _Index, lengths: _Floats) ->
     for _ in range(_ROUNDS):
         cut = smoothed[faces[:, 0]] != smoothed[faces[:, 1]]
         patches = components(len(parts), faces[~cut])
-        stray = _stray(smoothed, patches, areas, faces[cut])
+        stray = _stray(smoothed, patches, areas, faces[cut], lengths[cut])
         if not stray.any():
             break
         shared = np.zeros((len(stray), int(smoothed.max()) + 1))
@@ -143,36 +112,16 @@ def components(count: int, pairs: _Index) -> _Index:
     return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
 
 
-def _stray(parts: NDArray[Any], patches: _Index, areas: _Floats, cut: _Index) -> NDArray[np.bool_]:
-    """Return which patches are stray; `cut` (C, 2) are the pairs of triangles across boundaries."""
+def _stray(parts: NDArray[Any], patches: _Index, areas: _Floats, cut: _Index, lengths: _Floats) -> NDArray[np.bool_]:
+    """Return which patches are stray: small, with a boundary, and no limbs, as the spindles of a back are.
+
+    `cut` (C, 2) are the pairs of triangles across boundaries, `lengths` (C,) those of the edges there.
+    """
     size = np.bincount(patches, areas)
     owner = np.zeros(len(size), np.int64)
     owner[patches] = parts
     largest = np.zeros(int(owner.max()) + 1)
     np.maximum.at(largest, owner, size)
-    bounded = np.zeros(len(size), bool)
-    bounded[patches[cut].reshape(-1)] = True
-    return np.asarray(bounded & (size < _STRAY * largest[owner]))
-
-
-def _raggedness(positions: _Floats, edges: _Index) -> float:
-    """Return how much longer the loops of boundary edges (E, 2) are than their hulls, as a share."""
-    rows, local = np.unique(edges, return_inverse=True)
-    local = local.reshape(-1, 2)
-    loop = components(len(rows), local)[local[:, 0]]
-    lengths = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
-    longer = 0.0
-    for each in np.unique(loop):
-        length = float(lengths[loop == each].sum())
-        longer += max(length - _hull(positions[np.unique(edges[loop == each])]), 0.0)
-    return longer / max(float(lengths.sum()), 1e-300)
-
-
-def _hull(points: _Floats) -> float:
-    """Return the perimeter of the convex hull of points (P, 3) in their plane of best fit."""
-    centred = points - points.mean(0)
-    flat = centred @ np.linalg.svd(centred, full_matrices=False)[2][:2].T
-    try:
-        return float(ConvexHull(flat).area)  # the perimeter, in the plane
-    except (QhullError, ValueError):
-        return 2.0 * float(np.linalg.norm(np.ptp(flat, axis=0)))
+    around = np.bincount(patches[cut].reshape(-1), np.repeat(lengths, 2), len(size))
+    small = size < np.where(around < _SPINDLE * np.sqrt(size), _LEAST_LIMB, _STRAY) * largest[owner]
+    return np.asarray((around > 0) & small)

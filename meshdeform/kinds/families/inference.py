@@ -33,6 +33,8 @@ features, whose variance over the collection is 1, makes up for features that ar
 _TIGHTER, _TIGHTEST = 0.85, 0.03
 """The bound above S1 falls by this factor in each round, down to the square of the second number."""
 _LEAST_ALIKE = 0.05
+_TOLD, _NOT_TOLD = 0.9, 0.02
+"""Probabilities of what readings say of a part: at most, and of each other part at least."""
 _ROUNDS = 3
 _CROWD, _GIVE, _MOST_GIVEN = 2.0, 0.5, 8.0
 """A point that more samples than `_CROWD` times the mean want passes samples on to points beside it. Without this, a
@@ -42,6 +44,7 @@ few points whose features are like the mean of all take the samples of the other
 _FIRST = 0.6
 """Share of the points that come from the most typical shape."""
 _NEIGHBOURS = 8
+_MOSTLY = 0.8
 _LOOK = 4.0
 """How much features count beside positions where parts are made without labels."""
 
@@ -137,6 +140,7 @@ class Inference:
     collection: Collection
     template: Template
     given: Tensor  # (T, P) int64: given parts of samples; -1 where they are to be found
+    prior: Tensor  # (T, P, L) float32: logarithms of what is known of the parts of samples before; or (0,) for nothing
     deformed: Tensor  # (T, K, 3) float32: E[D], in the common box
     variance: Tensor  # (T, K, 3) float32: diagonal of cov[D]
     mass: Tensor  # (T, K) float32: how many samples correspond to each point: the sum of Q(U)
@@ -159,12 +163,17 @@ class Inference:
         self.alike = _alike(self.collection)
 
     @classmethod
-    def start(cls, collection: Collection, labels: Tensor, count: int, parts: int) -> Inference:
+    def start(
+        cls, collection: Collection, labels: Tensor, count: int, parts: int, prior: Tensor | None = None
+    ) -> Inference:
         """Make the templates and begin with each shape's box.
 
         Parameters
         ----------
-        given : (T, P) int64
+        labels : (T, P) int64
+            Given parts of samples, -1 elsewhere.
+        prior : (T, P, L) float32, optional
+            Logarithms of what is known of the parts of all samples.
         count : int
             Number of template points K.
         parts : int
@@ -173,15 +182,18 @@ class Inference:
         shapes, samples = labels.shape
         mean = collection.boxes.mean(0)
         boxed = collection.points * (mean / collection.boxes)[:, None]
-        template = first_template(collection, boxed, labels, count, parts)
+        known = labels if prior is None or bool((labels >= 0).all(1).any()) else _likeliest(prior, labels)
+        template = first_template(collection, boxed, known, count, parts)
+        begin = torch.full((shapes, samples, parts), 1.0 / parts) if prior is None else prior.softmax(2)
         return cls(
             collection,
             template,
             labels,
+            torch.empty(0) if prior is None else prior,
             deformed=template.points.expand(shapes, -1, -1).clone(),
             variance=torch.full((shapes, count, 3), _S1),
             mass=torch.full((shapes, count), samples / count),
-            parts=_fixed(torch.full((shapes, samples, parts), 1.0 / parts), labels),
+            parts=_fixed(begin, labels),
             crowding=torch.zeros(shapes, count),
             likelihood=torch.zeros(shapes),
             s1=torch.full((3,), _S1),
@@ -210,7 +222,7 @@ class Inference:
         onehot = torch.nn.functional.one_hot(template.labels, template.parts).float()
         s1, s3 = torch.zeros(3, dtype=torch.float64), torch.zeros_like(self.s3)
         seen, looks = torch.zeros(count), torch.zeros_like(template.features)
-        before = self.deformed.clone()
+        before, agreed = self.deformed.clone(), torch.zeros(count, template.parts)
         bound = max(_S1**0.5 * _TIGHTER**self.iteration, _TIGHTEST) ** 2
         self.s1 = self.s1.clamp_max(bound)
         for t in range(len(self.boxed)):
@@ -220,6 +232,7 @@ class Inference:
             self.likelihood[t] = likelihood.mean()
             self._label(t, q @ onehot)
             self._deform(t, q, laplacian, pull)
+            agreed += q.T @ self.parts[t]
             # sum q (x_p - d_k)^2 = sum q x_p^2 - 2 sum_k d_k (q^T x)_k + sum_k mass_k d_k^2
             x, d, mass, each = self.boxed[t].double(), self.deformed[t].double(), q.sum(0), q.sum(1)
             s1 += each.double() @ x.square() - (2 * (q.T @ self.boxed[t]) * d).sum(0) + mass.double() @ d.square()
@@ -234,6 +247,9 @@ class Inference:
         self.s3 = ((s3 - (seen[:, None] * means.square()).sum(0)) / samples).clamp_min(_LEAST_S3)
         self.s1 = (s1 / samples).float().clamp_min(_LEAST_S1)
         template.points = self.deformed.mean(0)
+        if len(self.prior) and not bool((self.given >= 0).all(1).any()):
+            # The readings of all members decide together what a point is of.
+            template.labels = torch.where(seen > 1e-3, agreed.argmax(1), template.labels)
         i, j = torch.nonzero(self.edges, as_tuple=True)
         bend = (self.deformed[:, i] - self.deformed[:, j]) - (template.points[i] - template.points[j])
         self.s2 = bend.square().mean((0, 1)).clamp_min(_LEAST_S2)
@@ -267,6 +283,8 @@ class Inference:
     def _label(self, t: int, matched: Tensor) -> None:
         """Update Q(S) of one shape; `matched` (P, L) sums Q(U) over the points of each part."""
         unary = math.log(_EPSILON) * (1 - matched)
+        if len(self.prior):
+            unary = unary + self.prior[t]
         alike, near = self.alike[t], self.collection.neighbours[t]
         bond = (alike.log() - (1 - alike).log())[:, :, None]
         q = self.parts[t]
@@ -286,6 +304,47 @@ class Inference:
         self.deformed[t] = solved[:, :, 0].T
         self.variance[t] = 1 / (mass[:, None] / self.s1 + self.edges.sum(1)[:, None] / self.s2)
         self.mass[t] = mass
+
+
+def reading_prior(read: Tensor, sure: Tensor, names: Tensor, given: Tensor, parts: int) -> Tensor:
+    """Return logarithms (T, P, L) of the probabilities of the parts of samples, by readings of their shapes.
+
+    Where shapes with given parts tell how often what is read as one part is of each, their shares count; elsewhere, a
+    reading is as right as it is sure.
+
+    Parameters
+    ----------
+    read : (T, P) int64
+        What each sample was read as, one of R; -1 where nothing is known.
+    sure : (T, P) float32
+        How likely that is right.
+    names : (R,) int64
+        The part that has the name of what was read; -1 where none has.
+    given : (T, P) int64
+        Given parts of samples, -1 elsewhere.
+    """
+    prior = torch.full((*read.shape, parts), 1.0 / parts)
+    known = (read >= 0) & (given >= 0)
+    for number in range(len(names)):
+        here, own = read == number, int(names[number])
+        told = given[here & known]
+        if len(told):
+            counts = torch.bincount(told, minlength=parts).float()
+            share = (counts / counts.sum()).clamp_min(_NOT_TOLD).sqrt()  # templates tell the same once more
+            prior[here] = share / share.sum()
+        elif own >= 0:
+            right = (sure[here] * _TOLD).clamp_min(1.0 / parts)[:, None]
+            shares = ((1 - right) / max(parts - 1, 1)).expand(-1, parts).clone()
+            shares[:, own] = right[:, 0]
+            prior[here] = shares
+    return prior.log()
+
+
+def _likeliest(prior: Tensor, given: Tensor) -> Tensor:
+    """Return the given or the likeliest part (T, P) of each sample; -1 for shapes of which little is known."""
+    best = torch.where(given >= 0, given, prior.argmax(2))
+    told = ((prior.amax(2) - prior.amin(2) > 1e-3) | (given >= 0)).float().mean(1) > _MOSTLY
+    return torch.where(told[:, None], best, -1) if bool(told.any()) else best
 
 
 def _near(points: Tensor, deformed: Tensor) -> Tensor:

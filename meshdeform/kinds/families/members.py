@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.assets.family_file import FamilyFile
+from meshdeform.geometry.copies import first_alike
 from meshdeform.geometry.places import SurfaceTree, even_samples, samples_of
 from meshdeform.kinds.families.boundary import components, welded
 
@@ -21,7 +22,8 @@ _TOUCH = 0.02
 """Distance, in diagonals, within which parts of a member touch."""
 _SPACING = 0.02
 _SITE = 0.06
-_PER_SITE = 24
+_PER_SITE, _CELL = 24, 0.008
+_GROUND = 0.01
 _OPPOSITE = 0.2
 _ONE_SIDE, _ASIDE = 0.5, 0.005
 _TIED, _DENSE = 0.008, 20_000
@@ -49,15 +51,19 @@ class Contact:
 
 
 class PlacedSurface:
-    """A surface (V, 3), (F, 3) in its place, to find the nearest places on it."""
+    """A surface (V, 3), (F, 3) in its place, to find the nearest places on it.
 
-    def __init__(self, verts: _Floats, faces: _Index) -> None:
+    `sided`: whether normals tell its sides apart; a search that does not know them takes far longer if they do.
+    """
+
+    def __init__(self, verts: _Floats, faces: _Index, *, sided: bool = True) -> None:
         cross = np.cross(verts[faces[:, 1]] - verts[faces[:, 0]], verts[faces[:, 2]] - verts[faces[:, 0]])
         length = np.linalg.norm(cross, axis=1, keepdims=True)
         solid = length[:, 0] > 1e-15
         self.verts, self.faces = verts, faces[solid]
         self.normals = cross[solid] / length[solid]
-        self._tree = SurfaceTree(verts, self.faces, self.normals, spacing=_SPACING, opposite=_OPPOSITE)
+        opposite = _OPPOSITE if sided else 0.0
+        self._tree = SurfaceTree(verts, self.faces, self.normals, spacing=_SPACING, opposite=opposite)
 
     def nearest(self, points: _Floats, normals: _Floats) -> tuple[_Index, _Floats, _Floats]:
         """Return the nearest face (P,), its weights (P, 3) and the place (P, 3); `normals` tell sides apart."""
@@ -96,6 +102,7 @@ class MemberShape:
         self._corners = welded(asset.surface.positions, asset.surface.triangles)
         self._parts: dict[int, MemberPart] = {}
         self._contacts: dict[tuple[int, int], list[Contact]] = {}
+        self._feet: dict[int, list[Contact]] = {}
 
     @cached_property
     def present(self) -> list[int]:
@@ -126,6 +133,20 @@ class MemberShape:
             self._contacts[part, other] = self._touching(part, other) if both else []
         return self._contacts[part, other]
 
+    def feet(self, part: int) -> list[Contact]:
+        """Return where a part stands on the ground of this member, each connected place by itself."""
+        if part not in self._feet:
+            own, ground = self.part(part), float(self.frame[:, 1].min())
+            near = np.flatnonzero(own.verts[:, 1] < ground + _GROUND)
+            offsets, normals = np.zeros((len(near), 3)), np.tile([0.0, 1.0, 0.0], (len(near), 1))
+            offsets[:, 1] = own.verts[near, 1] - ground
+            self._feet[part] = [
+                Contact(own.verts[rows], own.patches[rows], offsets[at], normals[at], 0.0)
+                for at in _places(own.verts[near], own.patches[near])
+                for rows in (near[at],)
+            ]
+        return self._feet[part]
+
     def of_one_piece(self, part: int, other: int) -> bool:
         """Return whether two parts are of one piece of the mesh, cut apart along its edges."""
         return bool(np.intersect1d(*(self._corners[self.segments == each] for each in (part, other))).size)
@@ -139,22 +160,35 @@ class MemberShape:
             np.concatenate([points, own.verts]),
             np.concatenate([own.patches[own.faces[faces, 0]], own.patches]),
         )
-        surface = PlacedSurface(of_other.verts, of_other.faces)
+        low, high = of_other.verts.min(0) - _TOUCH, of_other.verts.max(0) + _TOUCH
+        inside = ((points > low) & (points < high)).all(1)
+        points, patches = points[inside], patches[inside]
+        if not len(points):
+            return []
+        surface = PlacedSurface(of_other.verts, of_other.faces, sided=False)
         face, _, place = surface.nearest(points, np.zeros_like(points))
         near = np.flatnonzero(np.linalg.norm(points - place, axis=1) < _TOUCH)
         if not len(near):
             return []
-        pairs = cKDTree(points[near]).query_pairs(_SITE, output_type="ndarray")
-        pairs = pairs[patches[near[pairs[:, 0]]] == patches[near[pairs[:, 1]]]]
-        site = components(len(near), pairs)
         touching = []
-        for each in range(site.max() + 1):
-            rows = near[site == each]
-            rows = rows[:: max(1, len(rows) // _PER_SITE)]
+        for at in _places(points[near], patches[near]):
+            rows = near[at]
             offsets, normals = points[rows] - place[rows], surface.normals[face[rows]]
             depth = depth_beyond(surface, own.beside(points[rows], patches[rows]), normals)
             touching.append(Contact(points[rows], patches[rows], offsets, normals, depth))
         return touching
+
+
+def _places(points: _Floats, patches: _Index) -> list[_Index]:
+    """Return the rows of at most `_PER_SITE` points of each connected place, on one patch; one point a cell counts."""
+    if not len(points):
+        return []
+    rows = first_alike(np.column_stack([np.floor(points / _CELL).astype(np.int64), patches]))
+    pairs = cKDTree(points[rows]).query_pairs(_SITE, output_type="ndarray")
+    pairs = pairs[patches[rows[pairs[:, 0]]] == patches[rows[pairs[:, 1]]]]
+    site = components(len(rows), pairs)
+    every = (rows[site == each] for each in range(int(site.max()) + 1))
+    return [each[:: max(1, len(each) // _PER_SITE)] for each in every]
 
 
 def depth_beyond(surface: PlacedSurface, points: tuple[_Floats, _Floats], normals: _Floats) -> float:
@@ -191,5 +225,6 @@ def _tied(verts: _Floats, faces: _Index, pieces: _Index) -> _Index:
     of_verts[faces] = np.arange(len(faces))[:, None]
     points = np.concatenate([np.einsum("pc,pcd->pd", weights, corners[owners]), verts])
     owners = np.concatenate([owners, of_verts])
-    pairs = pieces[owners[cKDTree(points).query_pairs(_TIED, output_type="ndarray")]]
+    once = first_alike(np.column_stack([np.floor(points / (_TIED / 2)).astype(np.int64), pieces[owners]]))
+    pairs = pieces[owners[once[cKDTree(points[once]).query_pairs(_TIED, output_type="ndarray")]]]
     return components(count, pairs[pairs[:, 0] != pairs[:, 1]])

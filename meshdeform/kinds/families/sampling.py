@@ -1,8 +1,9 @@
 """Draw shapes near the members of a family, and measure how plausible shapes are under its Beta shape machine.
 
-A shape lies between a member and one of those that are nearest to it, each part by a share of its own, so that
-proportions come together that no member has. Gibbs sampling of the machine (Huang 2017, section 3.4) mixed kinds, and
-covered less of the members that it had not seen.
+A shape has proportions between a member and one of those that are nearest to it, each part by a share of its own, and
+each part is given by another member whose part is of a like form. Members take turns, so that no few of them are behind
+all shapes. Gibbs sampling of the machine (Huang 2017, section 3.4) mixed kinds, and covered less of the members that it
+had not seen.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.assets.family_file import FamilyFile
-from meshdeform.kinds.families.embedded import axis_fit
 from meshdeform.kinds.families.machine import HIGH, LOW, BetaMachine
+from meshdeform.kinds.families.placing import axis_fit
 
 _Floats = NDArray[np.float64]
 
-_NEAREST = 5
+_NEAREST, _LIKE, _SHARED = 5, 0.5, 0.5
+"""A shape lies beside one of so many; a part is given by one of this share of the members, the most alike, that have at
+least this share of its points."""
 _BEYOND = 0.25
 """How far beyond one of two members a part may lie, as a share of the way between them."""
 LACKING = 0.2
@@ -36,7 +39,7 @@ class Drawn:
 
     points: _Floats  # (K, 3) float64: in the frame
     exists: NDArray[np.bool_]  # (K,) bool
-    sources: dict[int, list[int]]  # the members that may give each part, best first
+    sources: dict[int, list[int]]  # the members that may give each part, the first one that can does
 
 
 def distances(family: FamilyFile, member: int, known: NDArray[np.bool_] | None = None) -> _Floats:
@@ -52,19 +55,18 @@ def distances(family: FamilyFile, member: int, known: NDArray[np.bool_] | None =
     return np.where(both.any(1), mean + LACKING * (exists != exists[member]).mean(1), 1.0)
 
 
-def sampled(family: FamilyFile, random: np.random.Generator, *, mixed: bool = True) -> Drawn:
-    """Draw a shape between a random member and one of those nearest to it; if not `mixed`, with parts of the first."""
-    return _beside(family, int(random.integers(len(family.names))), random, mixed)
+def sampled(family: FamilyFile, number: int, seed: int) -> Drawn:
+    """Draw the shape of a number, which has the proportions of a member whose turn it is, or nearly."""
+    turns = np.random.default_rng([seed, len(family.names)]).permutation(len(family.names))
+    return _beside(family, int(turns[number % len(turns)]), np.random.default_rng([seed, number]))
 
 
-def completed(
-    family: FamilyFile, member: int, keep: Sequence[int], random: np.random.Generator, *, mixed: bool = True
-) -> Drawn:
+def completed(family: FamilyFile, member: int, keep: Sequence[int], random: np.random.Generator) -> Drawn:
     """Draw a shape with some parts of a member; the others are of a shape beside one whose parts are like them."""
     known = np.isin(family.labels, keep)
     near = _nearest(distances(family, member, known), member)
     base = int(random.choice(near))
-    draw = _beside(family, base, random, mixed)
+    draw = _beside(family, base, random)
     own, common = family.points[member], known & family.exists[member] & family.exists[base]
     scale, shift = axis_fit(family.points[base][common], own[common]) if common.any() else (np.ones(3), np.zeros(3))
     points = np.where(known[:, None], own, draw.points * scale + shift)
@@ -88,21 +90,37 @@ def _nearest(apart: _Floats, member: int) -> NDArray[np.int64]:
     return order[: min(_NEAREST, len(apart) - 1)]
 
 
-def _beside(family: FamilyFile, member: int, random: np.random.Generator, mixed: bool) -> Drawn:
-    """Draw a shape that lies, each part by a share of its own, between a member and one of those nearest to it."""
+def _beside(family: FamilyFile, member: int, random: np.random.Generator) -> Drawn:
+    """Draw a shape with proportions between a member and one near to it, and the members that give its parts."""
     apart = distances(family, member)
     other = int(random.choice(_nearest(apart, member)))
     shares = random.uniform(-_BEYOND, 1 + _BEYOND, len(family.parts))
-    shares = shares if mixed else np.full(len(shares), shares[0] / 2)
     both = (family.exists[member] & family.exists[other])[:, None]
     way = both * (family.points[other] - family.points[member])
     points = family.points[member] + shares[family.labels, None] * way
-    order = np.argsort(apart, kind="stable").tolist()
-    sources = {}
-    for part in np.unique(family.segments[member]).tolist():
-        first = [other, member] if shares[part] > 0.5 else [member, other]
-        sources[part] = first + [each for each in order if each not in first] if mixed else [member]
-    return Drawn(points, family.exists[member], sources)
+    sources, taken = dict[int, list[int]](), {member}
+    parts = np.unique(family.segments[member]).tolist()
+    for part in random.permutation(parts).tolist():
+        alike = [each for each in like_parts(family, member, part) if each not in taken]
+        fit = alike[: max(1, round(_LIKE * len(alike)))]
+        first = int(random.choice(fit)) if fit else member
+        taken.add(first)
+        sources[part] = [first, *(each for each in alike if each != first), member]
+    return Drawn(points, family.exists[member], {part: sources[part] for part in parts})
+
+
+def like_parts(family: FamilyFile, member: int, part: int) -> list[int]:
+    """Return the members that have a part, the most alike in form first: that of a member, scaled along the axes."""
+    own = family.labels == part
+    there = family.exists[:, own] & family.exists[member, own]
+    points, unlike = family.points[:, own], np.full(len(family.names), np.inf)
+    for each in np.flatnonzero(there.sum(1) >= max(_SHARED * there[member].sum(), 1)):
+        source, target = points[each, there[each]], points[member, there[each]]
+        scale, shift = axis_fit(source, target)
+        apart = np.linalg.norm(source * scale + shift - target, axis=1).mean()
+        unlike[each] = apart + LACKING * (family.exists[each, own] != family.exists[member, own]).mean()
+    order = np.argsort(unlike, kind="stable").tolist()
+    return [each for each in order if np.isfinite(unlike[each]) and (family.segments[each] == part).any()]
 
 
 def to_machine(points: Tensor, scaling: Tensor) -> Tensor:

@@ -17,7 +17,7 @@ from meshdeform.runs.family_fit import FamilyFitRun
 from tests.cases import each_case
 from tests.unit.cli.lines import done, refused
 
-_SMALL = "--points 20 --set samples=50 --set iterations=2 --set epochs=2"
+_SMALL = "--points 20 --set samples=50 --set iterations=2 --set epochs=2 --set read=false"
 _FILES = {
     "report.json", "preview.png",
     "wall.glb", "segmentation.npz", "correspondences.npz", "descriptors.npz", "family.safetensors"

@@ -29,10 +29,12 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
+from meshdeform.runs.family_reading import MemberReading
 from meshdeform.settings import Settings
+from meshdeform.vocabulary.solids import PART_NAMES
 from tests.cases import each_case
 
-PARAMS = {"points": 20, "samples": 50, "iterations": 2, "epochs": 3, "embed_labels": True}
+PARAMS = {"points": 20, "samples": 50, "iterations": 2, "epochs": 3, "embed_labels": True, "read": False}
 
 
 def packed(files, labels=None):
@@ -268,4 +270,55 @@ def test_labels_that_do_not_fit_an_asset_are_refused_with_its_name(glbs):
 def test_a_request_that_cannot_run_is_refused(document, words):
     request = JobRequest.model_validate({"kind": "family_fit", **document})
     with pytest.raises(ParameterError, match=words):
+        check_request(request, Settings(), files={"collection"})
+
+
+def read_as_their_nodes(monkeypatch, chairs):
+    """Let members be read as their nodes say, the first one as a throne if no noun is given."""
+    asked = []
+
+    def read(asset, data, name, noun, readings):
+        asked.append((name, noun))
+        member = next(each for each in chairs if each.name == name)
+        codes = np.array([PART_NAMES.index(part) for part in member.parts()])
+        known = {"chair": 0.9} if noun or name != chairs[0].name else {"throne": 0.9}
+        return MemberReading(*known, known, codes, np.full(len(codes), 0.9))
+
+    monkeypatch.setattr("meshdeform.runs.family_fit.read_member", read)
+    return asked
+
+
+def test_parts_have_the_names_that_most_members_are_read_with(chairs, glbs, monkeypatch):
+    asked = read_as_their_nodes(monkeypatch, chairs)
+    data, params = packed(glbs), {"read": True, "points": 60, "samples": 200, "iterations": 8}
+    run = begin(data, **params)
+    kept = {report.step: run.checkpoint() for report in run}
+    report, found = results_of(begin(data, kept[12], **params))
+    assert asked.count((chairs[0].name, None)) == asked.count((chairs[0].name, "chair")) == 1  # it is no throne
+    assert {asset["noun"] for asset in report["assets"]} == {"chair"}
+    assert set(report["parts"]) <= {"seat", "back", "leg", "arm"}
+    for number, chair in enumerate(chairs):
+        named = np.array([report["parts"][part] for part in found[f"{number:04d}"]])
+        assert (named == chair.parts()).mean() > 0.7
+
+
+def test_few_labels_are_enough_where_assets_are_read(chairs, glbs, monkeypatch):
+    read_as_their_nodes(monkeypatch, chairs)
+    words = {"seat": "Sitz", "back": "Lehne", "leg": "Bein", "arm": "Armlehne"}
+    labels = labels_document("chairs", chairs, 2)
+    labels = json.loads(json.dumps(labels), object_hook=lambda node: {k: words.get(v, v) if isinstance(v, str) else v
+                                                                      for k, v in node.items()})  # fmt: skip
+    labels["parts"] = list(words.values())
+    report, found = results_of(begin(packed(glbs, labels), read=True, points=60, samples=200, iterations=6))
+    assert report["parts"] == list(words.values())
+    right = [
+        np.mean([report["parts"][part] == words[own] for part, own in zip(found[f"{n:04d}"], c.parts(), strict=True)])
+        for n, c in enumerate(chairs)
+    ]
+    assert np.mean(right) > 0.85
+
+
+def test_a_noun_that_is_none_is_refused():
+    request = JobRequest.model_validate({"kind": "family_fit", "params": {"noun": "qwertz"}})
+    with pytest.raises(ParameterError, match="no noun of the builtin prior"):
         check_request(request, Settings(), files={"collection"})

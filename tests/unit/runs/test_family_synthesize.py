@@ -37,7 +37,7 @@ def chairs():
     """Ten labelled chairs, fitted: the assets, and the results."""
     members = family("chairs", 10)
     glbs = {member.name: member.glb() for member in members}
-    params = {"points": 40, "samples": 80, "iterations": 3, "epochs": 20, "embed_labels": True}
+    params = {"points": 40, "samples": 80, "iterations": 3, "epochs": 20, "embed_labels": True, "read": False}
     request = JobRequest.model_validate({"kind": "family_fit", "params": params})
     data = packed(glbs, labels_document("chairs", members, 10))
     run = start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")}))
@@ -83,12 +83,12 @@ def test_samples_are_assets_of_members_parts_and_a_resumed_run_equals_it_bit_for
     kept = {}
     for report in run:
         kept[report.step] = run.checkpoint()
-    assert report.step == report.total_steps == 12
+    assert report.step == report.total_steps == 2
     artifacts = run.finish()
-    for step in (4, 11):
+    for step in (1,):
         again = begin(chairs, count=2, seed=3, checkpoint=kept[step])
-        assert [r.step for r in again] == list(range(step + 1, 13))
-        assert same_state(again.checkpoint(), kept[12])
+        assert [r.step for r in again] == list(range(step + 1, 3))
+        assert same_state(again.checkpoint(), kept[2])
         assert shapes_of(again.finish()) == shapes_of(artifacts)
     made = shapes_of(artifacts)
     assert made[0] == artifacts["result.glb"].data != made[1]
@@ -160,7 +160,7 @@ def test_the_labelled_assets_serve_as_the_collection(chairs):
     rows = ["solid a", "facet normal 0 0 1", "outer loop", "vertex 0 0 0", "vertex 1 0 0", "vertex 0 1 1", "endloop"]
     stl = "\n".join([*rows, "endfacet", "endsolid a"]).encode()
     data = packed({**chairs[0], "chair_0000.stl": stl})
-    params = {"points": 20, "samples": 50, "iterations": 1, "epochs": 1, "embed_labels": True}
+    params = {"points": 20, "samples": 50, "iterations": 1, "epochs": 1, "embed_labels": True, "read": False}
     request = JobRequest.model_validate({"kind": "family_fit", "params": params})
     results = finished(start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")})))
     fitted, labelled = (results[name].data for name in ("family.safetensors", "labelled.zip"))
@@ -208,10 +208,10 @@ def test_a_family_that_cannot_be_used_is_refused(chairs):
         read_family(whole, dataclasses.replace(Limits(), max_bytes=1000))
     other = {**chairs[0], "chair_0003.glb": chairs[0]["chair_0002.glb"]}
     with pytest.raises(AssetError, match=r"chair_0003\.glb has another shape"):
-        finished(begin(chairs, count=1, collection=packed(other)))
+        finished(begin(chairs, mode="search", members=["chair_0003"], collection=packed(other)))
     for name in ("diagonals", "centres"):
         far = dump_family(dataclasses.replace(found, **{name: getattr(found, name) * 2.0 + 1e-3}), {})
-        with pytest.raises(AssetError, match=r"chair_0000\.glb has another size or place"):
+        with pytest.raises(AssetError, match=r"chair_\d+\.glb has another size or place"):
             finished(begin(chairs, count=1, fitted=far))
     nothing = dump_family(dataclasses.replace(found, exists=np.zeros_like(found.exists)), {})
     with pytest.raises(AssetError, match="Shape 0 has no point that any member has"):

@@ -29,7 +29,7 @@ def chairs() -> tuple[bytes, bytes]:
         {each.name: each.glb() for each in members}
         | {"labels.json": json.dumps(labels_document("chairs", members, MEMBERS)).encode()}
     )
-    params = {"points": 40, "samples": 80, "iterations": 3, "epochs": 20}
+    params = {"points": 40, "samples": 80, "iterations": 3, "epochs": 20, "read": False}
     request = JobRequest.model_validate({"kind": "family_fit", "params": params})
     run = start_run(RunInput(request, {"collection": InputFile(data, "chairs.zip")}))
     for _ in run:

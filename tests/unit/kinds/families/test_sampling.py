@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,12 +9,12 @@ import pytest
 import torch
 
 from bench.solids import tube
-from meshdeform.kinds.families.assembly import Assembler, sewn
-from meshdeform.kinds.families.boundary import boundary_defects, without_strays
+from meshdeform.kinds.families.assembly import sewn
+from meshdeform.kinds.families.boundary import without_strays
 from meshdeform.kinds.families.cut import shortened
-from meshdeform.kinds.families.embedded import Embedding, Pull
 from meshdeform.kinds.families.machine import BetaMachine
-from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, sampled, to_machine
+from meshdeform.kinds.families.placing import Joint, Placing, axis_fit
+from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, like_parts, sampled, to_machine
 
 
 @pytest.fixture(scope="module")
@@ -36,27 +35,29 @@ def pairs():
     )
 
 
-def test_a_sample_lies_between_two_near_members_each_part_by_its_own_share(pairs):
-    shares = []
-    for seed in range(40):
-        drawn = sampled(pairs, np.random.default_rng(seed))
-        first, second = drawn.sources[0][:2]
-        assert set(drawn.sources[0]) == set(range(12))
-        group = {first // 6, second // 6}
-        assert len(group) == 1  # of one group
-        np.testing.assert_array_equal(drawn.exists, pairs.exists[first])
-        for part in (0, 1):
-            own = (pairs.labels == part) & drawn.exists
-            one, other = (pairs.points[each, own] for each in sorted(drawn.sources[part][:2]))
-            way = ((drawn.points[own] - one) * (other - one)).sum() / ((other - one) ** 2).sum()
-            np.testing.assert_allclose(drawn.points[own], one + way * (other - one), atol=1e-9)
-            nearer = min(drawn.sources[part][:2]) if way < 0.5 else max(drawn.sources[part][:2])
-            assert drawn.sources[part][0] == nearer  # the part comes from the member that it is more like
-            shares.append(way)
-    assert -0.25 <= min(shares) < 0 < 1 < max(shares) <= 1.25
-    whole = sampled(pairs, np.random.default_rng(0), mixed=False)
-    assert whole.sources[0] == whole.sources[1]
-    assert len(whole.sources[0]) == 1
+def test_members_take_turns_and_each_gives_proportions_while_others_give_parts(pairs):
+    drawn = [sampled(pairs, number, 5) for number in range(24)]
+    bases = [each.sources[0][-1] for each in drawn]
+    assert sorted(bases[:12]) == list(range(12)) == sorted(bases[12:])
+    for each, base in zip(drawn, bases, strict=True):
+        givers = [each.sources[part][0] for part in (0, 1)]
+        assert len({*givers, base}) == 3  # no part comes from the member of the proportions, and no two from one
+        np.testing.assert_array_equal(each.exists, pairs.exists[base])
+        assert np.abs(each.points - pairs.points[base])[pairs.labels == 0].max() < 0.2
+    again = sampled(pairs, 3, 5)
+    np.testing.assert_array_equal(again.points, drawn[3].points)
+    assert again.sources == drawn[3].sources
+
+
+def test_parts_are_alike_that_differ_in_place_alone_and_those_with_too_few_points_are_none(pairs):
+    apart = pairs.points.copy()
+    apart[4] = apart[3] + [0.3, 0.1, 0.0]
+    family = SimpleNamespace(**{**vars(pairs), "points": apart})
+    assert set(like_parts(family, 3, 1)[:2]) == {3, 4}
+    gone = pairs.exists.copy()
+    gone[4, 2:4] = False
+    family.exists = gone
+    assert 4 not in like_parts(family, 3, 1)
 
 
 def test_what_lies_between_two_shapes_begins_and_ends_with_them_and_completions_keep_what_is_known(pairs):
@@ -73,7 +74,7 @@ def test_what_lies_between_two_shapes_begins_and_ends_with_them_and_completions_
         np.testing.assert_array_equal(found.points[2:], pairs.points[8, 2:])
         assert found.exists.tolist() == [True] * 4 + [False]
         assert list(found.sources) == [0]
-        assert found.sources[0][0] >= 6  # the seat is that of a member with such legs
+        assert found.sources[0][-1] >= 6  # the proportions are those of a member with such legs
 
 
 def test_members_of_a_machine_have_less_free_energy_than_noise():
@@ -99,44 +100,25 @@ def limb():
     return solid, solid.verts[solid.faces][:, :, 1].mean(1)
 
 
-def test_a_cut_around_a_limb_is_clean_and_a_ragged_one_is_not(limb):
-    solid, height = limb
-    angle = np.arctan2(*solid.verts[solid.faces].mean(1)[:, [0, 2]].T)
-    clean = (height > 0.5).astype(np.uint8)
-    ragged = (height > 0.5 + 0.15 * np.sign(np.sin(4 * angle))).astype(np.uint8)
-    of_clean, of_ragged = (boundary_defects(solid.verts, solid.faces, parts, 3) for parts in (clean, ragged))
-    assert of_clean[:2].max() < 0.1
-    assert of_ragged[:2].min() > 0.5
-    assert np.isinf(of_clean[2])  # no such part
-    assert boundary_defects(solid.verts, solid.faces, np.zeros_like(clean), 1) == [0.0]
-
-
 def test_parts_cut_from_one_member_stay_together_along_the_cut(limb):
     solid, height = limb
     upper, lower = (solid.verts[np.unique(solid.faces[chosen])] for chosen in (height > 0.5, height < 0.5))
 
-    def placed(number, verts, shift, member=0, embedding=True):
+    def placed(number, verts, shift, member=0, still=False):
         part = SimpleNamespace(verts=verts, patches=None)
         return SimpleNamespace(
             number=number,
             member=member,
             part=part,
-            embedding=embedding,
+            still=still,
             moved=lambda verts, _: np.full_like(verts, shift),
         )
 
-    for embedding, meet in ((True, 2.0), (None, 3.0)):  # halfway, or where the part is that may not move
-        ways = sewn([placed(0, upper, 1.0), placed(1, lower, 3.0, embedding=embedding)])
+    for still, meet in ((False, 2.0), (True, 3.0)):  # halfway, or where the part is that may not move
+        ways = sewn([placed(0, upper, 1.0), placed(1, lower, 3.0, still=still)])
         for verts, way, own in ((upper, ways[0], 1.0), (lower, ways[1], 3.0)):
             np.testing.assert_allclose(way, np.where(np.abs(verts[:, 1:2] - 0.5) < 1e-9, meet, own) * np.ones(3))
     assert sewn([placed(0, upper, 1.0), placed(1, lower, 3.0, member=1)])[1].min() == 3
-
-
-def test_a_shape_of_one_member_has_its_parts_with_unclean_boundaries_too(pairs):
-    assembler = Assembler(pairs, None, np.where(np.arange(12)[:, None] == 3, 0.5, np.zeros(2)), 0.25)
-    drawn = sampled(pairs, np.random.default_rng(0))
-    for sources, member in (([3], 3), ([3, 5], 5)):
-        assert assembler.chosen(replace(drawn, sources={0: sources})) == {0: member}
 
 
 def test_a_piece_of_the_mesh_is_of_the_part_that_has_most_of_it(limb):
@@ -162,18 +144,20 @@ def test_a_boundary_is_made_shorter_where_that_costs_less_area():
         np.testing.assert_array_equal(shortened(row, areas, faces, np.full(7, price)), best)
 
 
-def test_a_turn_is_followed_without_shear_and_other_pieces_stay():
-    random = np.random.default_rng(1)
-    nodes = random.random((60, 3))
-    piece = (np.arange(60) >= 40).astype(np.int64)
-    angle = 0.5
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    target = np.where(piece[:, None] == 0, nodes @ turn.T, nodes)
-    graph = Embedding(nodes, piece)
-    graph.solve([Pull(nodes, target, piece, 100.0)])
-    inside = random.random((30, 3)) * 0.6 + 0.2
-    moved = inside + graph.displacement(inside, np.zeros(30, np.int64))
-    assert np.abs(moved - inside @ turn.T).max() < 0.05
-    maps = graph.linear(inside, np.zeros(30, np.int64))
-    assert np.abs(np.linalg.det(maps) - 1).max() < 0.05
-    assert np.abs(graph.displacement(inside, np.ones(30, np.int64))).max() < 1e-6
+def test_what_is_at_a_joint_goes_with_it_and_the_rest_follows_smoothly():
+    source = np.random.default_rng(1).random((30, 3))
+    scale, shift = axis_fit(source, source)
+    assert (scale == 1).all()
+    assert not shift.any()
+    joints = [Joint(np.zeros(3), 0.1, 0, np.array([0.2, 0, 0])), Joint(np.array([0, 1.0, 0]), 0.1, 0)]
+    placing = Placing(np.ones(3), np.zeros(3), joints)
+    line = np.array([[0, 0.05, 0], [0, 0.25, 0], [0, 0.5, 0], [0, 0.75, 0], [0, 0.95, 0]])
+    ways = placing.moved(line, np.zeros(5, np.int64))
+    assert ways[0, 0] == pytest.approx(0.2, abs=1e-3)
+    assert ways[2, 0] == pytest.approx(0.1)
+    assert ways[4, 0] == pytest.approx(0.0, abs=1e-3)
+    assert (np.diff(ways[:, 0]) < 0).all()
+    other = placing.moved(np.array([[0, 0.05, 0]]), np.ones(1, np.int64))  # a patch without a joint follows all
+    assert 0 < other[0, 0] <= 0.2
+    maps = Placing(np.array([2.0, 1, 1]), np.zeros(3)).linear(line, np.zeros(5, np.int64))
+    np.testing.assert_allclose(maps, np.tile(np.diag([2.0, 1, 1]), (5, 1, 1)), atol=1e-9)
