@@ -64,6 +64,19 @@ _OUT_OF_MEMORY_WORDS = ("CUDA error: out of memory", "CUBLAS_STATUS_ALLOC_FAILED
 
 RETRY_FOR_S = 600.0
 """Maximum seconds of an outage before an attempt leaves its job to another one."""
+T = TypeVar("T")
+_FIRST_S, _LONGEST_S = 0.1, 2.0
+_CONTENT_TYPE = "application/octet-stream"
+_PAUSE_S, _PAUSE_PER_S = 1.0, 2.0
+"""After a failure: the minimum pause, and its length per second that the failure took, so that steps get most time."""
+PUBLISH_EVERY_S = 0.5
+"""Half the promised second, so that a slow write does not cause a longer gap."""
+_HEARTBEATS_PER_LEASE = 6
+_LONGEST_HEARTBEAT_S = 10.0
+"""Upper limit, however long the lease is: heartbeats also renew the worker's own row, at least this often."""
+_EVENTS_PER_JOB = 200
+_EVENT_EVERY_S = 5.0
+"""Progress events: one for each such fraction of all steps, and one after so many seconds if there is progress."""
 
 
 @dataclass(frozen=True)
@@ -478,12 +491,6 @@ def is_out_of_memory(error: BaseException | None) -> bool:
     return False
 
 
-T = TypeVar("T")
-
-
-_FIRST_S, _LONGEST_S = 0.1, 2.0
-
-
 class Retry:
     """Retries of operations that raise `UnavailableError`, each for at most `limit_s` seconds.
 
@@ -509,11 +516,6 @@ class Retry:
             time.sleep(delay)
             self._between()
             delay = min(2 * delay, _LONGEST_S)
-
-
-_CONTENT_TYPE = "application/octet-stream"
-_PAUSE_S, _PAUSE_PER_S = 1.0, 2.0
-"""After a failure: the minimum pause, and its length per second that the failure took, so that steps get most time."""
 
 
 class CheckpointStore:
@@ -640,18 +642,6 @@ def store_results(store: ObjectStore, job: Job, artifacts: dict[str, ArtifactDat
         )
         failpoint("worker.result.stored")
     return results
-
-
-PUBLISH_EVERY_S = 0.5
-"""Half the promised second, so that a slow write does not cause a longer gap."""
-
-_HEARTBEATS_PER_LEASE = 6
-_LONGEST_HEARTBEAT_S = 10.0
-"""Upper limit, however long the lease is: heartbeats also renew the worker's own row, at least this often."""
-
-_EVENTS_PER_JOB = 200
-_EVENT_EVERY_S = 5.0
-"""Progress events: one for each such fraction of all steps, and one after so many seconds if there is progress."""
 
 
 class CancelListener(Protocol):

@@ -54,6 +54,14 @@ if TYPE_CHECKING:
     from meshdeform.priors.base import Prior
 
 _log = logging.getLogger(__name__)
+_WAIT_S = 10
+"""Seconds to wait for a message before checking for a stop and renewing the worker's sign of life."""
+_SILENT_REDIS_S = 415
+"""Seconds without an answer on an open Redis connection before the process exits and is replaced. RQ's own value."""
+_ASK_S = 2.0
+"""Seconds between two questions to the record while Redis is away."""
+_LONGEST_JOB_S = 86_400
+"""Seconds that `rq info` lists a worker during one job: RQ's heartbeat is only renewed after the job."""
 
 
 @dataclass(frozen=True)
@@ -128,16 +136,6 @@ def _edition(model: str) -> str:
             return f"{path.name} {hashlib.file_digest(file, 'sha256').hexdigest()}"
     except OSError:
         return ""
-
-
-_WAIT_S = 10
-"""Seconds to wait for a message before checking for a stop and renewing the worker's sign of life."""
-_SILENT_REDIS_S = 415
-"""Seconds without an answer on an open Redis connection before the process exits and is replaced. RQ's own value."""
-_ASK_S = 2.0
-"""Seconds between two questions to the record while Redis is away."""
-_LONGEST_JOB_S = 86_400
-"""Seconds that `rq info` lists a worker during one job: RQ's heartbeat is only renewed after the job."""
 
 
 class InProcessWorker(BaseWorker):  # type: ignore[misc]

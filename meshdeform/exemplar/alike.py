@@ -12,6 +12,9 @@ from meshdeform.exemplar.kinds import is_figure, is_living
 
 __all__ = ["LIMBS", "MANY", "TWO_SIDED", "grows_from", "large_parts", "made_alike"]
 
+_SEATS = frozenset(("seat", "top", "mattress"))
+_LIVING_LIMBS = frozenset(("neck", "head", "trunk", "body"))
+
 
 def _table(lines: str) -> dict[str, tuple[str, ...]]:
     """Return the words before each colon with those behind it."""
@@ -153,8 +156,6 @@ _SWELLINGS = _words("""
     screen skirt shaft stand neck tank back body seat top head tower
 """)
 """Parts that are not limbs: where the other noun has none, they count with what they grow from."""
-_SEATS = frozenset(("seat", "top", "mattress"))
-_LIVING_LIMBS = frozenset(("neck", "head", "trunk", "body"))
 
 LIMBS = _words(
     "neck tail nose trunk beak ear horn arm wing leg fin handle spout stem mast pole feeler gun branch blade"

@@ -55,6 +55,7 @@ _SAMPLES = 2500
 _CHOSEN, _FITTED = 0.2, 0.95
 _MOST, _MOST_BYTES, _COPIES = 64, 128 * 2**20, 3
 """Wishes whose ways are kept, and what they take: each way also before it was evened, and with its pieces."""
+_recent: Recent[list[_Way]] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,6 @@ class _Way:
     merit: float | None = None
     last: Callable[[Floats], Floats] | None = None
     done: Floats | None = None
-
-
-_recent: Recent[list[_Way]] = Recent(_MOST, _MOST_BYTES)
 
 
 class ExemplarFit:

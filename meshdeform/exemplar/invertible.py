@@ -34,6 +34,7 @@ _SPACING = 0.6
 _FILLED = 1e-9
 _LEAST_STRETCH = 0.05
 """Of a map's largest stretch; what is flatter folds over at a crease."""
+_UPPER = [(i, j) for i in range(4) for j in range(i, 4)]
 
 
 def affine_map(
@@ -117,9 +118,6 @@ def _products(cells: Floats, residuals: Floats, shape: tuple[int, ...]) -> Float
         for grid, product in zip(grids, products, strict=True):
             grid += np.bincount(node, part * product, len(grid))
     return grids.reshape(-1, *shape)
-
-
-_UPPER = [(i, j) for i in range(4) for j in range(i, 4)]
 
 
 def _at_nodes(sums: Floats, nodes: Floats) -> Floats:

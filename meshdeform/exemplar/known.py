@@ -17,6 +17,7 @@ __all__ = ["KnownSource", "known_source"]
 _MOST, _MOST_BYTES = 16, 256 * 2**20
 _BYTES_PER_BYTE, _BYTES_OF_MEMBERS = 12, 8 * 2**20
 """What a source takes: by the bytes of its vertices and faces, and for the members that were drawn beside it."""
+_recent: Recent[KnownSource] = Recent(_MOST, _MOST_BYTES)
 
 
 class KnownSource:
@@ -47,9 +48,6 @@ class KnownSource:
     def compared(self) -> Compared:
         """What it is compared with members by."""
         return Compared(self.source)
-
-
-_recent: Recent[KnownSource] = Recent(_MOST, _MOST_BYTES)
 
 
 def known_source(source: Shape) -> KnownSource:

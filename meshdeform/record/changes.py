@@ -21,6 +21,7 @@ from meshdeform.record.usage import UsageCounts
 from meshdeform.requests.choices import member_of
 
 Row = sa.Row[Any]
+_BATCH = 500
 
 
 class Change:
@@ -155,9 +156,6 @@ def find_job(connection: sa.Connection, job_id: str, owner: str | None = None) -
     if row is None:
         raise NotFoundError(f"There is no job {job_id!r}.")
     return rows.job(row)
-
-
-_BATCH = 500
 
 
 @dataclass(frozen=True)

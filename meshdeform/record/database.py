@@ -27,7 +27,8 @@ import sqlalchemy.exc
 from sqlalchemy import event
 
 from meshdeform.errors import DependencyError, RecordVersionError, UnavailableError
-from meshdeform.record.schema import HEAD, READ_ONLY_SERVER, UtcDateTime, compatible, sql_state
+from meshdeform.record.columns import UtcDateTime
+from meshdeform.record.schema import HEAD, READ_ONLY_SERVER, compatible, sql_state
 
 _log = logging.getLogger(__name__)
 
@@ -35,6 +36,21 @@ RECORD_FILE = "meshdeform.sqlite"
 """The name of the record in a data folder, where nothing else is kept for others."""
 
 _MIGRATIONS = Path(__file__).parent / "migrations"
+MAX_CONNECTIONS = 15
+"""Connections of an API process to PostgreSQL at most; docs/scaling.md has the sum."""
+_KEPT_OPEN = 5
+_MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
+_READ_ONLY = "meshdeform_read_only"
+_REFUSED = ("28", "3D", "55000")
+"""PostgreSQL's codes and classes if it refuses the login, or the database is not there or takes no connections: for
+example while it is being restored."""
+_AWAY = (READ_ONLY_SERVER, "25P03", "25P04", *_REFUSED, "08", "40", "53", "57", "58")
+"""PostgreSQL's codes and classes of temporary errors. Beside those above: a transaction that lasted too long,
+connection, rollback (deadlock), resources, operator, system."""
+_Statement = TypeVar("_Statement")
+_CLOCK = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
+_NOW = sa.type_coerce(_CLOCK, UtcDateTime)
+_Shape = tuple[tuple[sa.Table, tuple[tuple[str, Any], ...]], ...]
 
 
 @dataclass(frozen=True)
@@ -54,29 +70,6 @@ PATIENT = Patience(30.0, 30.0, 30.0)
 
 HASTY = Patience(1.5, 4.0, 3.5)
 """Of requests, which are answered within five seconds."""
-
-MAX_CONNECTIONS = 15
-"""Connections of an API process to PostgreSQL at most; docs/scaling.md has the sum."""
-
-_KEPT_OPEN = 5
-
-_MIGRATION_LOCK = 0x6D657368  # an arbitrary number, unlikely to be used by another program
-
-_READ_ONLY = "meshdeform_read_only"
-
-_REFUSED = ("28", "3D", "55000")
-"""PostgreSQL's codes and classes if it refuses the login, or the database is not there or takes no connections: for
-example while it is being restored."""
-
-_AWAY = (READ_ONLY_SERVER, "25P03", "25P04", *_REFUSED, "08", "40", "53", "57", "58")
-"""PostgreSQL's codes and classes of temporary errors. Beside those above: a transaction that lasted too long,
-connection, rollback (deadlock), resources, operator, system."""
-
-_Statement = TypeVar("_Statement")
-
-_CLOCK = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
-
-_NOW = sa.type_coerce(_CLOCK, UtcDateTime)
 
 
 class Database:
@@ -410,9 +403,6 @@ class NewRow(NamedTuple):
 
     table: sa.Table
     values: Mapping[str, Any]
-
-
-_Shape = tuple[tuple[sa.Table, tuple[tuple[str, Any], ...]], ...]
 
 
 def insert(connection: sa.Connection, database: Database, row: NewRow, *others: NewRow) -> sa.Row[Any]:

@@ -32,6 +32,14 @@ _TAKEN_S = 120.0
 _JITTER = 0.1
 _KEPT_S = 30 * 86_400.0
 _BATCH = 500
+_LISTENING = (
+    sa.select(webhooks.c.id, webhooks.c.events)
+    .where(webhooks.c.owner_id == sa.bindparam("owner"), webhooks.c.disabled_at.is_(None))
+    .where(sa.or_(webhooks.c.job_id.is_(None), webhooks.c.job_id == sa.bindparam("job")))
+    .order_by(webhooks.c.id)
+    # Locked: a concurrent deletion has either happened or waits until the message is written.
+    .with_for_update(read=True, key_share=True)
+)
 
 
 @dataclass(frozen=True)
@@ -62,16 +70,6 @@ def payload_of(job: Job, event: Event) -> dict[str, Any]:
         "timestamp": event.at.isoformat().replace("+00:00", "Z"),
         "data": {"seq": event.seq, "job": document, **event.data},
     }
-
-
-_LISTENING = (
-    sa.select(webhooks.c.id, webhooks.c.events)
-    .where(webhooks.c.owner_id == sa.bindparam("owner"), webhooks.c.disabled_at.is_(None))
-    .where(sa.or_(webhooks.c.job_id.is_(None), webhooks.c.job_id == sa.bindparam("job")))
-    .order_by(webhooks.c.id)
-    # Locked: a concurrent deletion has either happened or waits until the message is written.
-    .with_for_update(read=True, key_share=True)
-)
 
 
 def write_deliveries(connection: sa.Connection, database: Database, job: Job, event: Event) -> None:

@@ -50,6 +50,10 @@ _WAIT_S, _POLL_EVERY_S = 30.0, 0.05
 
 _EXAMINED = 300
 """Number of files that one search for unused ones examines; their number must not slow it down."""
+_MINE = job_files.c.owner_id == _OWNER
+_KNOWN = sa.select(job_files.c.key).where(_MINE, job_files.c.key.in_(sa.bindparam("keys", expanding=True))).distinct()
+"""Those of some files that jobs of the owner have already."""
+_FILE = sa.bindparam("file", type_=files.c.key.type)
 
 
 def total_size(size: sa.ColumnElement[int]) -> sa.ColumnElement[int]:
@@ -64,12 +68,6 @@ def check_number(connection: sa.Connection, owner_id: str, limit: int) -> None:
     count = connection.execute(_NUMBER, {"owner": owner_id}).scalar_one()
     if count >= limit:
         raise TooManyJobsError(f"This key has {count} unfinished jobs; its limit is {limit}.", limit=limit)
-
-
-_MINE = job_files.c.owner_id == _OWNER
-
-_KNOWN = sa.select(job_files.c.key).where(_MINE, job_files.c.key.in_(sa.bindparam("keys", expanding=True))).distinct()
-"""Those of some files that jobs of the owner have already."""
 
 
 def _sum_and_known() -> sa.CompoundSelect[Any]:
@@ -280,9 +278,6 @@ class FileLedger:
             sa.and_(files.c.pins < 0, files.c.touched_at < self._database.now(-_REMOVAL_LASTS_S)),
         )
         return sa.and_(unpinned, unneeded)
-
-
-_FILE = sa.bindparam("file", type_=files.c.key.type)
 
 
 def _pin(database: Database) -> Any:

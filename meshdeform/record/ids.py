@@ -13,6 +13,8 @@ from meshdeform.errors import ParameterError
 
 # Crockford's alphabet preserves the order of numbers and has no letters that look like digits.
 _ALPHABET = "0123456789abcdefghjkmnpqrstvwxyz"
+_lock = threading.Lock()
+_last = 0
 
 
 def id_pattern(prefix: str) -> str:
@@ -21,9 +23,6 @@ def id_pattern(prefix: str) -> str:
 
 
 JOB_ID_PATTERN = id_pattern("job")
-
-_lock = threading.Lock()
-_last = 0
 
 
 def new_job_id() -> str:

@@ -25,6 +25,7 @@ _OWNER = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 _MAX_NAME = 100
 _MAX_LIMIT = 1_000_000
 _USE_RECORDED_EVERY = timedelta(minutes=1)
+_NO_DIGEST = "0" * 64
 
 
 @dataclass(frozen=True)
@@ -162,6 +163,3 @@ class KeyRing:
 def _digest(secret: str) -> str:
     # A fast hash suffices, because the secret has 256 random bits.
     return hashlib.sha256(secret.encode()).hexdigest()
-
-
-_NO_DIGEST = "0" * 64

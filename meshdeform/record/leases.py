@@ -41,6 +41,8 @@ HANDED_OVER, HANDED_BACK, OUTAGE = "handed_over", "handed_back", "outage"
 store or the record was away for too long."""
 _LEFT_S = 900.0
 """Seconds for which a worker leaves a job to others that may have what it lacks."""
+Ids = sa.Select[tuple[str]]
+_CLAIMS = 0x636C61696D  # an arbitrary number, unlikely to be used by another program
 
 
 @dataclass(frozen=True)
@@ -506,11 +508,6 @@ def _queued_or_canceled(row: Row) -> EventType:
 
 def _progress_of(row: Row) -> dict[str, Any]:
     return rows.job(row).progress.model_dump(mode="json")
-
-
-Ids = sa.Select[tuple[str]]
-
-_CLAIMS = 0x636C61696D  # an arbitrary number, unlikely to be used by another program
 
 
 def may_start(database: Database, max_running: int) -> sa.ColumnElement[bool]:

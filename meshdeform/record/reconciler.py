@@ -26,10 +26,11 @@ from typing import Any, Self
 import sqlalchemy as sa
 
 from meshdeform.errors import MeshdeformError, NotFoundError
+from meshdeform.record.columns import UtcDateTime
 from meshdeform.record.database import Database
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
-from meshdeform.record.schema import UtcDateTime, leaders
+from meshdeform.record.schema import leaders
 from meshdeform.record.upkeep import Watch
 from meshdeform.storage import ObjectStore
 from meshdeform.storage.readings import remove_old_readings
@@ -42,6 +43,16 @@ _LONGEST_S = 60.0
 """Longest pause of a follower: how long nobody leads if nearly all candidates end at once."""
 
 _JITTER = 0.25
+_log = logging.getLogger(__name__)
+RECONCILE_EVERY_S = 5.0
+_READINGS_EVERY_S = 3600.0
+"""Seconds between two looks at kept readings, which lists them all."""
+_LONGEST_ROUNDS = 12
+"""Rounds after which a lost message is repeated at the latest."""
+_ENOUGH = 2_000
+"""Messages that all workers together do not read between two runs."""
+_RECHECK_S = (0.1, 0.5)
+"""Seconds before missing messages are counted again: much longer than a worker takes from its message to its claim."""
 
 
 def remove_unreachable(record: JobRecord, store: ObjectStore) -> None:
@@ -169,23 +180,6 @@ class Candidate:
         if row is not None:
             self._candidates = row.candidates
         return row is not None
-
-
-_log = logging.getLogger(__name__)
-
-RECONCILE_EVERY_S = 5.0
-
-_READINGS_EVERY_S = 3600.0
-"""Seconds between two looks at kept readings, which lists them all."""
-
-_LONGEST_ROUNDS = 12
-"""Rounds after which a lost message is repeated at the latest."""
-
-_ENOUGH = 2_000
-"""Messages that all workers together do not read between two runs."""
-
-_RECHECK_S = (0.1, 0.5)
-"""Seconds before missing messages are counted again: much longer than a worker takes from its message to its claim."""
 
 
 class Reconciler:

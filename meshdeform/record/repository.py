@@ -57,6 +57,14 @@ from meshdeform.record.usage import UsageLedger
 from meshdeform.record.webhooks import WebhookBook
 from meshdeform.record.words import WordLedger
 
+_LOCK = sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(sa.bindparam("owner", type_=sa.String))))
+_CLOCKS_DIFFER = timedelta(hours=1)
+_BEGINNING = datetime.min.replace(tzinfo=UTC)
+_HELD_S = 30.0
+"""How long a request holds its key, for the case that its process dies. A slower request may lose its key to a
+repetition; it is then undone, so that nothing happens twice."""
+_MOST_RETRY_S = 5  # the first request may finish at any moment
+
 
 class JobRecord:
     """Every job, from 202 to its deletion. Safe to share between threads. The URL and options are as of `Database`.
@@ -285,11 +293,6 @@ class JobRecord:
         return self._rooms.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
 
 
-_LOCK = sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(sa.bindparam("owner", type_=sa.String))))
-_CLOCKS_DIFFER = timedelta(hours=1)
-_BEGINNING = datetime.min.replace(tzinfo=UTC)
-
-
 def _with_artifacts(connection: sa.Connection, jobs_found: list[Job]) -> list[Job]:
     """Return the jobs with their results."""
     begun = [job.id for job in jobs_found if job.attempt]
@@ -331,12 +334,6 @@ def _has_words(query: str) -> sa.ColumnElement[bool]:
     for word in rows.folded(query).split():
         mine = mine.where(job_texts.c.text.contains(word, autoescape=True))
     return mine.exists()
-
-
-_HELD_S = 30.0
-"""How long a request holds its key, for the case that its process dies. A slower request may lose its key to a
-repetition; it is then undone, so that nothing happens twice."""
-_MOST_RETRY_S = 5  # the first request may finish at any moment
 
 
 class IdempotencyLedger:

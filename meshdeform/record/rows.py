@@ -31,6 +31,17 @@ _Value = TypeVar("_Value")
 _REQUEST = set(JobRequest.model_fields)
 OWNED = (JobState.RUNNING, JobState.CANCELING)
 """The states in which a worker has the job."""
+FETCHING = "fetching"
+"""The phase of a job that was accepted before its files were there."""
+_CONTENTS: dict[str, tuple[TypeAdapter[Any], Any]] = {
+    "request": (TypeAdapter(dict[str, Any]), {}),
+    "resolved": (TypeAdapter(dict[str, Any] | None), None),
+    "files": (TypeAdapter(dict[str, StoredFile]), {}),
+    "origin": (TypeAdapter(dict[str, Any] | None), None),
+    "error": (TypeAdapter(JobError | None), None),
+    "losses": (TypeAdapter(dict[str, float]), {}),
+}
+"""What the columns of JSON of a job hold, and what stands for anything else."""
 
 
 def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
@@ -38,10 +49,6 @@ def fenced(job_id: str, attempt: int) -> sa.ColumnElement[bool]:
     return sa.and_(
         jobs.c.id == job_id, jobs.c.attempt == attempt, jobs.c.state.in_(OWNED), jobs.c.worker_id.is_not(None)
     )
-
-
-FETCHING = "fetching"
-"""The phase of a job that was accepted before its files were there."""
 
 
 def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]:
@@ -100,17 +107,6 @@ def read(model: type[_Value], row: Row, /, **others: Any) -> _Value:
     """Return a value whose members are the columns of the same names, but for `others`."""
     columns = row._mapping
     return model(**{name: columns[name] for name in model.__annotations__ if name not in others}, **others)
-
-
-_CONTENTS: dict[str, tuple[TypeAdapter[Any], Any]] = {
-    "request": (TypeAdapter(dict[str, Any]), {}),
-    "resolved": (TypeAdapter(dict[str, Any] | None), None),
-    "files": (TypeAdapter(dict[str, StoredFile]), {}),
-    "origin": (TypeAdapter(dict[str, Any] | None), None),
-    "error": (TypeAdapter(JobError | None), None),
-    "losses": (TypeAdapter(dict[str, float]), {}),
-}
-"""What the columns of JSON of a job hold, and what stands for anything else."""
 
 
 def job(row: Row) -> Job:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-from typing import Any
-
 import sqlalchemy as sa
+
+from meshdeform.record.columns import UtcDateTime
 
 HEAD = "0014"
 """The newest migration. A record at this version is opened without Alembic.
@@ -14,39 +13,8 @@ The first two digits are its generation. Within one, migrations only add, so tha
 record at once; what takes away or renames begins the next generation, "0100", and needs a stop of all processes. They
 are never merged, so that the record of any commit can be upgraded (`scripts/upgrade-test`).
 """
-
-
-def compatible(version: str | None) -> bool:
-    """Return whether this version of Meshdeform can use a record with that schema as it is."""
-    return version is not None and version[:2] == HEAD[:2] and version >= HEAD
-
-
 ORIGIN = "(origin)"
 """The `part` of the checkpoint of a job's origin in `job_files`; the parts of a kind of job are identifiers."""
-
-
-class UtcDateTime(sa.TypeDecorator[datetime]):
-    """A time in UTC; SQLite does not store the zone."""
-
-    impl = sa.DateTime(timezone=True)
-    cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: sa.Dialect) -> datetime | None:  # noqa: ARG002
-        """Convert a time to UTC for storage."""
-        if value is None:
-            return None
-        if value.tzinfo is None:
-            raise ValueError("A datetime needs a time zone to be stored.")
-        return value.astimezone(UTC)
-
-    def process_result_value(self, value: Any, dialect: sa.Dialect) -> datetime | None:  # noqa: ARG002
-        """Return a stored time in UTC."""
-        if value is None:
-            return None
-        instant: datetime = value if value.tzinfo else value.replace(tzinfo=UTC)
-        return instant.astimezone(UTC)
-
-
 # Byte order, whatever the database's locale: ids sort by time.
 _ID = sa.String(64).with_variant(sa.String(64, collation="C"), "postgresql")
 
@@ -408,10 +376,13 @@ secrets = sa.Table(
 
 # Prefixes of objects of deleted jobs, until they are removed from the store.
 discarded = sa.Table("discarded", metadata, sa.Column("prefix", sa.String(255), primary_key=True))
-
-
 READ_ONLY_SERVER = "25006"
 """The code of a write to a standby, or to a primary that an operator has set to read-only."""
+
+
+def compatible(version: str | None) -> bool:
+    """Return whether this version of Meshdeform can use a record with that schema as it is."""
+    return version is not None and version[:2] == HEAD[:2] and version >= HEAD
 
 
 def sql_state(error: BaseException | None) -> str:

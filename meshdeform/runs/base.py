@@ -52,6 +52,7 @@ TORCH_EXTRA = "sds"
 P = TypeVar("P", bound=BaseModel)
 
 _MAX_SAMPLES = 200
+RESULT = "result.glb"
 
 
 def sha256_hex(data: bytes) -> str:
@@ -136,8 +137,6 @@ class ArtifactKind:
     strengths: bool = False
     """Whether it is the first file with a new shape, so that it can be had at other strengths (`runs/strength.py`)."""
 
-
-RESULT = "result.glb"
 
 FORMATS_OF_RESULT = tuple(
     ArtifactKind(

@@ -48,6 +48,9 @@ from meshdeform.runs.text_deform_kind import check_places
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
 _AUTO_ORDER = (0, 2, 1)
+_Index = NDArray[np.int64]
+MAX_COMPARED = 200
+"""Components that are compared with each other: those with the most faces."""
 
 
 class WeldedSurface(SelectableSurface):
@@ -62,9 +65,6 @@ class WeldedSurface(SelectableSurface):
     def mesh(self) -> RestMesh:
         """The welded mesh, in the file's units."""
         return self.welded.mesh
-
-
-_Index = NDArray[np.int64]
 
 
 def select_bodies(selectors: Sequence[RigidSelector], surface: WeldedSurface) -> list[Body]:
@@ -317,10 +317,6 @@ def _symmetry(control: Control, mesh: RestMesh, places: _Floats, diagonal: float
         "source_deviation": control.partners.deviation,
         "added_deviation": float(np.linalg.norm(moved - mirrored, axis=1).max()) / diagonal,
     }
-
-
-MAX_COMPARED = 200
-"""Components that are compared with each other: those with the most faces."""
 
 
 def inspect_parts(asset: Asset, params: ResolvedParams | None = None, source: Source | None = None) -> dict[str, Any]:

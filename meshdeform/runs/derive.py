@@ -61,6 +61,10 @@ _WITHOUT_UNIT = (".3mf", ".obj", ".ply", ".stl")
 
 _SECONDS = 2.0
 """The time limit, relative to that of a check."""
+OF_RESULT = frozenset(kind.name for kind in FORMATS_OF_RESULT)
+"""The artifacts that are made of `result.glb` alone."""
+DERIVED = frozenset({"morph.glb", "map.safetensors", *OF_RESULT})
+"""The artifacts that can be made afterwards."""
 
 
 class DerivedInput:
@@ -259,12 +263,6 @@ def _alike(file: Path, edit: Path, options: dict[str, Any], limits: Limits) -> b
 
     return with_edit(asset, EditMap.read(str(edit)), Outside(options["outside"]), compact=options["compact"])
 
-
-OF_RESULT = frozenset(kind.name for kind in FORMATS_OF_RESULT)
-"""The artifacts that are made of `result.glb` alone."""
-
-DERIVED = frozenset({"morph.glb", "map.safetensors", *OF_RESULT})
-"""The artifacts that can be made afterwards."""
 
 _MAKERS: dict[str, Callable[[Path, Path, dict[str, Any], Limits], bytes]] = {
     "morph.glb": _morph,

@@ -26,6 +26,7 @@ _LARGE, _FACES = 20_000, 5000
 """Faces above which a surface is large, and about how many are fitted in its place."""
 _MOST, _MOST_BYTES, _BYTES_OF_VERTEX = 8, 256 * 2**20, 400
 """How many are kept, and what one takes: its vertices' places on the other, and what averages them."""
+_recent: Recent[Fitted] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,6 @@ class Fitted:
     def followed(self, points: _Floats) -> _Floats:
         """Return the vertices of the surface for those that were fitted (V, 3)."""
         return points if self.binding is None else self.binding.move(points)
-
-
-_recent: Recent[Fitted] = Recent(_MOST, _MOST_BYTES)
 
 
 def in_place_of(whole: Fitted) -> Fitted:

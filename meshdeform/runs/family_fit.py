@@ -32,6 +32,9 @@ from meshdeform.runs.kept_readings import Readings
 from meshdeform.vocabulary.solids import PART_NAMES
 
 _REST = "rest"
+_ARRAYS = ("points", "normals", "triangles", "weights", "centre")
+_OF_INFERENCE = ("deformed", "variance", "mass", "parts", "crowding", "likelihood", "s1", "s2", "s3", "edges")
+_OF_LEARNING = ("rate", "error", "best_error", "epoch")
 
 
 def start(job_input: RunInput) -> FamilyFitRun:
@@ -268,11 +271,6 @@ class FamilyFitRun(JobRun):
         if state.step > READ_STEPS + self._params.iterations:
             assert self._inference is not None
             self._learning = load_learning(tensors, self._inference.edges)
-
-
-_ARRAYS = ("points", "normals", "triangles", "weights", "centre")
-_OF_INFERENCE = ("deformed", "variance", "mass", "parts", "crowding", "likelihood", "s1", "s2", "s3", "edges")
-_OF_LEARNING = ("rate", "error", "best_error", "epoch")
 
 
 def dump_shapes(shapes: list[SampledShape], truth: list[NDArray[np.int64]]) -> dict[str, Tensor]:

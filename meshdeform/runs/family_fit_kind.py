@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 READ_STEPS = 10
 """The assets are read in so many steps."""
+_NPZ = "application/x-npz"
 
 
 def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilyParams:
@@ -34,8 +35,6 @@ def total_steps(params: FamilyParams) -> int:
     """Return the number of steps of a run."""
     return READ_STEPS + params.iterations + params.epochs
 
-
-_NPZ = "application/x-npz"
 
 FAMILY_FIT = Kind(
     name=JobKind.FAMILY_FIT,

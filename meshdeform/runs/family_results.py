@@ -59,6 +59,9 @@ _TRIANGLES, _OF_ONE = 150_000, 3_000
 """Triangles of a whole wall, and of one shape at most."""
 
 _LEAST = 12
+_POINTS = 0
+_APART = 1.15
+"""Distance of two shapes in widths or heights of the largest one."""
 
 
 @dataclass(frozen=True)
@@ -537,11 +540,6 @@ class SynthesisResults:
             "warnings": warnings,
         }
         return json.dumps(report, indent=1, allow_nan=False).encode()
-
-
-_POINTS = 0
-_APART = 1.15
-"""Distance of two shapes in widths or heights of the largest one."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ __all__ = ["Opened", "opened"]
 _MOST, _MOST_BYTES = 16, 512 * 2**20
 _BYTES_PER_BYTE, _BYTES_PER_TRIANGLE = 2, 600
 """What an asset takes: by the bytes of its file, of which a part is decoded, and for its surface and its mesh."""
+_recent: Recent[Opened] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,6 @@ class Opened:
     division: Subdivision | None
     drawn: NDArray[np.bool_]
     welded: WeldedMesh
-
-
-_recent: Recent[Opened] = Recent(_MOST, _MOST_BYTES)
 
 
 def opened(file: InputFile, params: ResolvedParams, output: OutputOptions, limits: Limits | None) -> Opened:

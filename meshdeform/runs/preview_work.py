@@ -31,6 +31,7 @@ from meshdeform.support.recent import Recent
 __all__ = ["answer", "positions_of"]
 
 _MOST, _MOST_BYTES = 64, 128 * 2**20
+_recent: Recent[_Made] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,6 @@ class _Made:
     member: dict[str, Any]
     warnings: list[str]
     reading: dict[str, Any] | None
-
-
-_recent: Recent[_Made] = Recent(_MOST, _MOST_BYTES)
 
 
 def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]:

@@ -71,6 +71,7 @@ _NEARER = "Ask for what is nearer to the asset, or for less strength, such as 0.
 _SAID_PLAINLY = (
     "Say in plain words what differs, such as “longer”: that is made on the asset itself, which stays whole."
 )
+_ORDER = (Verdict.GOOD, Verdict.DOUBTFUL, Verdict.KEEP_SOURCE)
 
 
 @dataclass(frozen=True)
@@ -329,9 +330,6 @@ def verdict_of_change(
         advice = ["Ask for less of it, such as “slightly”."] if broke else []
         said = {"value": Verdict.DOUBTFUL.value, "reasons": [*reasons, *broke], "advice": advice}
     return {**said, "structure": dict(structure)}
-
-
-_ORDER = (Verdict.GOOD, Verdict.DOUBTFUL, Verdict.KEEP_SOURCE)
 
 
 def worst(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -27,6 +27,10 @@ DRAIN_S = 60.0
 KEEP_ALIVE_S = 75
 _MOST_OPEN_FILES = 16_384
 _UNLIMITED = 8192
+_REFUSAL = refusal(
+    UnavailableError("The server has too many connections.", advice="Try again in a moment."),
+    headers="Retry-After: 2\r\n",
+)
 
 
 @dataclass
@@ -155,9 +159,3 @@ class LimitedProtocol(BoundedProtocol):
         self._set_busy()
         self.transport.write(_REFUSAL)
         self.transport.close()
-
-
-_REFUSAL = refusal(
-    UnavailableError("The server has too many connections.", advice="Try again in a moment."),
-    headers="Retry-After: 2\r\n",
-)

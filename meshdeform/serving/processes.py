@@ -35,6 +35,8 @@ except OSError as error:
     print(f"{program[0]}: {error.strerror}", file=sys.stderr)
     os._exit(127)
 """
+FOREIGN_RECORD = 3
+"""The exit code of a part that cannot use the record, whatever it waits for (`RecordVersionError`)."""
 
 
 def python_command(module: str, *arguments: str) -> list[str]:
@@ -122,10 +124,6 @@ class Child:
             os.killpg(self.pid, signal.SIGKILL)
         except ProcessLookupError:
             self._process.kill()
-
-
-FOREIGN_RECORD = 3
-"""The exit code of a part that cannot use the record, whatever it waits for (`RecordVersionError`)."""
 
 
 class Backoff:

@@ -27,6 +27,12 @@ from meshdeform.settings import Settings
 from meshdeform.support.telemetry import PART, json_line
 
 _NAME = "serve.lock"
+STOP_GRACE_S = 40.0
+"""Seconds for the worker to write a checkpoint. Its supervisor allows less, so that this limit never cuts it short."""
+_TELLS = "worker"
+"""The part that has an exit code for a record that it cannot use; the API's server takes the same for any failure."""
+_SUPERVISE_EVERY_S = 0.25
+_BACKLOG = 2048
 
 
 class DirectoryLock:
@@ -86,15 +92,6 @@ def _alive(pid: int) -> bool:
     except PermissionError:
         return True
     return True
-
-
-STOP_GRACE_S = 40.0
-"""Seconds for the worker to write a checkpoint. Its supervisor allows less, so that this limit never cuts it short."""
-
-_TELLS = "worker"
-"""The part that has an exit code for a record that it cannot use; the API's server takes the same for any failure."""
-_SUPERVISE_EVERY_S = 0.25
-_BACKLOG = 2048
 
 
 def listen(host: str, port: int) -> socket.socket:

@@ -91,27 +91,6 @@ ONCE_ERRORS = (IdempotencyMismatchError, IdempotencyBusyError)
 NEW_JOB_ERRORS = (*ONCE_ERRORS, TooManyJobsError, TooMuchStoredError, RequestTimeoutError, WebhookAddressError)
 
 Step = Annotated[int, Path(description="Step of the checkpoint.", ge=0, le=2**31 - 1, examples=[500])]
-
-
-def header(description: str, example: str | int) -> dict[str, Any]:
-    """Return the OpenAPI description of a header of a response."""
-    kind = "integer" if isinstance(example, int) else "string"
-    return {"description": description, "schema": {"type": kind}, "example": example}
-
-
-ETAG = {"ETag": header("Identifies this version of the job.", 'W/"7"')}
-RETRY_AFTER = {"Retry-After": header("Seconds to wait before the next request.", 1)}
-LOCATION = {"Location": header("The job's URL.", "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6")}
-REPLAY = {REPLAYED: header("`true` if this repeats the response to the first request with this key.", "true")}
-WAITED = {"Preference-Applied": header("The longest wait that `Prefer` requested and the server granted.", "wait=30")}
-
-
-def json_body(model: str, example: dict[str, Any], *, required: bool = True) -> dict[str, Any]:
-    """Return the OpenAPI description of a body that is a JSON document."""
-    content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
-    return {"requestBody": {"required": required, "content": {"application/json": content}}}
-
-
 # Documents missing from the routes' signatures: bodies that are streamed, and problems.
 _MODELS = (
     JobDocument,
@@ -147,6 +126,25 @@ _TAGS = [
     {"name": "usage", "description": "What you have used."},
     {"name": "health", "description": "Liveness, readiness and metrics, for the operator."},
 ]
+
+
+def header(description: str, example: str | int) -> dict[str, Any]:
+    """Return the OpenAPI description of a header of a response."""
+    kind = "integer" if isinstance(example, int) else "string"
+    return {"description": description, "schema": {"type": kind}, "example": example}
+
+
+ETAG = {"ETag": header("Identifies this version of the job.", 'W/"7"')}
+RETRY_AFTER = {"Retry-After": header("Seconds to wait before the next request.", 1)}
+LOCATION = {"Location": header("The job's URL.", "/v1/jobs/job_01kg9zqk2xf3v8c5m7n9p1r4t6")}
+REPLAY = {REPLAYED: header("`true` if this repeats the response to the first request with this key.", "true")}
+WAITED = {"Preference-Applied": header("The longest wait that `Prefer` requested and the server granted.", "wait=30")}
+
+
+def json_body(model: str, example: dict[str, Any], *, required: bool = True) -> dict[str, Any]:
+    """Return the OpenAPI description of a body that is a JSON document."""
+    content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
+    return {"requestBody": {"required": required, "content": {"application/json": content}}}
 
 
 def describe(app: FastAPI) -> None:

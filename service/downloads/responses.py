@@ -29,6 +29,21 @@ from service.state import AppState, AppStateDep
 
 _ONE_RANGE = re.compile(r"\s*bytes\s*=\s*([0-9]{0,18})\s*-\s*([0-9]{0,18})\s*", re.IGNORECASE)
 _ENTITY_TAG = re.compile(r'(?:W/)?"[^"]*"')
+_CHUNK = 256 * 1024
+_AT_ONCE = 4 * _CHUNK
+"""Bytes of a file that is read as a whole and then sent."""
+_LONGEST = 2000
+_PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")
+_TAG = '"9f86d081884c7d65..."'
+_HEADERS = {
+    "ETag": header("SHA-256 of the whole file.", _TAG),
+    "Accept-Ranges": header("Byte ranges are supported.", "bytes"),
+    "Content-Disposition": header("The name to save the file under.", 'attachment; filename="result.glb"'),
+    "Meshdeform-Warnings": header("What the file's format cannot hold, if anything.", "Without animations: 2."),
+}
+_CONTENT_RANGE = {
+    "Content-Range": header("The range that is sent, and the size of the whole file.", "bytes 0-1023/30720")
+}
 
 
 @dataclass(frozen=True)
@@ -69,23 +84,6 @@ def requested_range(header: str | None, if_range: str | None, tag: str, size: in
     if start >= size:
         raise RangeError(f"The file has {size} bytes.", size=size)
     return ByteRange(start, end)
-
-
-_CHUNK = 256 * 1024
-_AT_ONCE = 4 * _CHUNK
-"""Bytes of a file that is read as a whole and then sent."""
-_LONGEST = 2000
-_PLAIN = frozenset(string.ascii_letters + string.digits + " !#$&'()+,-.;=@[]^_`{}~")
-_TAG = '"9f86d081884c7d65..."'
-_HEADERS = {
-    "ETag": header("SHA-256 of the whole file.", _TAG),
-    "Accept-Ranges": header("Byte ranges are supported.", "bytes"),
-    "Content-Disposition": header("The name to save the file under.", 'attachment; filename="result.glb"'),
-    "Meshdeform-Warnings": header("What the file's format cannot hold, if anything.", "Without animations: 2."),
-}
-_CONTENT_RANGE = {
-    "Content-Range": header("The range that is sent, and the size of the whole file.", "bytes 0-1023/30720")
-}
 
 
 def download_responses(media_types: str) -> dict[int | str, dict[str, Any]]:

@@ -41,6 +41,17 @@ _MOST_HELD = 2000
 _log = logging.getLogger(__name__)
 _Result = TypeVar("_Result")
 _Arguments = TypeVarTuple("_Arguments")
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_WAIT = re.compile(r'wait\s*=\s*"?(\d{1,9})"?\s*(?:;.*)?', re.IGNORECASE)
+Prefer = Annotated[
+    str | None,
+    Header(
+        description="`wait=N`: delay the response until the job has finished, for at most N seconds "
+        f"(1 to {MAX_WAIT_S}). Default: respond at once.",
+        max_length=200,
+        examples=["wait=30"],
+    ),
+]
 
 
 def most_held() -> int:
@@ -192,9 +203,6 @@ def _wake(waiter: _Waiter) -> None:
         waiter.woken.set_result(None)
 
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
 @contextmanager
 def on_termination(callback: Callable[[], None]) -> Iterator[None]:
     """Call `callback` on the running loop when a signal ends the process, before the server's own handler.
@@ -277,19 +285,6 @@ async def _cancel_when_gone(request: Request, waiting: CancelScope) -> None:
     while (await request.receive())["type"] != "http.disconnect":
         pass
     waiting.cancel()
-
-
-_WAIT = re.compile(r'wait\s*=\s*"?(\d{1,9})"?\s*(?:;.*)?', re.IGNORECASE)
-
-Prefer = Annotated[
-    str | None,
-    Header(
-        description="`wait=N`: delay the response until the job has finished, for at most N seconds "
-        f"(1 to {MAX_WAIT_S}). Default: respond at once.",
-        max_length=200,
-        examples=["wait=30"],
-    ),
-]
 
 
 def preferred_wait(request: Request) -> int | None:

@@ -41,6 +41,14 @@ _KNOWN_FOR_S = 5.0
 _MOST_KNOWN = 4096
 _FAILURES = Rate(per_minute=20, burst=20)
 _SUSPECTS_AT_ONCE = 2
+BEARER = HTTPBearer(
+    scheme_name="apiKey",
+    description="An API key from `meshdeform keys create`. Not required if the API listens only on loopback.",
+    auto_error=False,
+)
+SIGNING_KEY = "signed-urls"
+"""The name of the record's secret that signs URLs and links."""
+_LONGEST_S = 7 * 86_400  # the longest lifetime that S3 accepts for a signed URL
 
 
 @dataclass(frozen=True)
@@ -171,13 +179,6 @@ class Gate:
             raise _limit(f"This API key is limited to {per_minute} requests per minute{at_once}.", verdict)
 
 
-BEARER = HTTPBearer(
-    scheme_name="apiKey",
-    description="An API key from `meshdeform keys create`. Not required if the API listens only on loopback.",
-    auto_error=False,
-)
-
-
 async def principal(
     request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Depends(BEARER)]
 ) -> Principal:
@@ -215,12 +216,6 @@ def _peer(request: Request) -> str:
     if address.version == 4:
         return str(address)
     return str(address.ipv4_mapped or ipaddress.ip_network((address, 64), strict=False))
-
-
-SIGNING_KEY = "signed-urls"
-"""The name of the record's secret that signs URLs and links."""
-
-_LONGEST_S = 7 * 86_400  # the longest lifetime that S3 accepts for a signed URL
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,15 @@ if TYPE_CHECKING:
 _LEAST_BYTES = 64 * 1024
 
 _Document = TypeVar("_Document", bound=BaseModel)
+DOCUMENT = "request"
+_MAX_HEADER_BYTES = 8 * 1024
+_MOST_PARTS = 250
+_QUOTED = re.compile(rb'"(?:[^"\\]|\\.)*"')
+_JOB_ADVICE = (
+    "Send the file as the part `asset` and the JSON document as the part `request`: "
+    """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL."""
+)
+_EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([a-z0-9._-]+)'[^']*'([^;\s]+)", re.IGNORECASE)
 
 
 async def body_of(request: Request) -> AsyncIterator[bytes]:
@@ -117,17 +126,6 @@ def parse_document(model: type[_Document], document: bytes, name: str = "The bod
         if any(finding["loc"] == ("prompt",) and finding["type"] == "string_too_long" for finding in findings):
             raise PromptError(f"The prompt is longer than {MAX_PROMPT_LENGTH} characters.") from error
         raise parameter_error(in_plain_words(findings, model)) from error
-
-
-DOCUMENT = "request"
-_MAX_HEADER_BYTES = 8 * 1024
-_MOST_PARTS = 250
-_QUOTED = re.compile(rb'"(?:[^"\\]|\\.)*"')
-_JOB_ADVICE = (
-    "Send the file as the part `asset` and the JSON document as the part `request`: "
-    """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL."""
-)
-_EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([a-z0-9._-]+)'[^']*'([^;\s]+)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)

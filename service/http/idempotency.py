@@ -33,6 +33,7 @@ IdempotencyKey = Annotated[
         examples=["0b9f2c6e-shot-sc010-take-3"],
     ),
 ]
+_TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 
 
 @dataclass(frozen=True)
@@ -82,9 +83,6 @@ def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | 
         with suppress(UnavailableError):
             record.idempotency.abandon(claim)
         raise
-
-
-_TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 
 
 @dataclass(frozen=True)

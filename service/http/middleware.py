@@ -35,6 +35,7 @@ _DEFAULTS = {
     # Responses are data: a browser that shows one as a page may load and run nothing. Real pages set their own policy.
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
 }
+_QUIET = ("/healthz", "/readyz", "/metrics")
 
 
 def request_id() -> str:
@@ -142,9 +143,6 @@ def _log_request(scope: Scope, status: int, duration_ms: float) -> None:
     route = getattr(scope.get("route"), "path", "-")
     fields = {"method": scope["method"], "route": route, "status": status, "duration_ms": round(duration_ms, 1)}
     _access.info("%s %s %d %.1f ms", *fields.values(), extra=fields)
-
-
-_QUIET = ("/healthz", "/readyz", "/metrics")
 
 
 class TracingMiddleware:

@@ -17,6 +17,9 @@ from meshdeform.words.limits import MAX_SHAPES, MAX_SYNONYMS, MAX_TEXT
 UPLOAD_ID_PATTERN = id_pattern("upl")
 SHA256_PATTERN = r"^[0-9a-fA-F]{64}$"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+_Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+_Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]
+_Front = Annotated[float, Field(ge=-360.0, le=360.0)]
 
 
 class _Strict(BaseModel):
@@ -89,10 +92,6 @@ class FileSource(_Reference):
     def is_own(self) -> bool:
         """Whether the file is not stored yet."""
         return self.url is not None or self.data is not None
-
-
-_Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
-_Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]
 
 
 class _WithFiles(JobRequest):
@@ -214,9 +213,6 @@ class RetryDocument(_Strict):
         description="Seconds for which the new job may run. Default: as for the job that is retried.",
         examples=[7200],
     )
-
-
-_Front = Annotated[float, Field(ge=-360.0, le=360.0)]
 
 
 class WordDocument(_Strict):

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _CONTENT_TYPE = "application/octet-stream"
+_F = TypeVar("_F")
 
 
 def check_params(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
@@ -355,9 +356,6 @@ def _announce(app: AppState, job_id: str) -> None:
     except UnavailableError as error:
         # The job is recorded and therefore accepted: the reconciler enqueues it once Redis is back.
         _log.warning("job %s: not enqueued yet: %s", job_id, error)
-
-
-_F = TypeVar("_F")
 
 
 def file_advice(name: str) -> str:

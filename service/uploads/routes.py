@@ -74,6 +74,9 @@ _Signed = {
     )
 }
 _OFFSET = {"Upload-Offset": header("Received bytes, in total.", 1048576)}
+# This many bytes are written, and count as received, before more of the body is read.
+_BLOCK = 4 << 20
+_RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18})")
 
 
 @router.post(
@@ -276,11 +279,6 @@ def _authorized(app: AppState, request: Request, upload_id: str) -> Upload:
 def _shown(view: UploadView) -> Response:
     # The body contains a signed URL.
     return Response(view.model_dump_json(), media_type="application/json", headers={"Cache-Control": "no-store"})
-
-
-# This many bytes are written, and count as received, before more of the body is read.
-_BLOCK = 4 << 20
-_RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18})")
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,16 @@ _DeliveryId = Annotated[
     ),
 ]
 _LOCATION = {"Location": header("The webhook's URL.", "/v1/webhooks/wh_01kg9zqk2xf3v8c5m7n9p1r4t6")}
+_HAPPENED = {
+    WebhookEvent.QUEUED: "a job was accepted",
+    WebhookEvent.STARTED: "a worker started an attempt",
+    WebhookEvent.RECOVERED: "a job was requeued because its worker shut down or was lost",
+    WebhookEvent.CANCELING: "cancellation of a running job was requested",
+    WebhookEvent.SUCCEEDED: "a job succeeded",
+    WebhookEvent.FAILED: "a job failed",
+    WebhookEvent.CANCELED: "a job was canceled",
+    WebhookEvent.EXPIRED: "a job did not finish before its deadline",
+}
 
 
 @router.post(
@@ -325,15 +335,5 @@ def _describe(event: WebhookEvent) -> None:
         """Sent to the webhook's URL. How to verify it: docs/webhooks.md."""
 
 
-_HAPPENED = {
-    WebhookEvent.QUEUED: "a job was accepted",
-    WebhookEvent.STARTED: "a worker started an attempt",
-    WebhookEvent.RECOVERED: "a job was requeued because its worker shut down or was lost",
-    WebhookEvent.CANCELING: "cancellation of a running job was requested",
-    WebhookEvent.SUCCEEDED: "a job succeeded",
-    WebhookEvent.FAILED: "a job failed",
-    WebhookEvent.CANCELED: "a job was canceled",
-    WebhookEvent.EXPIRED: "a job did not finish before its deadline",
-}
 for _event in WebhookEvent:
     _describe(_event)

@@ -27,6 +27,13 @@ from torch.nn import functional
 
 _FIRST_FEATURES = 0.1
 _LAST_LAYER = 1e-2
+START = 0.85
+"""Share of a fit's iterations before its tensors are rounded."""
+IN_SPREAD = 16.0
+"""Steps in the root mean square of a tensor."""
+_LEAST = 1e-6
+_MOST = 32_767
+"""Greatest whole number that a section of a `.ndf` holds."""
 
 
 def octaves_of(points: Tensor, octaves: int) -> Tensor:
@@ -83,15 +90,6 @@ class FieldNetwork:
     def __call__(self, points: Tensor, features: Tensor) -> Tensor:
         """Return f (P, 3) at points (P, 3) of the base with interpolated features (P, d)."""
         return points + self.displacement(features, octaves_of(points, self.octaves))
-
-
-START = 0.85
-"""Share of a fit's iterations before its tensors are rounded."""
-IN_SPREAD = 16.0
-"""Steps in the root mean square of a tensor."""
-_LEAST = 1e-6
-_MOST = 32_767
-"""Greatest whole number that a section of a `.ndf` holds."""
 
 
 def steps_of(tensors: Sequence[Tensor], in_spread: float = IN_SPREAD) -> list[int]:

@@ -13,9 +13,10 @@ from sqlalchemy.dialects import postgresql, sqlite
 
 from meshdeform.errors import ParameterError, WorkerLostError
 from meshdeform.record import ids
+from meshdeform.record.columns import UtcDateTime
 from meshdeform.record.ids import JOB_ID_PATTERN, decode_cursor, encode_cursor, new_id, new_job_id
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState, Progress
-from meshdeform.record.schema import UtcDateTime, metadata
+from meshdeform.record.schema import metadata
 from tests.cases import each_case
 
 

@@ -5,7 +5,8 @@ import logging
 import sqlalchemy as sa
 from alembic import op
 
-from meshdeform.record.schema import UtcDateTime, metadata, trigrams
+from meshdeform.record.columns import UtcDateTime
+from meshdeform.record.schema import metadata, trigrams
 
 revision = "0010"
 down_revision = None
