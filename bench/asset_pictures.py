@@ -21,7 +21,7 @@ from PIL import Image, ImageDraw
 
 from bench.jobs import ROOT, deformed
 from meshdeform.assets import load_asset
-from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.rendering.studio import Studio, SurfaceState
 
 PICTURES = {
     "duck_rabbit": ("Duck.glb", "a rabbit"),
@@ -76,7 +76,7 @@ def row(assets: Path, filename: str, prompt: str, checkout: Path) -> Image.Image
     azimuths = (FRONTS_DEG.get(filename, 0.0) + 35.0,)
     views = []
     for asset in (source, *(load_asset(each) for each in results)):
-        pose = Pose(asset.surface.positions, asset.surface.normals)
+        pose = SurfaceState(asset.surface.positions, asset.surface.normals)
         studio = Studio(source.appearance(), (pose,), size=SIDE, azimuths_deg=azimuths)
         views.append(studio.photograph(pose, azimuths)[0])
     image = Image.new("RGB", (3 * SIDE, SIDE + TITLE), "white")

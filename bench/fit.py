@@ -34,9 +34,9 @@ from meshdeform.geometry.quality import measure, measure_fit
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import aligned
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from meshdeform.reading import NO_PART
-from meshdeform.rendering.cameras import Frame, fixed_cameras
+from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 from training.shapes import box
@@ -85,7 +85,7 @@ def pairs(assets: Path) -> dict[str, tuple[TriangleMesh, TriangleMesh]]:
 
 def ours(rest: TriangleMesh, target: TriangleMesh, preset: str = "balanced") -> Floats:
     params = resolve(DeformParams.model_validate({"preset": preset, "guidance": {"kind": "target"}}))
-    guidance = TargetGuidance(stand_in_of(target), point_weight=params.point_weight)
+    guidance = TargetGuide(stand_in_of(target), point_weight=params.point_weight)
     run = Deformation(rest, guidance, params)
     for _ in run:
         pass
@@ -131,14 +131,14 @@ def main() -> None:
     drawn: list[Floats] = []
     torch.set_num_threads(1)
     methods = {"target": ours, "exemplar": by_exemplar, "Amberg": peer(nricp_amberg), "Sumner": peer(nricp_sumner)}
-    warm_up = Frame.around(icosphere(1).verts).place(icosphere(1))
+    warm_up = CameraFrame.around(icosphere(1).verts).place(icosphere(1))
     ours(warm_up, warm_up, "preview")
     print("| pair | method | within 1 % | to | from | distortion | p99 | flips | time |")
     print("|---|---|---|---|---|---|---|---|---|")
     for name, (source, goal) in pairs(arguments.assets).items():
         if arguments.only and not any(word in name for word in arguments.only):
             continue
-        rest = Frame.around(source.verts).place(source)
+        rest = CameraFrame.around(source.verts).place(source)
         target = aligned(goal, rest).place_mesh(goal)
         shapes, first = [target.verts], 0.0
         for method, fit in methods.items():

@@ -22,7 +22,7 @@ from PIL import Image
 from bench.hero import painted_animal
 from bench.jobs import ROOT, artifacts, start
 from meshdeform.assets import load_asset
-from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.rendering.studio import Studio, SurfaceState
 from meshdeform.requests.groups import grouped
 
 FOLDER = ROOT / "service" / "web" / "examples"
@@ -98,7 +98,7 @@ def make(example: Example) -> dict[str, Any]:
 def picture(source: bytes, result: bytes) -> bytes:
     """Return a WebP of source and result side by side, at the same scale."""
     assets = [load_asset(data) for data in (source, result)]
-    poses = [Pose(asset.surface.positions, asset.surface.normals) for asset in assets]
+    poses = [SurfaceState(asset.surface.positions, asset.surface.normals) for asset in assets]
     studio = Studio(assets[0].appearance(), poses, size=SIDE, azimuths_deg=(AZIMUTH_DEG,))
     views = [studio.photograph(pose, (AZIMUTH_DEG,))[0] for pose in poses]
     buffer = io.BytesIO()

@@ -42,7 +42,7 @@ from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.sds import ScoreDistillation
 from meshdeform.priors import load_prior
-from meshdeform.rendering.cameras import Frame, fixed_cameras
+from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.requests.document import DeformParams, resolve
 
@@ -181,7 +181,7 @@ def steps_of(guidance: ScoreDistillation, repeats: int) -> None:
 
 def fits() -> None:
     source, goal = icosphere(4), load(ROOT / "examples" / "vase.glb")
-    rest = Frame.around(source.verts).place(source)
+    rest = CameraFrame.around(source.verts).place(source)
     target = aligned(goal, rest).place_mesh(goal)
     methods = {"ours": lambda: ours(rest, target, "balanced")}
     methods |= {

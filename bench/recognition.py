@@ -25,7 +25,7 @@ from meshdeform.plain.body import loose_body
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.kept_readings import FolderReadings
-from meshdeform.runs.reading import Source, read_source
+from meshdeform.runs.reading import ReadingSource, read_source
 
 LISTED = Path(__file__).with_suffix(".json")
 FROM = (0.0, 0.5, 0.8, 0.9, 0.97, 0.99)
@@ -64,7 +64,7 @@ def answers(folder: Path, wanted: Sequence[tuple[str, str, str]]) -> Iterator[di
     }
     params = resolve(DeformParams())
     with tempfile.TemporaryDirectory() as cache:
-        source = Source("", "", kept=FolderReadings(Path(cache)))
+        source = ReadingSource("", "", kept=FolderReadings(Path(cache)))
         for name, noun, digest in wanted:
             if (path := files.get(digest)) is None:
                 continue

@@ -36,7 +36,7 @@ from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.placement import world_matrices
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.priors import load_prior
-from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.rendering.studio import Studio, SurfaceState
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import job_input
@@ -260,7 +260,7 @@ def save(folder: Path, name: str, source: bytes, result: bytes) -> None:
         chosen = [shown[at] for at in np.unique(np.linspace(0, len(shown) - 1, 5).astype(int))]
         pictures = []
         for each in chosen:
-            pose = Pose(each.surface.positions, each.surface.normals)
+            pose = SurfaceState(each.surface.positions, each.surface.normals)
             studio = Studio(each.appearance(), (pose,), size=256, azimuths_deg=(35.0,))
             pictures.append(studio.photograph(pose, (35.0,))[0])
         rows.append(np.concatenate(pictures, 1))

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from meshdeform.exemplar.outlook import Outlook
+from meshdeform.exemplar.outlook import FitOutlook
 from meshdeform.exemplar.shapes import ExemplarResult, Wish, frame_of
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading import Reading
@@ -22,7 +22,7 @@ FACTORS = {"giraffe": (0.8, 1.5, 0.9), "snake": (0.7, 0.6, 1.6), "": (1.2, 1.0, 
 def install(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let runs make fits of this kind, and expect nothing of them."""
     monkeypatch.setattr(exemplar, "ExemplarFit", FakeFit)
-    monkeypatch.setattr(exemplar, "outlook", lambda *_args, **_more: Outlook(False, 0.0))
+    monkeypatch.setattr(exemplar, "outlook", lambda *_args, **_more: FitOutlook(False, 0.0))
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ class WorkerContext:
     """Maximum seconds of an outage of the store or the record before the job is left to another attempt."""
 
 
-class Outcome(Enum):
+class AttemptOutcome(Enum):
     """How an attempt ended."""
 
     SUCCEEDED = auto()
@@ -112,9 +112,9 @@ class Outcome(Enum):
 
 
 _TERMINAL = {
-    Outcome.SUCCEEDED: JobState.SUCCEEDED,
-    Outcome.FAILED: JobState.FAILED,
-    Outcome.CANCELED: JobState.CANCELED,
+    AttemptOutcome.SUCCEEDED: JobState.SUCCEEDED,
+    AttemptOutcome.FAILED: JobState.FAILED,
+    AttemptOutcome.CANCELED: JobState.CANCELED,
 }
 
 
@@ -126,7 +126,7 @@ class Ended:
     `made_by` are the versions that computed the results.
     """
 
-    outcome: Outcome
+    outcome: AttemptOutcome
     results: list[Artifact] = field(default_factory=list)
     error: JobError | None = None
     step_s: float | None = None
@@ -181,16 +181,16 @@ class Attempt:
         artifacts = versions_told(run.finish(), self._made_by)
         failpoint("worker.finished")
         if self._watch.canceled:
-            return self._ended(Outcome.CANCELED)
+            return self._ended(AttemptOutcome.CANCELED)
         self._phase("uploading")
         with span("upload"):
             results = store_results(self._at.store, self._job, artifacts, self._retry)
         failpoint("worker.results.stored")
         if self._watch.canceled:
-            return self._ended(Outcome.CANCELED)
-        return self._ended(Outcome.SUCCEEDED, results=results)
+            return self._ended(AttemptOutcome.CANCELED)
+        return self._ended(AttemptOutcome.SUCCEEDED, results=results)
 
-    def _optimize(self, run: JobRun) -> Outcome | None:
+    def _optimize(self, run: JobRun) -> AttemptOutcome | None:
         """Do the remaining steps; return how the attempt ends if it must stop before the job's end."""
         every = self._job.request.params.checkpoint_every_steps
         began = time.monotonic()
@@ -209,7 +209,7 @@ class Attempt:
             if over:
                 raise over_time(self._max_run_s, f"done {report.step} of {report.total_steps} steps")
             if yields and saved:
-                return Outcome.HANDED_OVER
+                return AttemptOutcome.HANDED_OVER
             began = time.monotonic()
         return None
 
@@ -299,10 +299,10 @@ class Attempt:
         if time.monotonic() >= self._ends:
             raise over_time(self._max_run_s, f"was {self._watch.doing}")
 
-    def _interrupted(self) -> Outcome:
+    def _interrupted(self) -> AttemptOutcome:
         if self._watch.canceled:
-            return Outcome.CANCELED
-        return Outcome.HANDED_BACK if self._at.stopping() else Outcome.HANDED_OVER
+            return AttemptOutcome.CANCELED
+        return AttemptOutcome.HANDED_BACK if self._at.stopping() else AttemptOutcome.HANDED_OVER
 
     def _stopped(self) -> Ended:
         return self._ended(self._interrupted())
@@ -310,11 +310,11 @@ class Attempt:
     def _failed(self, error: Exception) -> Ended:
         if isinstance(error, MeshdeformError):
             _log.warning("job %s: failed: %s", self._job.id, error)
-            return self._ended(Outcome.FAILED, error=JobError.of(error), may_pass=self._may_pass(error))
+            return self._ended(AttemptOutcome.FAILED, error=JobError.of(error), may_pass=self._may_pass(error))
         _log.error("job %s: failed", self._job.id, exc_info=error)
         # The text of an unexpected error may contain paths of this machine, so it stays in the log.
         unknown = MeshdeformError("An unexpected error occurred in the worker; see the worker's log.")
-        return self._ended(Outcome.FAILED, error=JobError.of(unknown), may_pass=True)
+        return self._ended(AttemptOutcome.FAILED, error=JobError.of(unknown), may_pass=True)
 
     def _may_pass(self, error: MeshdeformError) -> bool:
         """Return whether another attempt may not fail so: another worker may have what this one lacks."""
@@ -337,11 +337,11 @@ class Attempt:
                 raise
             except Exception:
                 _log.exception("job %s: the checkpoint of step %d was not stored", self._job.id, run.step)
-        return self._ended(Outcome.OUT_OF_MEMORY)
+        return self._ended(AttemptOutcome.OUT_OF_MEMORY)
 
     def _ended(
         self,
-        outcome: Outcome,
+        outcome: AttemptOutcome,
         *,
         results: list[Artifact] | None = None,
         error: JobError | None = None,
@@ -384,14 +384,14 @@ class JobRunner:
             if job_id and job.id != job_id:
                 _log.info("message for job %s; job %s comes first", job_id, job.id)
             outcome = self._claimed(job)
-        limited = self._turns.max_running and outcome is not Outcome.OUT_OF_MEMORY
-        return bool(limited or outcome is Outcome.HANDED_OVER) and not self.at.stopping()
+        limited = self._turns.max_running and outcome is not AttemptOutcome.OUT_OF_MEMORY
+        return bool(limited or outcome is AttemptOutcome.HANDED_OVER) and not self.at.stopping()
 
     @property
     def _turns(self) -> Turns:
         return Turns.of(self.at.settings)
 
-    def _claimed(self, job: Job) -> Outcome | None:
+    def _claimed(self, job: Job) -> AttemptOutcome | None:
         """Run an attempt and record its end; return None if another one has the job, or will."""
         _log.info("job %s: attempt %d", job.id, job.attempt)
         failpoint("worker.claimed")
@@ -424,14 +424,14 @@ class JobRunner:
         """Record how the attempt ended, with retries; the record refuses it if another attempt has the job by then."""
         retry = Retry(self._between, self.at.retry_for_s)
         record, about = self.at.record, f"job {job.id}: its end"
-        if ended.outcome is Outcome.OUT_OF_MEMORY:
+        if ended.outcome is AttemptOutcome.OUT_OF_MEMORY:
             attempts = self.at.settings.max_attempts
             try:
                 retry.until_answered(about, lambda: record.leases.out_of_memory(job.id, job.attempt, attempts))
             finally:
                 self.at.renew()
-        elif ended.outcome in (Outcome.HANDED_BACK, Outcome.HANDED_OVER):
-            reason = HANDED_OVER if ended.outcome is Outcome.HANDED_OVER else HANDED_BACK
+        elif ended.outcome in (AttemptOutcome.HANDED_BACK, AttemptOutcome.HANDED_OVER):
+            reason = HANDED_OVER if ended.outcome is AttemptOutcome.HANDED_OVER else HANDED_BACK
             retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, reason))
         elif ended.may_pass and ended.error is not None:
             arguments = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s

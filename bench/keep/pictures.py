@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from meshdeform.assets import Limits, load_asset
-from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.rendering.studio import Studio, SurfaceState
 
 SIDE = 320
 AZIMUTHS_DEG = (35.0, 90.0)
@@ -21,7 +21,7 @@ def draw(source: Path, result: Path, front_deg: float, folder: Path) -> None:
     # A deformation changes neither triangles nor textures.
     appearance, azimuths = assets[0].appearance(), tuple(front_deg + each for each in AZIMUTHS_DEG)
     for name, asset in zip(("source", "result"), assets, strict=True):
-        pose = Pose(asset.surface.positions, asset.surface.normals)
+        pose = SurfaceState(asset.surface.positions, asset.surface.normals)
         studio = Studio(appearance, (pose,), size=SIDE, azimuths_deg=azimuths)
         views = np.concatenate(list(studio.photograph(pose, azimuths)), axis=1)
         Image.fromarray(views).save(folder / f"{name}.png")

@@ -31,7 +31,7 @@ from meshdeform.nouns.families import FAMILIES
 from meshdeform.plain.body import loose_body
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.kept_readings import Unkept, samples_in
-from meshdeform.runs.reading import Source, read_source
+from meshdeform.runs.reading import ReadingSource, read_source
 from meshdeform.settings import Settings
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, nouns_with
 from training.evaluation.report import interval
@@ -65,7 +65,7 @@ def answers(folder: Path, wanted: Sequence[dict[str, str]]) -> Iterator[Answer]:
         if (path := files.get(entry["sha256"])) is None:
             continue
         three: tuple[str, ...] = ()
-        source = Source("", path.name, kept=kept)
+        source = ReadingSource("", path.name, kept=kept)
         try:
             body = loose_body(load_asset(read_with_files(path, limits), path.name, limits))
             reading = read_source(replace(body, names={}), params, source, fitted=1)  # fits do not decide nouns

@@ -19,7 +19,7 @@ from meshdeform.plain.naming import find_parts
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.changes import asked_changes
-from meshdeform.runs.reading import Source, corrected
+from meshdeform.runs.reading import ReadingSource, corrected
 from meshdeform.vocabulary.solids import PART_NAMES
 
 
@@ -43,7 +43,7 @@ def found(each: Listed, path: Path, *, given: bool, labels: bool = False) -> Fou
     asset, params = load_asset(path.read_bytes(), path.name), said(each, given=given)
     loose = loose_body(asset)
     start = time.process_time()
-    body = corrected(loose, asset, params, Source("", path.name))
+    body = corrected(loose, asset, params, ReadingSource("", path.name))
     reading = body.reader.reading
     if reading is None:
         raise ValueError("it cannot be read")

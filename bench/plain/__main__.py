@@ -27,7 +27,7 @@ from bench.plain.assets import Listed, Row, connected, listed, rows
 from bench.plain.measure import judged, outside
 from meshdeform.assets import Asset, load_asset
 from meshdeform.errors import MeshdeformError
-from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.rendering.studio import Studio, SurfaceState
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
@@ -116,7 +116,7 @@ def outcome(each: Listed, asset: Asset, row: Row) -> Made:
 def sheet(asset: Asset, pictures: list[tuple[str, _Floats]]) -> Image.Image:
     """Draw the source and its changes at one scale, from two sides."""
     flat = np.full_like(asset.surface.normals, np.nan)
-    poses = [Pose(positions, flat) for _, positions in pictures]
+    poses = [SurfaceState(positions, flat) for _, positions in pictures]
     studio = Studio(asset.appearance(), poses, size=SIZE, azimuths_deg=VIEWS)
     lines = -(-len(pictures) // ACROSS)
     picture = Image.new("RGB", (2 * SIZE * ACROSS, SIZE * lines), "white")

@@ -32,7 +32,7 @@ def _closed(schema: dict[str, Any]) -> None:
     schema.pop("additionalProperties", None)
 
 
-class Document(BaseModel):
+class ApiDocument(BaseModel):
     """A document; what only a newer server says is in `model_extra`."""
 
     model_config = ConfigDict(frozen=True, extra="allow", protected_namespaces=(), json_schema_extra=_closed)
@@ -60,14 +60,14 @@ def or_new(names: type[StrEnum] | type[str]) -> WrapValidator:
 _OrNew = or_new(str)
 
 
-class PartFound(Document):
+class PartFound(ApiDocument):
     """A node, material, mesh or joint of an asset, which `rigid` and `regions` can name."""
 
     index: int = Field(ge=0, description="Its index in the file.", examples=[2])
     name: str = Field(description="Its name; empty if it has none.", examples=["wheel-front-left"])
 
 
-class AssetFound(Document):
+class AssetFound(ApiDocument):
     """The contents of an asset file."""
 
     filename: str = Field(description="Its name, as sent.", examples=["sphere.glb"])
@@ -92,7 +92,7 @@ class AssetFound(Document):
     )
 
 
-class PictureFound(Document):
+class PictureFound(ApiDocument):
     """The silhouette in a picture."""
 
     filename: str = Field(description="Its name, as sent.", examples=["front.png"])
@@ -110,7 +110,7 @@ class PictureFound(Document):
     share: float = Field(ge=0.0, le=1.0, description="Share of the picture that the silhouette covers.", examples=[0.4])
 
 
-class JobEstimate(Document):
+class JobEstimate(ApiDocument):
     """The estimated time of a job, based on finished jobs."""
 
     queue_s: float | None = Field(
@@ -130,7 +130,7 @@ class JobEstimate(Document):
     steps: int = Field(0, ge=0, description="Its steps; 0 of a change in plain words.", examples=[200])
 
 
-class Outlook(Document):
+class Outlook(ApiDocument):
     """Whether an asset can become what it is to become."""
 
     doubtful: bool = Field(description="Whether the result will hardly show it, or be torn.", examples=[True])
@@ -142,7 +142,7 @@ class Outlook(Document):
     )
 
 
-class Validation(Document):
+class Validation(ApiDocument):
     """A valid job."""
 
     valid: Literal[True] = Field(
@@ -166,7 +166,7 @@ class Validation(Document):
     )
 
 
-class PartChange(Document):
+class PartChange(ApiDocument):
     """An operation that suits a part."""
 
     operation: str = Field(description="As in `changes` of the report.", examples=["long"])
@@ -174,7 +174,7 @@ class PartChange(Document):
     less: str = Field(description="Its word for less.", examples=["shorter"])
 
 
-class FoundPart(Document):
+class FoundPart(ApiDocument):
     """A part of an asset that words can name."""
 
     name: str = Field(description="Its name in a prompt.", examples=["legs"])
@@ -196,14 +196,14 @@ class FoundPart(Document):
     changes: list[PartChange] = Field(description="Changes that a prompt can ask of it.")
 
 
-class LikelyNoun(Document):
+class LikelyNoun(ApiDocument):
     """A noun that an asset may be."""
 
     noun: str = Field(description="The noun.", examples=["elephant"])
     probability: float = Field(ge=0.0, le=1.0, description="That it is this one.", examples=[0.93])
 
 
-class FoundReading(Document):
+class FoundReading(ApiDocument):
     """The noun that an asset was read as, and where its front is."""
 
     noun: str = Field(description="The noun.", examples=["elephant"])
@@ -225,7 +225,7 @@ class FoundReading(Document):
     front_given: bool = Field(description="Whether params.guidance.orientation says it, in degrees.", examples=[False])
 
 
-class FoundParts(Document):
+class FoundParts(ApiDocument):
     """The parts of an asset, or those that a prompt names and what it makes of the asset."""
 
     reading: FoundReading | None = Field(
@@ -247,7 +247,7 @@ class FoundParts(Document):
         return None if self.result is None else base64.b64decode(self.result)
 
 
-class FileLimits(Document):
+class FileLimits(ApiDocument):
     """Limits on a file."""
 
     formats: list[str] = Field(description="Supported formats.", examples=[["glb", "obj", "ply", "stl", "3mf", "zip"]])
@@ -257,7 +257,7 @@ class FileLimits(Document):
     max_triangles: int = Field(description="Triangles to deform, counting every instance.", examples=[1000000])
 
 
-class JobLimits(Document):
+class JobLimits(ApiDocument):
     """Limits on a job."""
 
     max_steps: int = Field(description="Optimiser steps.", examples=[50000])
@@ -277,7 +277,7 @@ class JobLimits(Document):
     )
 
 
-class RequestLimits(Document):
+class RequestLimits(ApiDocument):
     """Limits on requests."""
 
     requests_per_minute: int | None = Field(
@@ -288,7 +288,7 @@ class RequestLimits(Document):
     )
 
 
-class UploadLimits(Document):
+class UploadLimits(ApiDocument):
     """Limits on uploads."""
 
     max_bytes: int = Field(description="Bytes.", examples=[104857600])
@@ -302,7 +302,7 @@ class UploadLimits(Document):
     signed_url_ttl_s: float = Field(description="Seconds for which a signed URL is valid.", examples=[3600])
 
 
-class FilePartView(Document):
+class FilePartView(ApiDocument):
     """A file that a kind of job reads."""
 
     name: str = Field(description="Its part in a form, or its member in `files` of a document.", examples=["asset"])
@@ -311,7 +311,7 @@ class FilePartView(Document):
     media_types: list[str] = Field(description="Its media types.", examples=[["model/gltf-binary"]])
 
 
-class ArtifactKindView(Document):
+class ArtifactKindView(ApiDocument):
     """A result that a kind of job may write."""
 
     name: str = Field(description="Its name within the job.", examples=["result.glb"])
@@ -319,7 +319,7 @@ class ArtifactKindView(Document):
     summary: str = Field(description="Its content.", examples=["The asset with its new shape."])
 
 
-class KindView(Document):
+class KindView(ApiDocument):
     """A kind of job."""
 
     name: str = Field(description="The value for `kind`.", examples=["text_deform"])
@@ -334,7 +334,7 @@ class KindView(Document):
     artifacts: list[ArtifactKindView] = Field(description="The results that it may write.")
 
 
-class WordLimits(Document):
+class WordLimits(ApiDocument):
     """Limits on words of one's own."""
 
     max_words: int = Field(description="Words of one owner.", examples=[200])
@@ -346,7 +346,7 @@ class WordLimits(Document):
     max_bytes: int = Field(description="Bytes of a word's file.", examples=[16777216])
 
 
-class LimitList(Document):
+class LimitList(ApiDocument):
     """All limits on requests."""
 
     files: FileLimits = Field(description="Limits on the files of jobs.")
@@ -357,7 +357,7 @@ class LimitList(Document):
     kinds: list[KindView] = Field(description="The kinds of job.")
 
 
-class UsageMonth(Document):
+class UsageMonth(ApiDocument):
     """What was used in a month."""
 
     month: str = Field(description="Year and month, in UTC.", examples=["2026-11"])
@@ -370,13 +370,13 @@ class UsageMonth(Document):
     bytes: int = Field(ge=0, description="Bytes of the artifacts that were made.", examples=[73400320])
 
 
-class UsageList(Document):
+class UsageList(ApiDocument):
     """What was used, by month."""
 
     months: list[UsageMonth] = Field(description="Newest first; months without use are left out.")
 
 
-class UploadView(Document):
+class UploadView(ApiDocument):
     """A file uploaded separately, for use in jobs."""
 
     id: str = Field(
@@ -422,7 +422,7 @@ class UploadView(Document):
     )
 
 
-class VocabularyView(Document):
+class VocabularyView(ApiDocument):
     """The vocabulary of a model."""
 
     nouns: list[str] = Field(
@@ -442,7 +442,7 @@ class VocabularyView(Document):
     )
 
 
-class ModelView(Document):
+class ModelView(ApiDocument):
     """A model that jobs may use."""
 
     id: str = Field(description="The value for `params.guidance.model`.", examples=["builtin"])
@@ -458,7 +458,7 @@ class ModelView(Document):
     licence: str = Field("", description="Licence that its model card states; empty: unknown.", examples=["mit"])
 
 
-class ModelList(Document):
+class ModelList(ApiDocument):
     """The models of this server."""
 
     default: str = Field(description="The model of jobs that name none.", examples=["builtin"])
@@ -470,7 +470,7 @@ class ModelList(Document):
     models: list[ModelView] = Field(description="The models, the default first.")
 
 
-class SketchParameter(Document):
+class SketchParameter(ApiDocument):
     """A slider of a noun: a number in a range, or one of several options."""
 
     name: str = Field(description="Its name.", examples=["neck"])
@@ -481,7 +481,7 @@ class SketchParameter(Document):
     options: list[str] | None = Field(None, description="Of a choice: its values.", examples=[None])
 
 
-class SketchGuess(Document):
+class SketchGuess(ApiDocument):
     """One reading of a drawing."""
 
     noun: str = Field(description="What the drawing shows.", examples=["vase"])
@@ -504,7 +504,7 @@ class SketchGuess(Document):
         return base64.b64decode(self.mesh)
 
 
-class SketchGuesses(Document):
+class SketchGuesses(ApiDocument):
     """The nouns that a drawing may show."""
 
     guesses: list[SketchGuess] = Field(description="The likeliest first: three, or one if the noun is named.")
@@ -515,7 +515,7 @@ class SketchGuesses(Document):
     )
 
 
-class WordView(Document):
+class WordView(ApiDocument):
     """A word of one's own."""
 
     noun: str = Field(description="The noun.", examples=["dragonfruit"])
@@ -531,7 +531,7 @@ class WordView(Document):
     created_at: datetime = Field(description="When it was added, UTC.", examples=["2026-01-31T12:00:00Z"])
 
 
-class WordMesh(Document):
+class WordMesh(ApiDocument):
     """A mesh of a word."""
 
     source: str = Field(description="The name of its file.", examples=["dragonfruit.glb"])
@@ -546,7 +546,7 @@ class WordDetail(WordView):
     sources: list[WordMesh] = Field(description="Its meshes, in their order.")
 
 
-class WordList(Document):
+class WordList(ApiDocument):
     """Words of one's own."""
 
     words: list[WordView] = Field(description="By the alphabet.")

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, SerializeAsAny, SkipValidation
 
-from meshdeform.api.documents import Document, or_new
+from meshdeform.api.documents import ApiDocument, or_new
 from meshdeform.api.states import EventType, JobError, JobState, OriginMode, Progress
 from meshdeform.record.models import Artifact, CheckpointRef, Event, Job, Origin, StoredFile
 from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
@@ -20,7 +20,7 @@ _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 _OUTPUT = OutputOptions().model_dump(mode="json")
 
 
-class FileView(Document):
+class FileView(ApiDocument):
     """An uploaded file."""
 
     filename: str = Field(description="Its name, as sent.", examples=["sphere.glb"])
@@ -33,7 +33,7 @@ class FileView(Document):
         return cls(filename=file.filename, size=file.size, sha256=file.sha256)
 
 
-class OriginView(Document):
+class OriginView(ApiDocument):
     """The job and step from which a job continues."""
 
     job_id: str = Field(description="The other job, which may have been deleted since.", examples=[_JOB_ID])
@@ -50,7 +50,7 @@ class OriginView(Document):
         return cls(job_id=origin.job_id, step=origin.step, mode=origin.mode)
 
 
-class ArtifactView(Document):
+class ArtifactView(ApiDocument):
     """A result of a job."""
 
     name: str = Field(description="Its name within the job.", examples=["result.glb"])
@@ -73,7 +73,7 @@ class ArtifactView(Document):
         return cls(**described, href=href, warnings=artifact.warnings or [])
 
 
-class JobView(Document):
+class JobView(ApiDocument):
     """A job."""
 
     id: str = Field(description="Sorts by the time of creation.", examples=[_JOB_ID])
@@ -191,7 +191,7 @@ def _over(defaults: Mapping[str, Any], written: Mapping[str, Any]) -> Any:
     return {**defaults, **written, **deep}
 
 
-class JobList(Document):
+class JobList(ApiDocument):
     """A page of jobs, newest first."""
 
     jobs: list[JobView] = Field(description="The jobs of this page.")
@@ -200,13 +200,13 @@ class JobList(Document):
     )
 
 
-class ArtifactList(Document):
+class ArtifactList(ApiDocument):
     """The results of a job."""
 
     artifacts: list[ArtifactView] = Field(description="The artifacts, sorted by name.")
 
 
-class SignedUrl(Document):
+class SignedUrl(ApiDocument):
     """A URL that needs no API key."""
 
     url: str = Field(
@@ -216,7 +216,7 @@ class SignedUrl(Document):
     expires_at: datetime = Field(description="When it expires, UTC.", examples=["2026-01-31T13:00:00Z"])
 
 
-class EventView(Document):
+class EventView(ApiDocument):
     """Something that happened to a job."""
 
     seq: int = Field(ge=1, description="Its number within the job: 1, 2, 3 and so on, without gaps.", examples=[3])
@@ -240,14 +240,14 @@ class EventView(Document):
         return cls(**event.model_dump())
 
 
-class EventList(Document):
+class EventList(ApiDocument):
     """Events of a job."""
 
     events: list[EventView] = Field(description="Oldest first.")
     next_after: int = Field(ge=0, description="Pass it as `after` to get the following events.", examples=[3])
 
 
-class MeshView(Document):
+class MeshView(ApiDocument):
     """The mesh of a checkpoint."""
 
     href: str = Field(description="URL of its bytes.", examples=[f"/v1/jobs/{_JOB_ID}/checkpoints/500/mesh.glb"])
@@ -255,7 +255,7 @@ class MeshView(Document):
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal.", examples=[_SHA256])
 
 
-class CheckpointView(Document):
+class CheckpointView(ApiDocument):
     """A checkpoint from which a job can continue or be branched."""
 
     step: int = Field(ge=0, description="Completed optimiser steps.", examples=[500])
@@ -280,7 +280,7 @@ class CheckpointView(Document):
         )
 
 
-class CheckpointList(Document):
+class CheckpointList(ApiDocument):
     """The checkpoints of a job."""
 
     checkpoints: list[CheckpointView] = Field(

@@ -45,7 +45,7 @@ _MAX_COORDINATE = 1e4
 """Larger texture coordinates are of no use in a picture, and lose their fraction in 32 bits."""
 
 
-class Pictures:
+class ImageDecoder:
     """Decodes each image of the base colours once, within bounds on memory and time.
 
     Files may hold dozens of images of 8192 x 8192 pixels; a picture of the asset needs a thousandth of them. Every
@@ -124,7 +124,7 @@ class _Reader:
     def __init__(self, document: Document) -> None:
         self._document = document
         self._left_out: dict[str, int] = {}
-        self._pictures = Pictures(document, self._leave_out)
+        self._pictures = ImageDecoder(document, self._leave_out)
         self._paints: list[Paint] = []
         self._numbers: dict[tuple[int | None, bool], tuple[int, TextureUse | None]] = {}
 

@@ -28,7 +28,7 @@ _OF_IMAGES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSF
 
 
 @dataclass(frozen=True)
-class Piece:
+class AssetPart:
     """A part of an asset."""
 
     asset: Asset
@@ -42,7 +42,7 @@ class Piece:
     extras: Mapping[str, Any]  # JSON for the node
 
 
-def assemble(pieces: Sequence[Piece], provenance: Mapping[str, Any] | None = None) -> bytes:
+def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None = None) -> bytes:
     """Write the pieces, one node each, in world space.
 
     `pieces`: at least one has triangles; `provenance`: JSON to store as `asset.extras.meshdeform`. Returns a GLB.
@@ -88,7 +88,7 @@ def _count(root: Json, primitive: Json) -> int:
     return int(root["accessors"][primitive["attributes"]["POSITION"]]["count"])
 
 
-def _triangles_of_primitives(piece: Piece) -> list[tuple[tuple[int, int], NDArray[np.int64]]]:
+def _triangles_of_primitives(piece: AssetPart) -> list[tuple[tuple[int, int], NDArray[np.int64]]]:
     """Return (block, primitive) and the corners (F, 3), rows of the surface, of each primitive with triangles left."""
     triangles, start = [], 0
     for number, block in enumerate(piece.asset._blocks):
@@ -102,7 +102,7 @@ def _triangles_of_primitives(piece: Piece) -> list[tuple[tuple[int, int], NDArra
 
 
 def _primitive(
-    piece: Piece, place: tuple[int, int], corners: NDArray[np.int64], document: Document, looks: _Looks
+    piece: AssetPart, place: tuple[int, int], corners: NDArray[np.int64], document: Document, looks: _Looks
 ) -> Json:
     source, block = piece.asset._document, piece.asset._blocks[place[0]]
     original = source.root["meshes"][block.mesh]["primitives"][place[1]]

@@ -26,12 +26,12 @@ from meshdeform.assets.corners import corner_colors, corner_weights
 from meshdeform.assets.document import Document, Usage, read_floats, read_triangles
 from meshdeform.assets.inspect import TRIANGLES, ZIPS, AssetSummary, asset_format, check_document, instances_of
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, Track, straight
+from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, WeightTrack, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
 from meshdeform.assets.rig import NodeMove, RigMotion, joint_moves, joint_shares
 from meshdeform.assets.surface import (
     Block,
-    Parts,
+    NamedParts,
     Rig,
     Surface,
     read_parts,
@@ -41,8 +41,8 @@ from meshdeform.assets.surface import (
     turned_parts,
 )
 from meshdeform.assets.writer import (
-    Deformation,
     Finish,
+    ShapeChange,
     embed_data_uris,
     write_shape,
     write_targets,
@@ -158,7 +158,7 @@ class Asset:
 
         return read_appearance(self._document, self._blocks)
 
-    def parts(self) -> Parts:
+    def parts(self) -> NamedParts:
         """List the nodes, meshes, materials and joints of the surface, and which triangles belong to each."""
         return read_parts(self._document, self._blocks)
 
@@ -325,7 +325,7 @@ class Asset:
         if morph:
             target = MorphTarget(ANIMATION_NAME, positions, normals, tangents)
             return self.morph([target], track=straight(), compact=compact, provenance=provenance)
-        shape = Deformation.checked(self.surface, positions, normals, tangents, jacobians, joints)
+        shape = ShapeChange.checked(self.surface, positions, normals, tangents, jacobians, joints)
         finish = Finish(self._usage if compact else None, provenance)
         return write_shape(self._document.fork(), self._blocks, self._loose, shape, finish, self._companions)
 
@@ -334,7 +334,7 @@ class Asset:
         targets: Sequence[MorphTarget],
         *,
         weights: Sequence[float] | None = None,
-        track: Track | None = None,
+        track: WeightTrack | None = None,
         compact: bool = False,
         provenance: Mapping[str, Any] | None = None,
     ) -> bytes:
@@ -358,7 +358,7 @@ class Asset:
         NumericalError, ShapeError
             As for `replace`.
         """
-        shapes = [Deformation.checked(self.surface, t.positions, t.normals, t.tangents) for t in targets]
+        shapes = [ShapeChange.checked(self.surface, t.positions, t.normals, t.tangents) for t in targets]
         rest = [*[0.0] * (len(targets) - 1), 1.0] if weights is None else list(weights)
         new = NewTargets([target.name for target in targets], rest, track)
         finish = Finish(self._usage if compact else None, provenance)

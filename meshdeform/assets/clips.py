@@ -22,7 +22,7 @@ _SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Track:
+class NodeTrack:
     """How one property of a node changes."""
 
     node: int
@@ -75,7 +75,7 @@ class Clip:
 
     number: int
     name: str
-    tracks: tuple[Track, ...]
+    tracks: tuple[NodeTrack, ...]
     unread: int  # channels that act on anything else than nodes and weights, or are not valid
 
     @property
@@ -103,7 +103,7 @@ def _clip(document: Document, number: int, animation: Any) -> Clip:
     return Clip(number, name if isinstance(name, str) else "", found, len(tracks) - len(found))
 
 
-def _track(document: Document, animation: Any, channel: Any) -> Track | None:
+def _track(document: Document, animation: Any, channel: Any) -> NodeTrack | None:
     """Return the track of a channel; None if it is not valid, or acts on something else: nothing has checked it."""
     try:
         target, sampler = channel["target"], animation["samplers"][channel["sampler"]]
@@ -123,7 +123,7 @@ def _track(document: Document, animation: Any, channel: Any) -> Track | None:
     if width != (width_of_path or width) or (np.diff(times) <= 0).any():
         return None
     shape = (len(times), 3, width) if per_key == 3 else (len(times), width)
-    return Track(node, path, times, values.reshape(shape), mode)
+    return NodeTrack(node, path, times, values.reshape(shape), mode)
 
 
 def find_clip(clips: Sequence[Clip], wanted: str) -> Clip:

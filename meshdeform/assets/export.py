@@ -17,7 +17,7 @@ from meshdeform.errors import DependencyError, ParameterError, install_command
 
 if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
-    from meshdeform.assets.frame import Frame, Unit, Up
+    from meshdeform.assets.frame import FileFrame, Unit, Up
     from meshdeform.assets.scene import Scene
 
 WRITTEN = (".glb", ".usdz", ".obj", ".obj.zip", ".3mf", ".stl")
@@ -95,7 +95,7 @@ def export(
     AssetEmptyError
         Nothing is shown.
     """
-    from meshdeform.assets.frame import Frame
+    from meshdeform.assets.frame import FileFrame
     from meshdeform.assets.scene import Scene
 
     ending = ending_of(name)
@@ -113,7 +113,7 @@ def export(
         said = said or list(asset.summary.warnings)
         return Export({name: data}, {"triangles": len(asset.surface.triangles)}, tuple(said))
     printed = ending == ".3mf"
-    frame = Frame(up or ("z" if printed else "y"), unit or ("mm" if printed else "m"), asset.unit)
+    frame = FileFrame(up or ("z" if printed else "y"), unit or ("mm" if printed else "m"), asset.unit)
     scene = Scene(document)
     files, facts = _WRITERS[ending](scene, frame, name)
     if asset.unit is None:
@@ -131,14 +131,14 @@ def require_writer(ending: str) -> None:
         )
 
 
-def _obj(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
+def _obj(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
     from meshdeform.assets.obj_file import write_obj
 
     files, triangles = write_obj(scene, frame, name[: -len(".obj")])
     return files, {"triangles": triangles}
 
 
-def _zipped_obj(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
+def _zipped_obj(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
     files, facts = _obj(scene, frame, name[: -len(".zip")])
     written = io.BytesIO()
     with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as package:
@@ -147,28 +147,28 @@ def _zipped_obj(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes]
     return {name: written.getvalue()}, facts
 
 
-def _stl(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
+def _stl(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
     from meshdeform.assets.stl_file import write_stl
 
     stl = write_stl(scene, frame)
     return {name: stl.data}, {"triangles": stl.triangles, "closed": stl.closed, "origin": list(stl.origin)}
 
 
-def _3mf(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
+def _3mf(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
     from meshdeform.assets.threemf_file import write_3mf
 
     data, triangles = write_3mf(scene, frame)
     return {name: data}, {"triangles": triangles}
 
 
-def _usdz(scene: Scene, frame: Frame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
+def _usdz(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
     from meshdeform.assets.usd.package import write_usdz
 
     data, triangles = write_usdz(scene, frame.metres or 1.0)
     return {name: data}, {"triangles": triangles}
 
 
-_WRITERS: dict[str, Callable[[Scene, Frame, str], tuple[dict[str, bytes], dict[str, Any]]]] = {
+_WRITERS: dict[str, Callable[[Scene, FileFrame, str], tuple[dict[str, bytes], dict[str, Any]]]] = {
     ".usdz": _usdz,
     ".obj": _obj,
     ".obj.zip": _zipped_obj,

@@ -16,7 +16,7 @@ UNITS: dict[Unit, tuple[str, float]] = {"m": ("meter", 1.0), "cm": ("centimeter"
 
 
 @dataclass(frozen=True)
-class Frame:
+class FileFrame:
     """The axes and the unit of a file; the defaults are those of glTF.
 
     `up`: the axis that points up. For `z`, the asset's front, +Z in glTF, becomes -Y. `metres`: how long the lengths

@@ -38,7 +38,7 @@ class MorphTarget:
 
 
 @dataclass(frozen=True)
-class Track:
+class WeightTrack:
     """An animation of the new targets' weights."""
 
     times: Sequence[float]  # (K,) float: seconds, ascending
@@ -53,12 +53,12 @@ class NewTargets:
 
     names: Sequence[str]
     weights: Sequence[float]
-    track: Track | None
+    track: WeightTrack | None
 
 
-def straight() -> Track:
+def straight() -> WeightTrack:
     """Return the animation of a single target from 0 to 1."""
-    return Track((0.0, _DURATION_S), ((0.0,), (1.0,)))
+    return WeightTrack((0.0, _DURATION_S), ((0.0,), (1.0,)))
 
 
 def add_morph_targets(
@@ -195,7 +195,7 @@ def _grown_output(document: Document, sampler: Json, count: int, rest: Sequence[
     return document.append_accessor(wider, like=accessors[output], vertex=False)
 
 
-def _add_animation(document: Document, owners: dict[int, int], before: dict[int, int], track: Track) -> None:
+def _add_animation(document: Document, owners: dict[int, int], before: dict[int, int], track: WeightTrack) -> None:
     times = document.append_accessor(np.array(track.times, np.float32), bounds=True, vertex=False)
     samplers: list[Json] = []
     channels: list[Json] = []

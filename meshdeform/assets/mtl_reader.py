@@ -19,7 +19,7 @@ from meshdeform.assets.build import Picture, linear_color
 from meshdeform.assets.materials import portable_picture
 from meshdeform.assets.other_formats import plain_text
 
-__all__ = ["Libraries", "Material", "linked_pictures"]
+__all__ = ["Libraries", "MtlMaterial", "linked_pictures"]
 
 # `-s 1 1 1`, `-mm 0 1`, `-clamp on`: options of a texture come before its name.
 _OPTION = re.compile(r"-([ost])((?: +[-+.\deE]+){1,3}) +|-(mm)( +\S+ +\S+) +|-([a-z]+)( +\S+) +", re.IGNORECASE)
@@ -41,7 +41,7 @@ _MOST = 1e4
 
 
 @dataclass
-class Material:
+class MtlMaterial:
     """What a library says of a material; without one, what programs show."""
 
     base_color: tuple[float, float, float, float] | None = None
@@ -75,7 +75,7 @@ def linked_pictures(library: bytes) -> list[str]:
 class Libraries:
     """Reads material libraries into the materials that an OBJ uses, and notes what was not found or is not read."""
 
-    def __init__(self, archive: Archive, looks: dict[str, Material]) -> None:
+    def __init__(self, archive: Archive, looks: dict[str, MtlMaterial]) -> None:
         self._archive, self._looks = archive, looks
         self._libraries: list[str] = []
         self._pictures: dict[str, None] = {}
@@ -158,7 +158,7 @@ class Libraries:
 class _Described:
     """A material while its statements are read."""
 
-    def __init__(self, material: Material) -> None:
+    def __init__(self, material: MtlMaterial) -> None:
         self.material, self.textures = material, set[str]()
         self._color = (1.0, 1.0, 1.0)
         self._dissolve: float | None = None

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.appearance import moved_texcoords
 from meshdeform.assets.build import far_origin, srgb_from_linear
-from meshdeform.assets.frame import Frame
+from meshdeform.assets.frame import FileFrame
 from meshdeform.assets.materials import Shading, TextureUse
-from meshdeform.assets.scene import Piece, Scene
+from meshdeform.assets.scene import MaterialTriangles, Scene
 from meshdeform.errors import AssetEmptyError
 
 _INVALID = re.compile(r"[\s\x00-\x1f\x7f#\\]+")
@@ -36,7 +36,7 @@ set. glTF keeps roughness in green and metallic in blue of one picture."""
 _KINDS = ("png", "jpg", "webp")
 
 
-def write_obj(scene: Scene, frame: Frame, stem: str) -> tuple[dict[str, bytes], int]:
+def write_obj(scene: Scene, frame: FileFrame, stem: str) -> tuple[dict[str, bytes], int]:
     """Write a scene as OBJ: an object for each place of a mesh, with a material for each primitive.
 
     `stem`: the files are `STEM.obj`, `STEM.mtl` and `STEM_textures/...`, named without spaces inside, which the format
@@ -62,7 +62,7 @@ def write_obj(scene: Scene, frame: Frame, stem: str) -> tuple[dict[str, bytes], 
     return {f"{stem}.obj": "".join([*head, *lines]).encode(), **files}, triangles
 
 
-def _piece(piece: Piece, library: _Library, frame: Frame, counts: NDArray[np.int64]) -> Iterator[str]:
+def _piece(piece: MaterialTriangles, library: _Library, frame: FileFrame, counts: NDArray[np.int64]) -> Iterator[str]:
     """Yield the text of a piece, and advance the counts of positions, texture coordinates and normals."""
     name = library.use(piece.material)
     if name is not None:
@@ -124,7 +124,7 @@ class _Library:
             self._names[material] = _line_name(wanted, self._taken, f"material{material}")
         return self._names[material]
 
-    def coordinates(self, piece: Piece) -> NDArray[np.float64] | None:
+    def coordinates(self, piece: MaterialTriangles) -> NDArray[np.float64] | None:
         """Return texture coordinates (V, 2) with v upwards, as the textures of the piece's material need them."""
         use = _deciding(self.scene.shading(piece.material))
         self.scene.lost["further sets of texture coordinates"] += max(0, len(piece.texcoords) - 1)

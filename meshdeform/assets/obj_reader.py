@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.archive import Archive
 from meshdeform.assets.build import Primitive
-from meshdeform.assets.mtl_reader import Libraries, Material
+from meshdeform.assets.mtl_reader import Libraries, MtlMaterial
 from meshdeform.assets.other_formats import plain_text
 from meshdeform.assets.polygons import cut_polygons
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
@@ -299,14 +299,14 @@ def _title(names: list[str], titles: dict[str, None]) -> str:
 
 
 def _primitive(
-    tables: dict[bytes, _Floats], corners: _Index, title: str, look: Material | None, material: str
+    tables: dict[bytes, _Floats], corners: _Index, title: str, look: MtlMaterial | None, material: str
 ) -> Primitive:
     """Return a primitive of triangles (T, 3, 3) of v, vt, vn from 1."""
     rows = corners.reshape(-1, 3)
     kept = [True, bool(rows[:, 1].any()), bool(rows[:, 2].all())]
     first, index = _distinct(rows[:, kept])
     v, vt, vn = rows[first].T - 1
-    look, material = (look, material) if look else (Material(), "")
+    look, material = (look, material) if look else (MtlMaterial(), "")
     colors = None
     if tables[b"v"].shape[1] == 6 and not look.texture:
         values = tables[b"v"][v, 3:]
@@ -337,10 +337,10 @@ def _primitive(
     )
 
 
-def _read_materials(lines: _Lines, archive: Archive) -> tuple[dict[str, Material], list[str]]:
+def _read_materials(lines: _Lines, archive: Archive) -> tuple[dict[str, MtlMaterial], list[str]]:
     """Return the materials that an OBJ uses, as its libraries in the archive describe them, and notices."""
     used = (lines.value(b"usemtl", number) for number in lines.of(b"usemtl").tolist())
-    looks = {name: Material() for name in used if name}
+    looks = {name: MtlMaterial() for name in used if name}
     reader = Libraries(archive, looks)
     for number in lines.of(b"mtllib").tolist():
         reader.read_line(lines.value(b"mtllib", number))

@@ -26,7 +26,7 @@ _BUILT_IN = ("POSITION", "NORMAL", "TANGENT", "TEXCOORD_", "COLOR_0", "JOINTS_",
 
 
 @dataclass(frozen=True)
-class Piece:
+class MaterialTriangles:
     """Triangles with one material. The vertices are those that triangles use, in the file's order."""
 
     primitive: Json  # as in the file
@@ -91,7 +91,7 @@ class Scene:
             self.lost["images that cannot be read"] += 1
         return picture, "png" if picture else ""
 
-    def placed(self) -> Iterator[Piece]:
+    def placed(self) -> Iterator[MaterialTriangles]:
         """Yield the triangles of each place where a mesh is shown, in the world; skins must be baked already.
 
         Nodes that flatten their mesh to a plane or less are passed over. AssetNotFiniteError: a position is not finite.
@@ -106,7 +106,7 @@ class Scene:
                     for piece in pieces:
                         yield replace(moved(piece, matrix), place=(instance.node, number))
 
-    def pieces(self, instance: Instance) -> Iterator[Piece]:
+    def pieces(self, instance: Instance) -> Iterator[MaterialTriangles]:
         """Yield the triangles of a node's mesh in the space of the mesh."""
         mesh, node = self.root["meshes"][instance.mesh], self.root["nodes"][instance.node]
         name = _name(node) or _name(mesh)
@@ -117,7 +117,7 @@ class Scene:
                 if len(piece.triangles):
                     yield piece
 
-    def _piece(self, instance: Instance, primitive: Json, where: str, name: str) -> Piece:
+    def _piece(self, instance: Instance, primitive: Json, where: str, name: str) -> MaterialTriangles:
         positions = self._floats(primitive, "POSITION", (3,))
         assert positions is not None
         triangles = read_triangles(self.document, primitive, len(positions), where)
@@ -128,7 +128,7 @@ class Scene:
         if colors is not None and colors.shape[1] == 3:
             colors = np.column_stack([colors, np.ones(len(colors), np.float32)])
         material = primitive.get("material")
-        return Piece(
+        return MaterialTriangles(
             primitive,
             used,
             positions[used].astype(np.float64),
@@ -184,7 +184,7 @@ class Scene:
         ]
 
 
-def moved(piece: Piece, matrix: Matrix) -> Piece:
+def moved(piece: MaterialTriangles, matrix: Matrix) -> MaterialTriangles:
     """Return a piece under a matrix (4, 4) that can be inverted. AssetNotFiniteError: a position is not finite then."""
     if np.array_equal(matrix, np.eye(4)):
         return piece

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshdeform.assets.build import far_origin
-from meshdeform.assets.frame import Frame
+from meshdeform.assets.frame import FileFrame
 from meshdeform.assets.scene import Scene
 from meshdeform.errors import AssetEmptyError
 
@@ -24,7 +24,7 @@ class Stl:
     that 32-bit floats, which the format has, would round it; the file's header names it, too."""
 
 
-def write_stl(scene: Scene, frame: Frame) -> Stl:
+def write_stl(scene: Scene, frame: FileFrame) -> Stl:
     """Write the triangles of a scene. The same scene gives the same bytes. Raises AssetEmptyError: it has none."""
     import trimesh
 

@@ -303,7 +303,7 @@ def handedness(w: NDArray[Any], *, mirrors: bool) -> Floats:
 
 
 @dataclass(frozen=True)
-class Parts:
+class NamedParts:
     """The named parts of a surface."""
 
     nodes: list[dict[str, Any]]
@@ -333,7 +333,7 @@ class Parts:
         return np.asarray(self.mesh_of_triangle == mesh)
 
 
-def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
+def read_parts(document: Document, blocks: Sequence[Block]) -> NamedParts:
     """Read the parts of the surface that `read_surface` gathered in `blocks`."""
     root = document.root
     nodes, meshes = root["nodes"], root["meshes"]
@@ -347,7 +347,7 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> Parts:
     ]
     shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
     used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
-    return Parts(
+    return NamedParts(
         [{"index": at, "name": _name(nodes[at]) or _name(_mesh(nodes[at], meshes))} for at in shown],
         [{"index": at, "name": _name(materials[at]) if at < len(materials) else ""} for at in used],
         [{"index": at, "name": _name(meshes[at])} for at in sorted({block.mesh for block in blocks})],

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.appearance import moved_texcoords
 from meshdeform.assets.build import far_origin, srgb_from_linear
-from meshdeform.assets.frame import UNITS, Frame
+from meshdeform.assets.frame import UNITS, FileFrame
 from meshdeform.assets.materials import TextureUse
-from meshdeform.assets.scene import Piece, Scene
+from meshdeform.assets.scene import MaterialTriangles, Scene
 from meshdeform.errors import AssetEmptyError
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -44,7 +44,7 @@ _TILES = {"repeat": "wrap", "mirror": "mirror", "clamp": "clamp"}
 _WHITE = (1.0, 1.0, 1.0)
 
 
-def write_3mf(scene: Scene, frame: Frame) -> tuple[bytes, int]:
+def write_3mf(scene: Scene, frame: FileFrame) -> tuple[bytes, int]:
     """Write a scene as 3MF: an object for each place of a mesh. The same scene gives the same bytes.
 
     Returns the file and its number of triangles. Raises AssetEmptyError: nothing is shown.
@@ -64,7 +64,7 @@ def write_3mf(scene: Scene, frame: Frame) -> tuple[bytes, int]:
 class _Model:
     """The XML of a model, and the textures that it uses."""
 
-    def __init__(self, scene: Scene, frame: Frame) -> None:
+    def __init__(self, scene: Scene, frame: FileFrame) -> None:
         self._scene, self._frame = scene, frame
         self._resources: list[str] = []
         self._objects: list[int] = []
@@ -74,7 +74,7 @@ class _Model:
         self._next = 0
         self.triangles = 0
 
-    def add(self, pieces: list[Piece]) -> None:
+    def add(self, pieces: list[MaterialTriangles]) -> None:
         """Add the pieces of one place as an object."""
         positions = self._frame.places(np.concatenate([piece.positions for piece in pieces]))
         starts = np.cumsum([0, *(len(piece.positions) for piece in pieces)])
@@ -99,7 +99,7 @@ class _Model:
         mesh = ["<mesh><vertices>\n", vertices, "</vertices><triangles>\n", *lines, "</triangles></mesh>"]
         self._resources.append(f'<object id="{number}" type="model" name={name}>{"".join(mesh)}</object>\n')
 
-    def _faces(self, piece: Piece, corners: NDArray[np.int64], own: NDArray[np.int64]) -> Iterator[str]:
+    def _faces(self, piece: MaterialTriangles, corners: NDArray[np.int64], own: NDArray[np.int64]) -> Iterator[str]:
         """Yield triangles (T, 3): vertices of the object, and the rows of the piece whose colours they have."""
         self.triangles += len(corners)
         resource, properties = self._look(piece)
@@ -110,7 +110,7 @@ class _Model:
         rows = np.concatenate([corners, properties[own]], axis=1)
         yield (line * len(rows)) % tuple(rows.reshape(-1).tolist())
 
-    def _look(self, piece: Piece) -> tuple[int | None, NDArray[np.int64]]:
+    def _look(self, piece: MaterialTriangles) -> tuple[int | None, NDArray[np.int64]]:
         """Return the resource of colours or texture coordinates of a piece, and the entry (V,) of each vertex."""
         shading = self._scene.shading(piece.material)
         factor = np.array(shading.base.base_color)

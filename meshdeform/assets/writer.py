@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Deformation:
+class ShapeChange:
     """The original surface and its new shape, both in world space; rows as in `Surface`.
 
     With `jacobians`, morph targets, joints and other nodes follow; `joints` says where joints go, if it is known.
@@ -75,7 +75,7 @@ class Deformation:
         return cls(surface, np.asarray(positions, np.float64), normals, tangents, jacobians, joints)
 
 
-def _local_shape(block: Block, shape: Deformation, node_shift: Floats, scale: float | None) -> LocalShape:
+def _local_shape(block: Block, shape: ShapeChange, node_shift: Floats, scale: float | None) -> LocalShape:
     """Transform a block's new vertices back to mesh space; `node_shift`, (3,): that of its node, in world space."""
     # Vertices that did not move keep their exact bits: positions are the source plus the displacement, and directions
     # are replaced only where they changed.
@@ -132,7 +132,7 @@ def write_shape(
     document: Document,
     blocks: list[Block],
     loose: list[Block],
-    shape: Deformation,
+    shape: ShapeChange,
     finish: Finish,
     companions: Companions | None = None,
 ) -> bytes:
@@ -165,7 +165,7 @@ def _write_layer(
     document: Document,
     blocks: list[Block],
     loose: list[Block],
-    shape: Deformation,
+    shape: ShapeChange,
     locals_: list[LocalShape],
     owners: Mapping[tuple[int, int], int],
 ) -> list[tuple[int, int]]:
@@ -181,7 +181,7 @@ def _write_layer(
     return replaced
 
 
-def _along(companions: Companions, shape: Deformation) -> Deformation:
+def _along(companions: Companions, shape: ShapeChange) -> ShapeChange:
     """Return how companions are deformed by the map of a surface."""
     from meshdeform.assets.companions import rough_jacobians
 
@@ -190,10 +190,10 @@ def _along(companions: Companions, shape: Deformation) -> Deformation:
         maps = rough_jacobians(shape.surface, shape.positions)
     positions, normals, tangents, own = companions.deformed(shape.surface, shape.positions, maps)
     follows = None if shape.jacobians is None else own
-    return Deformation.checked(companions.surface, positions, normals, tangents, follows)
+    return ShapeChange.checked(companions.surface, positions, normals, tangents, follows)
 
 
-def _follow_volumes(document: Document, shape: Deformation, shifts: Sequence[Floats]) -> None:
+def _follow_volumes(document: Document, shape: ShapeChange, shifts: Sequence[Floats]) -> None:
     from meshdeform.assets.rig import RigMotion
     from meshdeform.assets.volumes import Volumes
 
@@ -203,7 +203,7 @@ def _follow_volumes(document: Document, shape: Deformation, shifts: Sequence[Flo
     Volumes(document.root, worlds, shifts, motion, np.unique(shape.surface.triangles)).follow()
 
 
-def _write_bounds(document: Document, shape: Deformation) -> None:
+def _write_bounds(document: Document, shape: ShapeChange) -> None:
     """Write the box of the surface where the scenes state it (FB_geometry_metadata)."""
     for scene in document.root.get("scenes", []):
         stated = scene.get("extensions", {}).get("FB_geometry_metadata")
@@ -212,7 +212,7 @@ def _write_bounds(document: Document, shape: Deformation) -> None:
             stated["sceneBounds"] = {"min": places.min(0).tolist(), "max": places.max(0).tolist()}
 
 
-def _uniform_scale(shape: Deformation) -> float | None:
+def _uniform_scale(shape: ShapeChange) -> float | None:
     """Return the scale of a deformation that is one of everything, without a turn, in which the rig follows."""
     if shape.jacobians is None:
         return None
@@ -225,7 +225,7 @@ def _uniform_scale(shape: Deformation) -> float | None:
     return scale if np.ptp(beside, axis=0).max() <= 1e-9 * np.ptp(source, axis=0).max() else None
 
 
-def _node_moves(document: Document, blocks: list[Block], shape: Deformation) -> dict[int, NodeMove]:
+def _node_moves(document: Document, blocks: list[Block], shape: ShapeChange) -> dict[int, NodeMove]:
     """Return how the nodes of the file move with its surface."""
     if shape.jacobians is None:
         return {}
@@ -241,7 +241,7 @@ def write_targets(
     document: Document,
     blocks: list[Block],
     loose: list[Block],
-    shapes: Sequence[Deformation],
+    shapes: Sequence[ShapeChange],
     new: NewTargets,
     finish: Finish,
 ) -> bytes:
@@ -256,7 +256,7 @@ def write_targets(
 
 
 def _local_shapes(
-    blocks: list[Block], loose: list[Block], shape: Deformation, shifts: Sequence[Floats], scale: float | None
+    blocks: list[Block], loose: list[Block], shape: ShapeChange, shifts: Sequence[Floats], scale: float | None
 ) -> list[LocalShape]:
     """Return the new vertices of the blocks, then of the points and lines, in the spaces of their meshes.
 

@@ -21,7 +21,7 @@ from meshdeform.requests.choices import PartsAs
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
     from meshdeform.requests.document import ResolvedParams
-    from meshdeform.runs.reading import Source
+    from meshdeform.runs.reading import ReadingSource
 
 _SHOWN = 40
 _READ = ("guidance.source_noun",)
@@ -74,7 +74,7 @@ def inspect(
         typer.echo(warning, err=True)
 
 
-def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, Source]:
+def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, ReadingSource]:
     """Return an asset, what the parameters say of it, and where its reading is kept."""
     from meshdeform.assets import Limits, load_asset
     from meshdeform.assets.bundle import read_with_files
@@ -83,7 +83,7 @@ def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, So
     from meshdeform.requests.document import resolve
     from meshdeform.runs.base import sha256_hex
     from meshdeform.runs.kept_readings import FolderReadings
-    from meshdeform.runs.reading import Source
+    from meshdeform.runs.reading import ReadingSource
 
     settings, limits = load_settings(), Limits.from_settings(load_settings())
     guidance = {name: value for name, value in params.get("guidance", {}).items() if name != "prompts"}
@@ -93,7 +93,7 @@ def _read(path: Path, params: dict[str, Any]) -> tuple[Asset, ResolvedParams, So
     resolved = resolve(request.params, default_model=settings.model)
     resolved = resolved.model_copy(update={"exclude": (), "backdrop": BackdropMode.LEAVE})  # all of it is shown
     data = read_with_files(path, limits)
-    source = Source(sha256_hex(data), path.name, kept=FolderReadings(settings.cache_folder))
+    source = ReadingSource(sha256_hex(data), path.name, kept=FolderReadings(settings.cache_folder))
     return load_asset(data, path.name, limits), resolved, source
 
 

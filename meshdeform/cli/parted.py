@@ -15,7 +15,7 @@ from meshdeform.requests.choices import PartsAs
 if TYPE_CHECKING:
     from meshdeform.assets import Asset
     from meshdeform.requests.document import ResolvedParams
-    from meshdeform.runs.reading import Source
+    from meshdeform.runs.reading import ReadingSource
 
 PartsGlbOption = Annotated[Path | None, option("Also write the asset with its parts to this .glb.", dir_okay=False)]
 PartsAsOption = Annotated[
@@ -32,7 +32,7 @@ def check_parts_glb(output: Path | None, source: Path, *, force: bool) -> None:
     check_free([output], [source], force=force)
 
 
-def write_parts_glb(output: Path, asset: Asset, form: PartsAs, params: ResolvedParams, source: Source) -> str:
+def write_parts_glb(output: Path, asset: Asset, form: PartsAs, params: ResolvedParams, source: ReadingSource) -> str:
     """Write the file, and return a line that says which parts it has.
 
     `params`: correct the parts; `source`: the file of the asset. Raises PartNotFoundError: no part was found.

@@ -235,26 +235,26 @@ def check_animation(path: Path, option: str) -> None:
 def drawn_animation(source: Path, result: Path | None, suffix: str, settings: Settings) -> bytes:
     """Return a picture of a source that becomes its result, or of one turn of a source without one."""
     from meshdeform.assets import Limits
-    from meshdeform.rendering.studio import FORMATS, Pose, morph_animation, turntable_animation
+    from meshdeform.rendering.studio import FORMATS, SurfaceState, morph_animation, turntable_animation
     from meshdeform.runs.devices import use_threads
     from meshdeform.runs.surfaces import read_result, subdivided
 
     use_threads(settings.threads)
     limits = Limits.from_settings(settings)
     asset = read_asset(source, limits)
-    before, kind = Pose(asset.surface.positions, asset.surface.normals), FORMATS[suffix.lower()]
+    before, kind = SurfaceState(asset.surface.positions, asset.surface.normals), FORMATS[suffix.lower()]
     if result is None:
         return turntable_animation(asset.appearance(), before, kind=kind)
     after = read_result(result.read_bytes()).surface
     if len(asset.surface.triangles) < len(after.triangles):
         asset, _ = subdivided(asset, limits)
-        before = Pose(asset.surface.positions, asset.surface.normals)
+        before = SurfaceState(asset.surface.positions, asset.surface.normals)
     if asset.surface.triangles.tobytes() != after.triangles.tobytes():
         raise ParameterError(
             f"{result.name} was not made from {source.name}: their triangles differ.",
             advice="Name the asset that was deformed, then its result.",
         )
-    return morph_animation(asset.appearance(), before, Pose(after.positions, after.normals), kind=kind)
+    return morph_animation(asset.appearance(), before, SurfaceState(after.positions, after.normals), kind=kind)
 
 
 @clean_errors

@@ -58,7 +58,7 @@ def artifact_path(job: JobLike, name: str, strength: float | None = None, pose: 
 
 
 @dataclass(frozen=True)
-class Part:
+class FormPart:
     """A file in a multipart form, positioned at its beginning."""
 
     name: str
@@ -67,7 +67,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Piece:
+class FileRange:
     """A range of a file, in bytes, that is the whole body of a request."""
 
     file: IO[bytes]
@@ -84,9 +84,9 @@ class Call:
     query: Mapping[str, str | int] = field(default_factory=dict)
     headers: Mapping[str, str] = field(default_factory=dict)
     document: Any = None  # the body; with `parts`, the form's part `request`
-    parts: tuple[Part, ...] = ()  # the files of a form
+    parts: tuple[FormPart, ...] = ()  # the files of a form
     # The body
-    piece: Piece | None = None
+    piece: FileRange | None = None
     content: bytes | None = None
     signed: bool = False  # whether the URL is signed; then the API key is not sent
     read_timeout_s: float | None = None  # seconds to wait for data of the response
@@ -181,7 +181,7 @@ def _shown(url: httpx.URL) -> str:
 class _PieceStream(httpx.SyncByteStream, httpx.AsyncByteStream):
     """A request body that streams a range of a file."""
 
-    def __init__(self, piece: Piece) -> None:
+    def __init__(self, piece: FileRange) -> None:
         self._piece = piece
 
     def _read(self, done: int) -> bytes:

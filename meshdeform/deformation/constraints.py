@@ -49,7 +49,7 @@ _Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Body:
+class RigidBody:
     """Vertices (n,) int64 of a mesh that keep their shape together."""
 
     verts: NDArray[np.int64]
@@ -57,7 +57,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Handle:
+class HandleConstraint:
     """A point of the surface that goes to a place."""
 
     corners: tuple[int, ...]  # vertices around the point
@@ -75,7 +75,7 @@ class Constraints:
     fall-off and beyond. None if nothing is kept."""
     falloff: float = 0.0  # length of the fall-off in object units
     mirror: Mirror | None = None
-    handles: Sequence[Handle] = ()
+    handles: Sequence[HandleConstraint] = ()
 
     @property
     def kept(self) -> _Flags | None:
@@ -87,11 +87,11 @@ class Constraints:
         """Whether the shape at the start may differ from the rest shape."""
         return bool(self.handles)
 
-    def placement(self, mesh: RestMesh) -> Placement | None:
+    def placement(self, mesh: RestMesh) -> VertexPlacement | None:
         """Return the placement of the mesh's vertices; None if only handles constrain them."""
         if self.freedom is None and self.mirror is None and not len(mesh.junctions):
             return None
-        return Placement(mesh, self)
+        return VertexPlacement(mesh, self)
 
     def of_stand_in(self, simple: RestMesh, whole: RestMesh) -> Self:
         """Return the constraints of a simplified mesh; handles need the whole mesh."""
@@ -125,7 +125,7 @@ def freedom_around(mesh: RestMesh, kept: _Flags, falloff: float) -> _Floats:
     return np.where(kept, 0.0, np.clip(distances / falloff, 1e-12, 1.0))
 
 
-class Placement:
+class VertexPlacement:
     """Places the vertices of one mesh.
 
     `constraints`: of this mesh; handles are not applied here, because they belong to the solve.
@@ -237,7 +237,7 @@ class Mirror:
         return (0.5 * (sparse.identity(self.across.shape[0]) + sign * self.across)).tocsr()
 
 
-def handle_rows(handles: Sequence[Handle], count: int) -> sparse.csr_matrix:
+def handle_rows(handles: Sequence[HandleConstraint], count: int) -> sparse.csr_matrix:
     """Return the matrix (H, V) that takes the points of the handles from `count` vertices."""
     owner = np.repeat(np.arange(len(handles)), [len(handle.corners) for handle in handles])
     columns = np.concatenate([np.array(handle.corners, np.int64) for handle in handles])

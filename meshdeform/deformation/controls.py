@@ -105,7 +105,7 @@ class OwnJacobians:
         self._jacobians += missing
 
 
-class Level:
+class ControlLevel:
     """The controls of one level, and what they add to the Jacobians of the elements.
 
     Parameters
@@ -203,9 +203,9 @@ class Hierarchy:
         structure: Structure,
     ) -> None:
         low, high = box
-        self._own = None if structure.level else Level.of_elements(centres, normals, (low + high) / 2, structure)
+        self._own = None if structure.level else ControlLevel.of_elements(centres, normals, (low + high) / 2, structure)
         chosen = _SPANS_OF_SURFACES if self._own is None and normals is not None else _SPANS
-        self._levels = [Level.of_splines(centres, low, high, spans, structure) for spans in chosen]
+        self._levels = [ControlLevel.of_splines(centres, low, high, spans, structure) for spans in chosen]
         self.local = self._own is not None
         if self._own is not None:
             self._levels.append(self._own)

@@ -10,7 +10,7 @@ from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
-from meshdeform.deformation.constraints import Placement
+from meshdeform.deformation.constraints import VertexPlacement
 from meshdeform.deformation.poisson import LinearSystem
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.tensors import sparse_product
@@ -41,7 +41,7 @@ class _Solve(torch.autograd.Function):
         return None, torch.from_numpy(system.solve_transposed(gradient.numpy())), None
 
 
-def placed_by(placement: Placement, points: Tensor) -> Tensor:
+def placed_by(placement: VertexPlacement, points: Tensor) -> Tensor:
     """Return where vertices (V, 3) float64 may be that the variables would move to `points`; differentiable once."""
     result: Tensor = _Place.apply(placement, points)  # type: ignore[no-untyped-call]
     return result
@@ -49,14 +49,14 @@ def placed_by(placement: Placement, points: Tensor) -> Tensor:
 
 class _Place(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: FunctionCtx, placement: Placement, points: Tensor) -> Tensor:
+    def forward(ctx: FunctionCtx, placement: VertexPlacement, points: Tensor) -> Tensor:
         ctx.placement = placement  # type: ignore[attr-defined]
         return torch.from_numpy(placement.place(points.detach().numpy()))
 
     @staticmethod
     @once_differentiable
     def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[None, Tensor]:
-        placement: Placement = ctx.placement  # type: ignore[attr-defined]
+        placement: VertexPlacement = ctx.placement  # type: ignore[attr-defined]
         return None, torch.from_numpy(placement.place_transposed(gradient.numpy()))
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 
-from meshdeform.deformation.constraints import Handle, Placement, handle_rows
+from meshdeform.deformation.constraints import HandleConstraint, VertexPlacement, handle_rows
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.tensors import sparse_product
@@ -56,9 +56,9 @@ class Handles:
 
     def __init__(
         self,
-        handles: Sequence[Handle],
+        handles: Sequence[HandleConstraint],
         mesh: RestMesh,
-        placement: Placement | None,
+        placement: VertexPlacement | None,
         carrier: sparse.csr_matrix | None,
         smooth: Callable[[_Floats], _Floats],
     ) -> None:

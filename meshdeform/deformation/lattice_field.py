@@ -52,7 +52,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, RigidBody
 from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
 from meshdeform.deformation.differentiable import placed_by
 from meshdeform.deformation.handles import Handles
@@ -329,7 +329,7 @@ class LatticeField(ControlledMap):
         self,
         mesh: TriangleMesh,
         whole: TriangleMesh | None = None,
-        bodies: Sequence[Body] = (),
+        bodies: Sequence[RigidBody] = (),
         constraints: Constraints = UNCONSTRAINED,
         structure: Structure | None = None,
     ) -> None:

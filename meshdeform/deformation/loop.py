@@ -30,11 +30,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint
-from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, RigidBody
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.deformation.regularizers import Pulls, Regularizers
-from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Safeguard, Settings
+from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, RunSettings, Safeguard
 from meshdeform.deformation.stand_in import StandIn, chosen_carrier
 from meshdeform.deformation.structure import UNKNOWN, Nature, Structure, structure_of
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
@@ -114,12 +114,12 @@ class Deformation:
         self,
         mesh: TriangleMesh,
         guidance: Guidance,
-        params: Settings,
+        params: RunSettings,
         *,
         device: str = "cpu",
         checkpoint: Checkpoint | None = None,
         initial: Mapping[str, NDArray[Any]] | None = None,
-        bodies: Sequence[Body] = (),
+        bodies: Sequence[RigidBody] = (),
         appearance: Appearance | None = None,
         constraints: Constraints = UNCONSTRAINED,
         shares: Sequence[NDArray[np.float64]] = (),
@@ -413,7 +413,7 @@ def stored_shape(
     state: Mapping[str, NDArray[Any]],
     carrier: Carrier,
     *,
-    bodies: Sequence[Body] = (),
+    bodies: Sequence[RigidBody] = (),
     constraints: Constraints = UNCONSTRAINED,
 ) -> NDArray[np.float64]:
     """Return the vertices (V, 3) float64 of the shape in a checkpoint's tensors, in the frame of the mesh at rest.

@@ -94,7 +94,7 @@ class ShapePath:
         self._rest = rest = self._poisson.rest
         self._result = result.astype(np.float64)
         self._bridges = Bridges.of(rest)
-        self._placement = Placement(self._bridges, int(rest.joined.max()) + 1)
+        self._placement = ComponentShifts(self._bridges, int(rest.joined.max()) + 1)
         self._used = np.bincount(rest.faces.ravel(), minlength=len(rest.verts)) > 0
         self._labels = rest.joined
         jacobians = _jacobians(rest, self._result)
@@ -319,7 +319,7 @@ class Bridges:
         return sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(count, count))
 
 
-class Placement:
+class ComponentShifts:
     """Translations of components that fit the bridges best.
 
     `count`: number of components. Those without a bridge, and one of each connected group, do not move. `groups`, (C,)

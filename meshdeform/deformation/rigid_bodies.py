@@ -25,7 +25,7 @@ from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
-from meshdeform.deformation.constraints import Body
+from meshdeform.deformation.constraints import RigidBody
 from meshdeform.deformation.settings import Rigidity
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.tensors import sparse_product
@@ -40,7 +40,7 @@ class RigidBodies:
     `bodies`: no two share a vertex; `members`, (V,) bool: vertices of any body.
     """
 
-    def __init__(self, rest: RestMesh, bodies: Sequence[Body]) -> None:
+    def __init__(self, rest: RestMesh, bodies: Sequence[RigidBody]) -> None:
         count, total = len(bodies), len(rest.verts)
         members = np.concatenate([body.verts for body in bodies])
         if len(np.unique(members)) < len(members):

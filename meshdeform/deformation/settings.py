@@ -49,7 +49,7 @@ class Rigidity(StrEnum):
     RIGID = "rigid"
 
 
-class Settings(Protocol):
+class RunSettings(Protocol):
     """The values of a run; docs/parameters.md says what each means, and docs/method.md where it enters."""
 
     @property

@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.deformation.binding import Binding
-from meshdeform.deformation.constraints import UNCONSTRAINED, Body, Constraints
+from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, RigidBody
 from meshdeform.deformation.differentiable import placed_by
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.settings import Carrier
@@ -60,7 +60,7 @@ def carry(
     *,
     whole: TriangleMesh | None = None,
     initial: Mapping[str, Tensor] | None = None,
-    bodies: Sequence[Body] = (),
+    bodies: Sequence[RigidBody] = (),
     constraints: Constraints = UNCONSTRAINED,
     structure: Structure | None = None,
 ) -> Variables:
@@ -114,7 +114,7 @@ class StandIn:
         self,
         carrier: Carrier,
         initial: Mapping[str, Tensor] | None = None,
-        bodies: Sequence[Body] = (),
+        bodies: Sequence[RigidBody] = (),
         structure: Structure | None = None,
     ) -> Variables:
         """Return the variables that deform the stand-in, as `carry` does."""

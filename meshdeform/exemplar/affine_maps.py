@@ -48,7 +48,7 @@ from meshdeform.reading.samples import features
 __all__ = [
     "AffineMaps",
     "Cloud",
-    "Manner",
+    "PieceMotion",
     "Tie",
     "articulated",
     "long_axis",
@@ -97,7 +97,7 @@ class Tie:
 
 
 @dataclass(frozen=True)
-class Manner:
+class PieceMotion:
     """How pieces may move: `straight`: axes stay axes; `boxed`: as boxes to boxes; `mirrored`: as mirror images do."""
 
     straight: bool = False
@@ -154,7 +154,7 @@ def articulated(
     names: Sequence[str],
     partner: Index,
     ties: Sequence[Tie],
-    manner: Manner,
+    manner: PieceMotion,
     rounds: int = FULL.pieces[1],
 ) -> AffineMaps:
     """Fit the maps of the pieces of a source, `names` (G), to their partners (G,) in the goal, -1 for none."""
@@ -183,7 +183,7 @@ class _Articulated:
         names: Sequence[str],
         partner: Index,
         ties: Sequence[Tie],
-        manner: Manner,
+        manner: PieceMotion,
     ) -> None:
         self.source, self.goal, self.names, self.manner, self.ties = source, goal, names, manner, ties
         count = len(names)

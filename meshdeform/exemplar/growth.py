@@ -12,8 +12,8 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from meshdeform.exemplar.effort import FULL, Effort
-from meshdeform.exemplar.sprouts import Ground, Limb, limb_of, seat_of, sprouted
-from meshdeform.exemplar.surface_fit import Manner, SurfaceGoal, surface_fit
+from meshdeform.exemplar.sprouts import GoalPart, Ground, limb_of, seat_of, sprouted
+from meshdeform.exemplar.surface_fit import FitSchedule, SurfaceGoal, surface_fit
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import hidden, spread
 
@@ -65,7 +65,7 @@ def grown(
         return verts.copy()
     fitted = growing | _beside(faces, codes, growing, len(verts))
     codes = np.where(np.isin(codes, list(fitted)), codes, -1)
-    manner = Manner(*effort.grown, stiffness=_STIFFNESS, limits=_LIMITS, sliding=_SLIDING, held=_HELD)
+    manner = FitSchedule(*effort.grown, stiffness=_STIFFNESS, limits=_LIMITS, sliding=_SLIDING, held=_HELD)
     return surface_fit(verts, faces, codes, goal.of(fitted, growing), manner, start=start)
 
 
@@ -80,7 +80,7 @@ class _Goal:
         self.area = float(_areas(verts, faces).sum()) / count
         """Of the surface that each sample stands for."""
 
-    def limb(self, code: int) -> Limb | None:
+    def limb(self, code: int) -> GoalPart | None:
         """Return what is seen of a part."""
         return limb_of(self._all, self._codes == code, self._inside, self.area)
 
@@ -106,7 +106,7 @@ def _sprout(
     faces: Index,
     codes: Index,
     goal: _Goal,
-    limbs: Mapping[int, Limb],
+    limbs: Mapping[int, GoalPart],
     parents: Mapping[int, int],
 ) -> tuple[Floats, Index]:
     """Return where the vertices start, and the codes of the faces with those of the patches."""

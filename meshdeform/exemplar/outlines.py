@@ -27,7 +27,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.smooth_fit import Pulls, smooth_fit
+from meshdeform.exemplar.smooth_fit import PullRows, smooth_fit
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
@@ -202,14 +202,14 @@ class Outlines:
         self._places = np.concatenate([verts[some], spread(verts, faces, _PLACES, 0).places])
         self._diagonal = float(np.linalg.norm(np.ptp(verts[used], axis=0)))
 
-    def rows(self, moved: Callable[[Floats], Floats], share: float) -> Pulls:
+    def rows(self, moved: Callable[[Floats], Floats], share: float) -> PullRows:
         """Return the rows of a round."""
         now = moved(self._places)
         limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share * self._diagonal
         found = [self._pulled(outline, now, limit) for outline in self._outlines]
-        return Pulls(*(np.concatenate(each) for each in zip(*found, strict=True)))
+        return PullRows(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
-    def _pulled(self, outline: Outline, now: Floats, limit: float) -> Pulls:
+    def _pulled(self, outline: Outline, now: Floats, limit: float) -> PullRows:
         """Return the rows of an outline."""
         seen, larger = outline.seen_at(now)
         covered = _Covered(seen)
@@ -230,7 +230,7 @@ class Outlines:
         along = np.column_stack([-normal[:, 1], normal[:, 0]])
         both = np.concatenate([normal, along])
         toward = np.broadcast_to(np.cross(outline.right, outline.up), (len(source), 3))
-        return Pulls(
+        return PullRows(
             np.tile(self._places[rim[source]], (3, 1)),
             np.concatenate([both @ np.stack([outline.right, outline.up]), toward]),
             np.concatenate([(both * np.tile(apart, (2, 1))).sum(1), np.zeros(len(source))]),

@@ -34,7 +34,7 @@ from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, nearest
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS
 from meshdeform.vocabulary.solids import PART_NAMES, part_label
 
-__all__ = ["Outlook", "outlook"]
+__all__ = ["FitOutlook", "outlook"]
 
 _LIVING, _BUILT, _PARTS, _ELSE = 0.18, 0.165, 0.1, 0.172
 _MOST_NOUNS, _OFFERED = 8, 2
@@ -50,7 +50,7 @@ _UNLIKE = 1.15
 
 
 @dataclass(frozen=True)
-class Outlook:
+class FitOutlook:
     """How likely a fit is to succeed: whether that is doubtful, the distance of the nearest member, and words.
 
     `reasons`: sentences for a user; `suggestions`: prompts that are likelier to succeed, the best first.
@@ -62,15 +62,15 @@ class Outlook:
     suggestions: tuple[str, ...] = ()
 
 
-def outlook(source: Shape, wish: Wish, exemplar: Exemplar | None = None, *, cache: Path | None = None) -> Outlook:
+def outlook(source: Shape, wish: Wish, exemplar: Exemplar | None = None, *, cache: Path | None = None) -> FitOutlook:
     """Return the outlook of a fit of an asset to the nearest member of what is wished.
 
     `exemplar`: that member, which is found without it; `cache`: a folder with tables of members (`reading.banks`).
     """
     exemplar = exemplar or exemplars(source, wish, 1, cache=cache)[0]
     if source.noun == wish.noun or is_clay(source) or not _excess(source, exemplar) > 0:
-        return Outlook(False, exemplar.distance)
-    return Outlook(True, exemplar.distance, _reasons(source, exemplar), _suggestions(source, wish, exemplar))
+        return FitOutlook(False, exemplar.distance)
+    return FitOutlook(True, exemplar.distance, _reasons(source, exemplar), _suggestions(source, wish, exemplar))
 
 
 def _shares(shape: Shape) -> Floats:

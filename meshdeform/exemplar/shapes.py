@@ -14,11 +14,11 @@ from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import Reading
 from meshdeform.vocabulary.grammar import Attribute, Borrowed
 
-__all__ = ["ExemplarResult", "Frame", "Shape", "Wish"]
+__all__ = ["ExemplarResult", "FitFrame", "Shape", "Wish"]
 
 
 @dataclass(frozen=True)
-class Frame:
+class FitFrame:
     """The way from an asset's coordinates to those in which it is fitted, and back.
 
     `turn` (3, 3) float64 is a rotation; a place x goes to (turn x - middle) / diagonal.
@@ -29,7 +29,7 @@ class Frame:
     diagonal: float
 
     @classmethod
-    def around(cls, verts: Floats, faces: Index, turn: Floats) -> Frame:
+    def around(cls, verts: Floats, faces: Index, turn: Floats) -> FitFrame:
         """Return the frame of the box of what faces (F, 3) use of vertices (V, 3)."""
         used = np.zeros(len(verts), bool)
         used[faces] = True
@@ -111,6 +111,6 @@ class ExemplarResult:
     stretch: float = 0.0
 
 
-def frame_of(verts: Floats, faces: Index, reading: Reading | None) -> Frame:
+def frame_of(verts: Floats, faces: Index, reading: Reading | None) -> FitFrame:
     """Return the frame of an asset by what was read of it; as it lies where nothing was."""
-    return Frame.around(verts, faces, np.eye(3) if reading is None else reading.turn)
+    return FitFrame.around(verts, faces, np.eye(3) if reading is None else reading.turn)

@@ -46,7 +46,7 @@ from meshdeform.exemplar.splines import SplineGrid, Terms
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
 
-__all__ = ["LIMITS", "Pull", "Pulls", "smooth_fit"]
+__all__ = ["LIMITS", "Pull", "PullRows", "smooth_fit"]
 
 LIMITS = (0.5, 0.2)
 """Greatest length of a pair in the first and in the last round, a share of the diagonal."""
@@ -71,7 +71,7 @@ _DENSE, _STEPS, _ENOUGH = 320, 20, 1e-6
 _TINY = 1e-30
 
 
-class Pulls(NamedTuple):
+class PullRows(NamedTuple):
     """Rows of the least squares besides pairs: weights (R,) times (direction . (x'(place) - goal))^2.
 
     `places` (R, 3) of the source at rest, unit `directions` (R, 3), and `apart` (R,), direction . (goal - x'(place))
@@ -87,7 +87,7 @@ class Pulls(NamedTuple):
 class Pull(Protocol):
     """What pulls at a surface besides the pairs, such as an outline."""
 
-    def rows(self, moved: Callable[[Floats], Floats], share: float) -> Pulls:
+    def rows(self, moved: Callable[[Floats], Floats], share: float) -> PullRows:
         """Return the rows of a round; `moved` maps places (P, 3), `share` goes from 0 to 1 over all rounds."""
         ...
 
@@ -175,12 +175,14 @@ class _Landmarks:
     def __init__(self, places: Floats, goals: Floats) -> None:
         self._places, self._goals = np.asarray(places, np.float64), np.asarray(goals, np.float64)
 
-    def rows(self, moved: Callable[[Floats], Floats], _share: float) -> Pulls:
+    def rows(self, moved: Callable[[Floats], Floats], _share: float) -> PullRows:
         """Return three rows for each landmark."""
         apart = self._goals - moved(self._places)
         count = len(apart)
         directions = np.repeat(np.eye(3), count, 0)
-        return Pulls(np.tile(self._places, (3, 1)), directions, apart.T.ravel(), np.full(3 * count, _LANDMARKS / count))
+        return PullRows(
+            np.tile(self._places, (3, 1)), directions, apart.T.ravel(), np.full(3 * count, _LANDMARKS / count)
+        )
 
 
 class _Level:
@@ -200,7 +202,7 @@ class _Level:
         values = [terms.values[rows] * directions[:, [axis]] for axis, terms in enumerate(self.terms)]
         return Terms(self.columns[rows], np.concatenate(values, 1))
 
-    def pulled(self, pulls: Pulls) -> Terms:
+    def pulled(self, pulls: PullRows) -> Terms:
         """Return what takes the numbers to the displacements of other places along their directions."""
         found = self.grid.terms(pulls.places)
         values = [terms.values * pulls.directions[:, [axis]] for axis, terms in enumerate(found)]

@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import Samples
 
-__all__ = ["Ground", "Limb", "Seat", "Sprout", "limb_of", "seat_of", "sprouted"]
+__all__ = ["GoalPart", "Ground", "Seat", "Sprout", "limb_of", "seat_of", "sprouted"]
 
 _NEIGHBOURS = 8
 _AT_ROOT, _FEWEST = 0.06, 30
@@ -47,7 +47,7 @@ _TURN = 0.6
 
 
 @dataclass(frozen=True)
-class Limb:
+class GoalPart:
     """What is seen of a part of the goal.
 
     `places` (N, 3); `heights` (N,) from 0 at the root to 1; `turns` (N, 2): cosine and sine of the angle
@@ -76,7 +76,7 @@ class Limb:
         return np.asarray(np.einsum("pk,pkj->pj", weights, self.places[near]))
 
 
-def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> Limb | None:
+def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> GoalPart | None:
     """Return the limb of the samples `own` (N,) of a goal; None if too little of it is seen.
 
     `inside` (N,): samples that lie within another part; `area` of each sample.
@@ -94,7 +94,7 @@ def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> Limb | 
     centres, axes = _middle_line(places, heights, root)
     turns, across = _turns(places, heights, centres, axes)
     radius = float(np.linalg.norm(places[at_root] - root, axis=1).mean())
-    return Limb(places, heights, turns, root, axes[0], across, radius, area * len(seen))
+    return GoalPart(places, heights, turns, root, axes[0], across, radius, area * len(seen))
 
 
 def _anchors(samples: Samples, own: Flags, inside: Flags) -> Floats:
@@ -196,7 +196,7 @@ class Seat:
     shift: Floats
 
 
-def seat_of(limb: Limb, ground: Ground, before: Ground, carrier: Index) -> Seat | None:
+def seat_of(limb: GoalPart, ground: Ground, before: Ground, carrier: Index) -> Seat | None:
     """Return where a limb sprouts from a carrier, vertices (C,); None where nothing faces its way.
 
     `ground` is fitted to the goal without the limb, `before` is the same surface as it was. What stuck out there, near
@@ -219,7 +219,7 @@ def seat_of(limb: Limb, ground: Ground, before: Ground, carrier: Index) -> Seat 
     return Seat(middle, limb.radius, normal * float((ground.verts[middle] - limb.root) @ normal))
 
 
-def sprouted(limb: Limb, seat: Seat, before: Ground, carrier: Index, share: float, rivals: Floats) -> Sprout:
+def sprouted(limb: GoalPart, seat: Seat, before: Ground, carrier: Index, share: float, rivals: Floats) -> Sprout:
     """Lay the patch of a limb on it.
 
     Parameters

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from meshdeform.exemplar.affine_maps import AffineMaps, Cloud, Manner, articulated, touching
+from meshdeform.exemplar.affine_maps import AffineMaps, Cloud, PieceMotion, articulated, touching
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.blending import blend_weights, blended
 from meshdeform.exemplar.effort import Effort
@@ -64,7 +64,7 @@ def started(
     `weights` (V, G) are those of the pieces; `mirrored`: whether it is to stay its own mirror image.
     """
     nouns = (own.noun, goal.noun)
-    manner = Manner(
+    manner = PieceMotion(
         straight=not any(map(is_living, nouns)),
         boxed=all(map(is_boxed, nouns)),
         mirrored=mirrored,

@@ -34,7 +34,7 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import Samples, spread
 
-__all__ = ["Manner", "SurfaceGoal", "laplacian_of", "nodes_of", "surface_fit"]
+__all__ = ["FitSchedule", "SurfaceGoal", "laplacian_of", "nodes_of", "surface_fit"]
 
 _SCALE = 1 / 400
 _NORMAL, _COSINE, _APART = 0.1, 0.1, 4.0
@@ -49,7 +49,7 @@ _TINY = 1e-12
 
 
 @dataclass(frozen=True)
-class Manner:
+class FitSchedule:
     """How a surface is fitted: what has two values goes from the first to the second in equal ratios.
 
     `samples` of the surface, and `rounds`; `stiffness` k, `limits` l as a share of the diagonal, `sliding` t, and
@@ -73,7 +73,7 @@ class SurfaceGoal(NamedTuple):
 
 
 def surface_fit(
-    verts: Floats, faces: Index, codes: Index, goal: SurfaceGoal, manner: Manner, *, start: Floats | None = None
+    verts: Floats, faces: Index, codes: Index, goal: SurfaceGoal, manner: FitSchedule, *, start: Floats | None = None
 ) -> Floats:
     """Return the vertices (V, 3) of a surface fitted to a goal; those that no face uses stay where they are.
 
@@ -110,7 +110,7 @@ class _SurfaceFit:
         faces: Index,
         codes: Index,
         goal: SurfaceGoal,
-        manner: Manner,
+        manner: FitSchedule,
         diagonal: float,
         area: float,
     ) -> None:

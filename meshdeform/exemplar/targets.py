@@ -16,7 +16,7 @@ import numpy as np
 from meshdeform.exemplar.relaxing import relaxed
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import smooth_fit
-from meshdeform.exemplar.surface_fit import Manner, SurfaceGoal, surface_fit
+from meshdeform.exemplar.surface_fit import FitSchedule, SurfaceGoal, surface_fit
 from meshdeform.exemplar.symmetry import evened
 from meshdeform.geometry.folds import area_vectors
 from meshdeform.nouns.labels import Floats
@@ -25,7 +25,9 @@ from meshdeform.reading.samples import spread
 __all__ = ["fitted_to_target"]
 
 _LIMITS = (0.5, 0.05)
-_MANNER = Manner(samples=10_000, rounds=16, stiffness=(10.0, 0.01), limits=(0.2, 0.02), sliding=(0.5, 0.02), held=1e-3)
+_MANNER = FitSchedule(
+    samples=10_000, rounds=16, stiffness=(10.0, 0.01), limits=(0.2, 0.02), sliding=(0.5, 0.02), held=1e-3
+)
 _RELAXED = {False: 1.0, True: 300.0}
 _BUILT, _UPRIGHT, _LEVEL = 0.5, 0.05, 0.95
 

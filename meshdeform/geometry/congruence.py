@@ -146,7 +146,7 @@ def _samples(corners: _Floats, areas: _Floats) -> _Floats:
 
 
 @dataclass(frozen=True)
-class Motion:
+class Similarity:
     """The map ``scale * rotation @ x + shift``."""
 
     rotation: _Floats  # (3, 3) float64: orthogonal; a reflection only if those were allowed
@@ -155,7 +155,7 @@ class Motion:
     max_distance: float  # greatest distance between a point that it maps and that point's goal
 
 
-def closest_motion(before: _Floats, after: _Floats, *, scaled: bool = False, mirrored: bool = False) -> Motion:
+def closest_motion(before: _Floats, after: _Floats, *, scaled: bool = False, mirrored: bool = False) -> Similarity:
     """Return the motion that takes `before` (N, 3) closest to `after` (N, 3) in the sense of least squares.
 
     Parameters
@@ -176,4 +176,4 @@ def closest_motion(before: _Floats, after: _Floats, *, scaled: bool = False, mir
     spread = float((arms**2).sum())
     scale = float((sizes * signs).sum()) / spread if scaled and spread > 0 else 1.0
     distances = np.linalg.norm(scale * arms @ rotation.T - reached, axis=1)
-    return Motion(rotation, scale, goal - scale * rotation @ start, float(distances.max(initial=0.0)))
+    return Similarity(rotation, scale, goal - scale * rotation @ start, float(distances.max(initial=0.0)))

@@ -16,9 +16,9 @@ Sources: symmetric Dirichlet energy: Smith and Schaefer 2015, Bijective Paramete
 here ``(s1^2 + s2^2 + s1^-2 + s2^-2) / 4`` of the singular values of each face's map, after removing the mean area
 scale, so that a similarity has the value 1. Stretch: Sander et al. 2001, Texture Mapping Progressive Meshes, section 3.
 
-`Structure` has what a person would see at once, and no judge does. Its figures compare the result with the source, are
-shares of the diagonal of the shape in question unless said otherwise, and are 0 for a result that is its source, or
-that is its source scaled, moved, or stretched along an axis.
+`StructureChanges` has what a person would see at once, and no judge does. Its figures compare the result with the
+source, are shares of the diagonal of the shape in question unless said otherwise, and are 0 for a result that is its
+source, or that is its source scaled, moved, or stretched along an axis.
 
 ::
 
@@ -318,7 +318,7 @@ def _areas(points: _Floats) -> _Floats:
 
 
 @dataclass(frozen=True)
-class Structure:
+class StructureChanges:
     """Changes of mirror symmetry, flat pieces and contacts."""
 
     asymmetry: float | None  # added; None if the source is not symmetric
@@ -350,12 +350,12 @@ class _Places:
         return np.asarray((self.weights[..., None] * verts[self.corners]).sum(1))
 
 
-def measure_structure(source: TriangleMesh, result: TriangleMesh) -> Structure:
+def measure_structure(source: TriangleMesh, result: TriangleMesh) -> StructureChanges:
     """Compare a result with its source, a mesh of the same faces whose up axis is +Y."""
     rest, before, after = RestMesh.of(source), source.verts, result.verts
     places = _Places.draw(rest)
     components = rest.components
-    return Structure(
+    return StructureChanges(
         _asymmetry(rest, places, after),
         _flatness(rest, after),
         _contacts(places, components, before, after),

@@ -133,7 +133,7 @@ def _centre_of(image: Tensor) -> Tensor:
     return torch.stack([(image.sum(1) * steps).sum() / total, (image.sum(0) * steps).sum() / total])
 
 
-class SilhouetteGuidance:
+class SilhouetteGuide:
     """Guides by silhouettes alone; the views of the steps are not looked at, so they are as small as can be."""
 
     style = _UNSEEN
@@ -164,7 +164,7 @@ class SilhouetteGuidance:
         """Continue from `state`, which has nothing for this guidance."""
 
 
-class BesideSilhouettes(SilhouetteGuidance):
+class BesideSilhouettes(SilhouetteGuide):
     """Guides by pictures of the steps, and by silhouettes.
 
     `weight`: of the silhouettes, relative to the guidance.

@@ -35,7 +35,7 @@ _ROUNDING = 1e-4
 """Difference of colours that counts as none."""
 
 
-class TargetGuidance:
+class TargetGuide:
     """Guides the views towards those of a target mesh, and the surface towards its surface.
 
     Parameters

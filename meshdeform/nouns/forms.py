@@ -28,7 +28,7 @@ from meshdeform.nouns.variants import (
 )
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
-from meshdeform.vocabulary.solids import Piece
+from meshdeform.vocabulary.solids import SolidRange
 
 __all__ = ["FORMS", "GENERAL", "drawn", "is_able", "other_kinds", "own_forms", "settable"]
 
@@ -144,7 +144,7 @@ def drawn(
         return labelled_member(form, wanted, rng, traits)
     draw, names = _DRAWN[form]
     shape = deformed(draw(rng, traits), wanted, rng)
-    return labelled_solids(form, shape, [(Piece(0, name),) for name in names.split()], solids_of(shape))
+    return labelled_solids(form, shape, [(SolidRange(0, name),) for name in names.split()], solids_of(shape))
 
 
 def _stood(

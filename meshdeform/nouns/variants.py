@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.animals import Body, at
+from meshdeform.nouns.families.animals import Quadruped, at
 from meshdeform.nouns.families.parts import Part, box, ellipsoid, join, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
@@ -23,7 +23,7 @@ __all__ = [
 def quadruped(rng: Rng, _: Traits) -> Part:
     """Draw any animal on four legs, with wide ranges of everything."""
     radius = rng.uniform(0.18, 0.42)
-    body = Body(rng.uniform(0.5, 1.1), radius, rng.uniform(0.12, 0.85), radius * rng.uniform(0.3, 0.48))
+    body = Quadruped(rng.uniform(0.5, 1.1), radius, rng.uniform(0.12, 0.85), radius * rng.uniform(0.3, 0.48))
     head, neck = rng.uniform(0.12, 0.3) * (0.6 + radius), rng.uniform(0.05, 0.6)
     front = np.array([0.0, body.height + rng.uniform(0, 0.1), body.length / 2 + 0.3 * radius])
     skull = front + at(rng.uniform(-10, 70), neck + 0.8 * head)
@@ -41,7 +41,7 @@ def quadruped(rng: Rng, _: Traits) -> Part:
     return join([*parts, _tail(rng, body)])
 
 
-def _tail(rng: Rng, body: Body) -> Part:
+def _tail(rng: Rng, body: Quadruped) -> Part:
     """Return a tail that hangs, stands out or is held up."""
     length, rump = rng.uniform(0.15, 0.9), np.array([0.0, body.height + 0.25 * body.radius, 0.0])
     rump[2] = -body.length / 2 - 0.75 * body.radius
@@ -56,7 +56,7 @@ def standing_bear(rng: Rng, traits: Traits) -> Part:
     ears = traits.draw(rng, "ears", (0.05, 0.06), (0.09, 0.12), (0.2, 0.26))
     head = traits.draw(rng, "head", (0.15, 0.17), (0.25, 0.29), (0.42, 0.48))
     leg = traits.draw(rng, "legs", (0.05, 0.1), (0.22, 0.32), (0.7, 0.9))
-    body = Body(rng.uniform(0.66, 0.8), rng.uniform(0.34, 0.4), leg, rng.uniform(0.15, 0.17))
+    body = Quadruped(rng.uniform(0.66, 0.8), rng.uniform(0.34, 0.4), leg, rng.uniform(0.15, 0.17))
     front = np.array([0.0, body.height + 0.02, body.length / 2 + 0.04])
     skull = front + at(rng.uniform(-5, 32), 0.26 + head)
     parts = [*body.parts(slope=0.03), limb([front, skull], [0.3, 0.24])]
@@ -69,7 +69,7 @@ def standing_bear(rng: Rng, traits: Traits) -> Part:
 def great_cat(rng: Rng, _: Traits) -> Part:
     """Draw a great cat without a mane: a long slim body, a round head, a long tail that hangs."""
     leg, tail = rng.uniform(0.3, 0.5), rng.uniform(0.5, 0.9)
-    body = Body(rng.uniform(0.75, 1.0), rng.uniform(0.2, 0.26), leg, rng.uniform(0.085, 0.11))
+    body = Quadruped(rng.uniform(0.75, 1.0), rng.uniform(0.2, 0.26), leg, rng.uniform(0.085, 0.11))
     head, front = rng.uniform(0.2, 0.26), np.array([0.0, body.height + 0.04, body.length / 2])
     skull = front + at(rng.uniform(5, 45), rng.uniform(0.4, 0.5))
     parts = [*body.parts(), limb([front, skull], [0.2, 0.14]), ellipsoid(skull, head)]
@@ -85,7 +85,7 @@ def standing_cat(rng: Rng, traits: Traits) -> Part:
     ears = traits.draw(rng, "ears", (0.04, 0.08), (0.17, 0.23), (0.42, 0.52))
     head = traits.draw(rng, "head", (0.12, 0.14), (0.2, 0.24), (0.36, 0.42))
     tail = traits.draw(rng, "tail", (0.08, 0.16), (0.6, 0.8), (1.2, 1.4))
-    body = Body(rng.uniform(0.62, 0.8), rng.uniform(0.17, 0.22), rng.uniform(0.28, 0.42), rng.uniform(0.07, 0.09))
+    body = Quadruped(rng.uniform(0.62, 0.8), rng.uniform(0.17, 0.22), rng.uniform(0.28, 0.42), rng.uniform(0.07, 0.09))
     front = np.array([0.0, body.height + 0.04, body.length / 2])
     skull = front + at(rng.uniform(25, 60), 0.16 + head)
     parts = [*body.parts(), limb([front, skull], [0.15, 0.12]), ellipsoid(skull, [head * 1.05, head * 0.92, head])]

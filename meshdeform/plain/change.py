@@ -21,7 +21,7 @@ from meshdeform.plain.body import UP, Body, Flags, Floats
 from meshdeform.plain.effect import Effect
 from meshdeform.plain.maps import move
 from meshdeform.plain.moved import Moved
-from meshdeform.plain.parts import LIVING, Parts
+from meshdeform.plain.parts import LIVING, BodyParts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.table import SHAPES, WHOLE
 from meshdeform.plain.words import Change, Sentence, check_factor
@@ -156,10 +156,10 @@ def meant(body: Body, sentence: Sentence) -> tuple[Change, ...]:
 
     Raises PartMissingError: a skeleton shows that the asset is not what the sentence calls it.
     """
-    return meant_of(Parts(body.upright()), sentence)
+    return meant_of(BodyParts(body.upright()), sentence)
 
 
-def meant_of(parts: Parts, sentence: Sentence) -> tuple[Change, ...]:
+def meant_of(parts: BodyParts, sentence: Sentence) -> tuple[Change, ...]:
     """Return the changes of a sentence as `meant`, of a body that stands."""
     noun = sentence.noun
     if noun is None or not sentence.compared:
@@ -178,7 +178,7 @@ def meant_of(parts: Parts, sentence: Sentence) -> tuple[Change, ...]:
     return tuple(changed)
 
 
-def _is_part_of(parts: Parts, noun: str) -> bool:
+def _is_part_of(parts: BodyParts, noun: str) -> bool:
     """Return whether a noun is a part of the asset: a bus has lamps, and is none."""
     word = noun.replace("-", " ")
     return parts.is_told(word) or (parts.has(word) and parts.read.noun != noun)
@@ -189,7 +189,7 @@ def missing_part(body: Body, sentence: Sentence) -> str | None:
 
     Raises PromptError: as `apply_changes`.
     """
-    parts = Parts(body.upright())
+    parts = BodyParts(body.upright())
     try:
         for change in meant_of(parts, sentence):
             calibrated(parts, _in_factors(parts, change))
@@ -211,7 +211,7 @@ class _Attempt:
     @classmethod
     def of(cls, body: Body, change: Change, junctions: Junctions) -> Self:
         """Make as much of a change as flips no face."""
-        parts = Parts(body)
+        parts = BodyParts(body)
         full = calibrated(parts, change)
         kept_above = False
         for share in _SHARES:
@@ -230,7 +230,7 @@ class _Attempt:
 
 
 def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done]:
-    change = _in_factors(Parts(body), change)
+    change = _in_factors(BodyParts(body), change)
     made = _Attempt.of(body, change, junctions)
     if change.part == WHOLE and body.joints and made.share < 1:
         # Skeletons of many bones divide a body where its shape does not.
@@ -248,7 +248,7 @@ def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done
     return body.moved(points), done
 
 
-def _in_factors(parts: Parts, change: Change) -> Change:
+def _in_factors(parts: BodyParts, change: Change) -> Change:
     """Return a change with the factor that a length in metres is on the body.
 
     Raises PromptError: the asset has no unit of length, or the factor is too large or too small.
@@ -278,7 +278,7 @@ def _part_of_way(change: Change, factor: float, share: float) -> float:
     return factor * share if change.operation in SHAPES else 1 + share * (factor - 1)
 
 
-def calibrated(parts: Parts, change: Change) -> float:
+def calibrated(parts: BodyParts, change: Change) -> float:
     """Return the factor with which a map gives what was asked for: bands take something away.
 
     Raises PartMissingError: the part is not there, or cannot be told from the rest.
@@ -315,7 +315,7 @@ def _settled(body: Body, change: Change, result: Moved) -> Floats:
     return points
 
 
-def _above_ground(parts: Parts, change: Change, moved: Moved, points: Floats) -> Floats:
+def _above_ground(parts: BodyParts, change: Change, moved: Moved, points: Floats) -> Floats:
     """Return the points with a part that would go below the ground, on which the rest stands, kept above it.
 
     All that goes down goes down by the same share less. What swims or hangs has no ground.

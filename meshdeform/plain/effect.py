@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshdeform.plain.body import Body, Floats
-from meshdeform.plain.moved import Measured, Moved
+from meshdeform.plain.moved import MeasuredPiece, Moved
 
 _HALF = 0.5
 """Share of what was asked for below which the result is doubtful."""
@@ -63,7 +63,7 @@ def measure(body: Body, moved: Moved, points: Floats) -> Effect:
     return Effect(grown, other, rest)
 
 
-def _grown(body: Body, measured: Sequence[Measured], points: Floats) -> tuple[float | None, float]:
+def _grown(body: Body, measured: Sequence[MeasuredPiece], points: Floats) -> tuple[float | None, float]:
     """Return the factor along the axes that were asked for, and that along another which changed most."""
     asked, others = list[float](), list[float]()
     for number in range(3):

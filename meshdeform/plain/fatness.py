@@ -12,8 +12,8 @@ import numpy as np
 
 from meshdeform.plain.body import UP, Body, Floats, step
 from meshdeform.plain.limbs import centre_line, leg_lines
-from meshdeform.plain.moved import Measured, Moved
-from meshdeform.plain.parts import Legs, Parts
+from meshdeform.plain.moved import MeasuredPiece, Moved
+from meshdeform.plain.parts import BodyParts, Legs
 from meshdeform.plain.pieces import PartMissingError, attachment
 from meshdeform.plain.read_parts import READ
 
@@ -30,7 +30,7 @@ class _Shares:
     trunk: Floats
 
 
-def _shares(parts: Parts, legs: Legs | None) -> _Shares:
+def _shares(parts: BodyParts, legs: Legs | None) -> _Shares:
     body, none = parts.body, np.zeros(len(parts.body.points))
 
     def joined(rounds: int, *names: str) -> Floats:
@@ -108,7 +108,7 @@ class _Belly:
         return np.asarray(0.55 + 0.45 * np.exp(-(((t - 0.45) / 0.32) ** 2)))
 
 
-def belly(parts: Parts, direction: str, factor: float) -> Moved:
+def belly(parts: BodyParts, direction: str, factor: float) -> Moved:
     """Return the trunk with another girth where it is fattest; limbs and what lies above and below keep their places.
 
     Raises PartMissingError: it is nothing with a belly.
@@ -128,7 +128,7 @@ def belly(parts: Parts, direction: str, factor: float) -> Moved:
         raise PartMissingError("No belly was found: the trunk has too few vertices there.")
     asked = tuple(axis == body.lateral or (axis == trunk.across and direction != "side") for axis in range(3))
     found_by = "joints" if parts.rigged else READ
-    measured = [Measured(fattest, np.eye(3), (asked[0], asked[1], asked[2]))]
+    measured = [MeasuredPiece(fattest, np.eye(3), (asked[0], asked[1], asked[2]))]
     return Moved(
         body.points + (amount * (factor - 1))[:, None] * outward,
         amount,
@@ -138,14 +138,14 @@ def belly(parts: Parts, direction: str, factor: float) -> Moved:
     )
 
 
-def _legs_or_none(parts: Parts) -> Legs | None:
+def _legs_or_none(parts: BodyParts) -> Legs | None:
     try:
         return parts.legs
     except PartMissingError:
         return None
 
 
-def fat(parts: Parts, factor: float) -> Moved:
+def fat(parts: BodyParts, factor: float) -> Moved:
     """Scale sections about each part's own centre line, most at the belly; limbs are carried by what they hang on."""
     body = parts.body
     legs = _legs_or_none(parts)

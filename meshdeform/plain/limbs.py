@@ -18,8 +18,8 @@ import numpy as np
 
 from meshdeform.plain.body import UP, Body, Floats, ease, step
 from meshdeform.plain.heads import Head
-from meshdeform.plain.moved import Measured, Moved, frame, mean_extent
-from meshdeform.plain.parts import Legs, Parts
+from meshdeform.plain.moved import MeasuredPiece, Moved, frame, mean_extent
+from meshdeform.plain.parts import BodyParts, Legs
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece, attachment
 
 Line = Callable[[Floats], Floats]
@@ -38,7 +38,7 @@ def grown(limb: Limb, direction: str, factor: float, *, from_root: bool) -> Move
         if not len(piece.rows):
             continue
         axes, asked = frame(direction, body, piece)
-        measured.append(Measured(piece.rows, axes, asked))
+        measured.append(MeasuredPiece(piece.rows, axes, asked))
         if direction == "girth":
             field, girth = _girth_field(body, piece)
             girths.append(girth)
@@ -115,7 +115,7 @@ def centre_line(
 # ---------------------------------------------------------------- legs
 
 
-def legs(parts: Parts, operation: str, factor: float, sides: tuple[str, ...]) -> Moved:
+def legs(parts: BodyParts, operation: str, factor: float, sides: tuple[str, ...]) -> Moved:
     """Return legs that are longer, thicker or both; all of them, or those on some sides."""
     found = parts.legs
     limb = parts.leg_pieces()
@@ -126,7 +126,7 @@ def legs(parts: Parts, operation: str, factor: float, sides: tuple[str, ...]) ->
         longer, thicker = legs(parts, "long", factor, sides), legs(parts, "fat", factor, sides)
         return replace(longer, points=longer.points + thicker.points - parts.body.points)
     asked = (False, True, False) if operation == "long" else (True, False, True)
-    measured = [Measured(piece.rows, np.eye(3), asked) for piece in limb.pieces]
+    measured = [MeasuredPiece(piece.rows, np.eye(3), asked) for piece in limb.pieces]
     if operation == "fat":
         return replace(_thicker_legs(parts.body, found, factor), measured=measured)
     return replace(_longer_legs(parts.body, found, factor, lift=not sides), measured=measured)
@@ -208,7 +208,7 @@ def leg_lines(body: Body, found: Legs, *, degree: int) -> list[tuple[Floats, Lin
 # ---------------------------------------------------------------- arms, necks, tails
 
 
-def arms(parts: Parts, operation: str, factor: float, sides: tuple[str, ...]) -> Moved:
+def arms(parts: BodyParts, operation: str, factor: float, sides: tuple[str, ...]) -> Moved:
     """Return arms that are longer to the wrist, hands as they are; or thicker, or larger."""
     limb = parts.arms
     if sides:
@@ -230,7 +230,7 @@ def arms(parts: Parts, operation: str, factor: float, sides: tuple[str, ...]) ->
         second, third = piece.axes[1] - (piece.axes[1] @ axis) * axis, np.zeros(3)
         second /= max(float(np.linalg.norm(second)), 1e-12)
         third = np.cross(axis, second)
-        measured.append(Measured(piece.rows, np.stack([axis, second, third]), (True, False, False)))
+        measured.append(MeasuredPiece(piece.rows, np.stack([axis, second, third]), (True, False, False)))
     if not tips:
         raise PartMissingError("No arms were found that reach away from the body.")
     return Moved(
@@ -242,14 +242,14 @@ def arms(parts: Parts, operation: str, factor: float, sides: tuple[str, ...]) ->
     )
 
 
-def head(parts: Parts, direction: str, factor: float) -> Moved:
+def head(parts: BodyParts, direction: str, factor: float) -> Moved:
     """Return a head of another size on its neck."""
     body, found = parts.body, parts.head
     limb = Limb(body, [Piece(body, found.weight, found.pivot)], found.found_by)
     return grown(limb, direction, factor, from_root=True)
 
 
-def neck(parts: Parts, operation: str, factor: float) -> Moved:
+def neck(parts: BodyParts, operation: str, factor: float) -> Moved:
     """Return a neck that is longer and carries the head, or thicker, or both."""
     body, found = parts.body, parts.head
     if operation == "fat":
@@ -288,7 +288,7 @@ def _thicker_neck(body: Body, found: Head, factor: float) -> Moved:
     return Moved(body.points + (weight * (factor - 1))[:, None] * across, weight, girth, found.found_by)
 
 
-def tail(parts: Parts, operation: str, factor: float) -> Moved:
+def tail(parts: BodyParts, operation: str, factor: float) -> Moved:
     """Return a tail that is longer along its centre line, or thicker about it, or both."""
     body, found = parts.body, parts.tail
     along = found.length - found.from_tip
@@ -305,9 +305,9 @@ def tail(parts: Parts, operation: str, factor: float) -> Moved:
         def girth(at: Floats) -> float:
             return float(np.sqrt(np.square(at[rows] - here[rows]).sum(1).mean())) if len(rows) else 1.0
 
-        measured = [Measured(rows, own.axes, (False, True, True))]
+        measured = [MeasuredPiece(rows, own.axes, (False, True, True))]
         return Moved(body.points + over, found.weight, girth, found.found_by, measured)
     tip, foot = int(np.argmin(found.from_tip)), root[0]
     points = body.points + onward + (over if operation == "big" else 0)
-    measured = [Measured(own.rows, own.axes, (True, operation == "big", operation == "big"))]
+    measured = [MeasuredPiece(own.rows, own.axes, (True, operation == "big", operation == "big"))]
     return Moved(points, found.weight, lambda at: float(np.linalg.norm(at[tip] - foot)), found.found_by, measured)

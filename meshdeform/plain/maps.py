@@ -12,8 +12,8 @@ import numpy as np
 from meshdeform.plain import fatness, limbs, table, wheels
 from meshdeform.plain.body import UP, Body, Floats, Index, step
 from meshdeform.plain.limbs import grown
-from meshdeform.plain.moved import Measured, Moved, frame, mean_extent
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.moved import MeasuredPiece, Moved, frame, mean_extent
+from meshdeform.plain.parts import BodyParts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.read_parts import READ
 from meshdeform.plain.table import SHAPES, WHOLE
@@ -25,7 +25,7 @@ _BASE, _ABOVE_BASE = 0.06, 0.25
 """Heights, as shares of the whole, up to which a base is one, and from which on it is none."""
 
 
-def move(parts: Parts, change: Change, factor: float) -> Moved:
+def move(parts: BodyParts, change: Change, factor: float) -> Moved:
     """Carry out one change with a factor, which may be another than that of the change.
 
     Raises PartMissingError: the part is not there.
@@ -46,7 +46,7 @@ def move(parts: Parts, change: Change, factor: float) -> Moved:
     return moved or _named(parts, change, direction, factor)
 
 
-def _known(parts: Parts, change: Change, direction: str, factor: float) -> Moved | None:
+def _known(parts: BodyParts, change: Change, direction: str, factor: float) -> Moved | None:
     """Return a part that has a finder of its own after a change; None if names alone tell where it is."""
     part, operation, sides = change.part, change.operation, change.sides
     if part == "leg":
@@ -74,7 +74,7 @@ def _known(parts: Parts, change: Change, direction: str, factor: float) -> Moved
     return None
 
 
-def _named(parts: Parts, change: Change, direction: str, factor: float) -> Moved:
+def _named(parts: BodyParts, change: Change, direction: str, factor: float) -> Moved:
     """Return a part that joints, nodes or materials name after a change."""
     if change.part == "base" and not parts.has("base"):
         return _base(parts, factor)
@@ -94,7 +94,7 @@ def _named(parts: Parts, change: Change, direction: str, factor: float) -> Moved
 # ---------------------------------------------------------------- the whole
 
 
-def _whole(parts: Parts, operation: str, direction: str, factor: float) -> Moved:
+def _whole(parts: BodyParts, operation: str, direction: str, factor: float) -> Moved:
     body = parts.body
     if operation in SHAPES:
         return Moved(_shaped(body, operation, factor), np.ones(len(body.points)), lambda _: 1.0)
@@ -108,10 +108,10 @@ def _whole(parts: Parts, operation: str, direction: str, factor: float) -> Moved
         axes, asked = np.eye(3), _along(parts)
     else:
         axes, asked = frame(direction, body)
-    return _affine(body, np.where(asked, factor, 1.0), Measured(np.arange(len(body.points)), axes, asked))
+    return _affine(body, np.where(asked, factor, 1.0), MeasuredPiece(np.arange(len(body.points)), axes, asked))
 
 
-def _along(parts: Parts) -> tuple[bool, bool, bool]:
+def _along(parts: BodyParts) -> tuple[bool, bool, bool]:
     """Return which axis is the length of the whole: the front of a body, the longer level side of another thing."""
     body = parts.body
     axis = 0 if body.size[0] >= body.size[2] else 2
@@ -122,7 +122,7 @@ def _along(parts: Parts) -> tuple[bool, bool, bool]:
     return axis == 0, axis == UP, axis == 2
 
 
-def _affine(body: Body, growth: Floats, measured: Measured) -> Moved:
+def _affine(body: Body, growth: Floats, measured: MeasuredPiece) -> Moved:
     """Return the body grown along the axes about the middle of the ground below it, by (3,)."""
     stays = body.low + body.size / 2
     stays[UP] = body.ground
@@ -169,11 +169,11 @@ def _layer(body: Body, low: float, high: float, factor: float, found_by: str) ->
     within = ((heights >= low) & (heights <= high)).astype(float)
     shift = np.zeros_like(body.points)
     shift[:, UP] = (factor - 1) * np.clip(heights - low, 0, high - low)
-    measured = [Measured(np.flatnonzero(within), np.eye(3), (False, True, False))]
+    measured = [MeasuredPiece(np.flatnonzero(within), np.eye(3), (False, True, False))]
     return Moved(body.points + shift, within, mean_extent(measured), found_by, measured, shift)
 
 
-def _slab(parts: Parts, word: str, direction: str, factor: float) -> Moved:
+def _slab(parts: BodyParts, word: str, direction: str, factor: float) -> Moved:
     """Return a seat or a top that is thicker, elsewhere, or wider with all that it carries and stands on."""
     body = parts.body
     low, high, found_by = parts.slab(word)
@@ -193,11 +193,11 @@ def _slab(parts: Parts, word: str, direction: str, factor: float) -> Moved:
         shift += piece.weight[:, None] * (field(body.points[piece.rows].mean(0)[None]) - shift)
     within = np.zeros(len(body.points))
     within[rows] = 1
-    measured = [Measured(rows, axes, asked)]
+    measured = [MeasuredPiece(rows, axes, asked)]
     return Moved(body.points + shift, within, mean_extent(measured), found_by, measured, shift)
 
 
-def _placed(parts: Parts, rows: Index, factor: float, found_by: str) -> Moved:
+def _placed(parts: BodyParts, rows: Index, factor: float, found_by: str) -> Moved:
     """Return a slab higher or lower above the ground, as it is, on longer or shorter legs.
 
     Raises PartMissingError: legs cannot become that short.
@@ -214,23 +214,23 @@ def _placed(parts: Parts, rows: Index, factor: float, found_by: str) -> Moved:
         moved.weight,
         lambda at: float(at[rows, UP].max() - at[:, UP].min()),
         found_by,
-        [Measured(rows, np.eye(3), (False, False, False))],
+        [MeasuredPiece(rows, np.eye(3), (False, False, False))],
         moved.shift,
     )
 
 
-def _back(parts: Parts, direction: str, factor: float) -> Moved:
+def _back(parts: BodyParts, direction: str, factor: float) -> Moved:
     return grown(parts.back, direction, factor, from_root=False)
 
 
-def _roof(parts: Parts, factor: float) -> Moved:
+def _roof(parts: BodyParts, factor: float) -> Moved:
     """Return a roof that is taller with all that is in it; what stands on it is lifted."""
     limb = parts.named("roof")
     heights = limb.body.points[limb.weight > 0.5, UP]
     return _layer(limb.body, float(heights.min()), float(heights.max()), factor, limb.found_by)
 
 
-def _base(parts: Parts, factor: float) -> Moved:
+def _base(parts: BodyParts, factor: float) -> Moved:
     """Return what something without legs stands on, wider; PartMissingError: it has legs or wheels."""
     body = parts.body
     if parts.rigged or parts.on_wheels or parts.on_legs:
@@ -245,12 +245,12 @@ def _wider(body: Body, weight: Floats, rows: Index, factor: float) -> Moved:
     middle = (body.points[rows].max(0) + body.points[rows].min(0)) / 2
     over = body.points - middle
     over[:, UP] = 0
-    measured = [Measured(rows, np.eye(3), (True, False, True))]
+    measured = [MeasuredPiece(rows, np.eye(3), (True, False, True))]
     points = body.points + (weight * (factor - 1))[:, None] * over
     return Moved(points, weight, mean_extent(measured), READ, measured)
 
 
-def _neck(parts: Parts, operation: str, direction: str, factor: float) -> Moved:
+def _neck(parts: BodyParts, operation: str, direction: str, factor: float) -> Moved:
     """Return the neck of a body, or of a bottle."""
     body = parts.body
     if parts.is_living:

@@ -14,7 +14,7 @@ _X, _Z = 0, 2
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredPiece:
     """A piece of what was to grow: its vertices, and the axes along which it is measured."""
 
     rows: Index
@@ -34,7 +34,7 @@ class Moved:
     weight: Floats  # (V,) float64: how much each vertex belongs to the part
     length: Callable[[Floats], float]  # measures what was to grow, on any places (V, 3) of the vertices
     found_by: str = ""  # how the part was found; empty for the whole
-    measured: Sequence[Measured] = ()  # the pieces of the part
+    measured: Sequence[MeasuredPiece] = ()  # the pieces of the part
     shift: Floats | None = None  # (V, 3) float64: how the change asks the rest to move; None if it is to stay
     affine: Floats | None = None  # (3, 4) float64: the map of all points, if it is one
 
@@ -58,6 +58,6 @@ def frame(direction: str, body: Body, piece: Piece | None = None) -> tuple[Float
     return np.eye(3), (_X in asked, UP in asked, _Z in asked)
 
 
-def mean_extent(measured: Sequence[Measured]) -> Callable[[Floats], float]:
+def mean_extent(measured: Sequence[MeasuredPiece]) -> Callable[[Floats], float]:
     """Return the measure of pieces by their mean extent along the axes that were asked for."""
     return lambda at: float(np.mean([each.extents(at)[list(each.asked)].mean() for each in measured] or [0.0]))

@@ -15,7 +15,7 @@ from meshdeform.plain.body import Body, Flags, Floats, Index
 from meshdeform.plain.change import calibrated, meant_of
 from meshdeform.plain.maps import move
 from meshdeform.plain.moved import Moved
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.parts import BodyParts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.read_parts import GIVEN, READ
 from meshdeform.plain.table import OF_PARTS, WHOLE, direction
@@ -75,7 +75,7 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
     No two of all parts share a face.
     """
     body = body.upright()
-    parts = Parts(body)
+    parts = BodyParts(body)
     most = min(_MOST_NAMES, max(_FEWEST_NAMES, _MOST_TRIED // len(body.points)))
     telling = [name for name in parts.own_names() if _is_telling(name)]
     own = [name for name in [*parts.read.names, *telling[:most]] if name not in PART_NAMES]
@@ -97,7 +97,7 @@ def _is_telling(name: str) -> bool:
     return not STUFFS & set(name.split())
 
 
-def _is_hidden(parts: Parts, part: str) -> bool:
+def _is_hidden(parts: BodyParts, part: str) -> bool:
     """Return whether a part is not listed, though words may name it: a lowest end, a belly, a wing of a dolphin."""
     if part == "belly" or (parts.read.is_sure and not parts.read.is_given(part) and parts.foreign(part)):
         return True
@@ -151,7 +151,7 @@ def _least_left(part: NamedPart) -> float:
     return _LEFT_OF_KNOWN if part.name in _EVERYBODYS else _LEFT
 
 
-def _find_part(parts: Parts, part: str, name: str, read: Callable[[str], Sentence | None]) -> NamedPart | None:
+def _find_part(parts: BodyParts, part: str, name: str, read: Callable[[str], Sentence | None]) -> NamedPart | None:
     """Return a part with the operations that suit it; None if there is none by this name."""
     body, moved, operations = parts.body, dict[str, Moved](), list[str]()
     for operation in _TRIED:
@@ -193,7 +193,7 @@ def _is_most(body: Body, inside: Flags) -> bool:
     return bool(areas[inside].sum() > 0.5 * areas.sum())
 
 
-def _unchangeable(parts: Parts, part: str, name: str) -> NamedPart | None:
+def _unchangeable(parts: BodyParts, part: str, name: str) -> NamedPart | None:
     """Return a part that was found and that no operation can change, as of an ear of one triangle; else None."""
     inside = parts.faces(part)
     if inside is None or inside.all() or not inside.any():
@@ -201,7 +201,7 @@ def _unchangeable(parts: Parts, part: str, name: str) -> NamedPart | None:
     return NamedPart(name, parts.read.found_by(part), inside, (), parts.read.confidence(part))
 
 
-def _is_read(parts: Parts, text: str, change: Change, read: Callable[[str], Sentence | None]) -> bool:
+def _is_read(parts: BodyParts, text: str, change: Change, read: Callable[[str], Sentence | None]) -> bool:
     """Return whether a sentence asks for one change, with the operation and the part of another."""
     try:
         sentence = read(text)

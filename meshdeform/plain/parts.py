@@ -84,7 +84,7 @@ class Legs:
     found_by: str
 
 
-class Layer(NamedTuple):
+class BodyLayer(NamedTuple):
     """A part between two heights."""
 
     low: float
@@ -92,7 +92,7 @@ class Layer(NamedTuple):
     found_by: str
 
 
-class Parts:
+class BodyParts:
     """The parts of one body; each is looked for once."""
 
     def __init__(self, body: Body) -> None:
@@ -306,7 +306,7 @@ class Parts:
         """Whether it stands on legs."""
         return _is_there(lambda: self.legs)
 
-    def slab(self, word: str) -> Layer:
+    def slab(self, word: str) -> BodyLayer:
         """Return a seat or the top of a table, which of them is there.
 
         Raises PartMissingError: it has neither.
@@ -325,17 +325,17 @@ class Parts:
         return self._limb("back")
 
     @_once
-    def bottle_neck(self) -> Layer:
+    def bottle_neck(self) -> BodyLayer:
         """The neck of a bottle.
 
         Raises PartMissingError: it has none.
         """
         return self._layer(self._limb("neck"))
 
-    def _layer(self, limb: Limb) -> Layer:
+    def _layer(self, limb: Limb) -> BodyLayer:
         heights = np.concatenate([self.body.points[piece.rows, UP] for piece in limb.pieces])
         low, high = np.percentile(heights, _ENDS)
-        return Layer(float(low), float(high), limb.found_by)
+        return BodyLayer(float(low), float(high), limb.found_by)
 
     # ---------------------------------------------------------------- by name
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from meshdeform.plain.body import UP, Body, Flags, Floats, step
 from meshdeform.plain.limbs import grown
-from meshdeform.plain.moved import Measured, Moved, mean_extent
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.moved import MeasuredPiece, Moved, mean_extent
+from meshdeform.plain.parts import BodyParts
 from meshdeform.plain.pieces import Piece
 
 _REACH = 2.5
@@ -39,7 +39,7 @@ _SECTORS = 12
 _SAMPLES = 20_000
 
 
-def wheels(parts: Parts, operation: str, direction: str, factor: float, sides: tuple[str, ...]) -> Moved:
+def wheels(parts: BodyParts, operation: str, direction: str, factor: float, sides: tuple[str, ...]) -> Moved:
     """Return wheels that are wider, or bigger; of some sides alone, bigger ones stand on the ground as before.
 
     Raises PartMissingError: there are none, or none on these sides.
@@ -70,7 +70,7 @@ def wheels(parts: Parts, operation: str, direction: str, factor: float, sides: t
         shift[:, UP] += (factor - 1) * max(sunk)
         points[:, UP] += np.where(others, (factor - 1) * max(sunk), 0.0)
     points += np.where(others[:, None], 0.0, shift)
-    measured = [Measured(piece.rows, np.eye(3), (True, True, True)) for piece in limb.pieces]
+    measured = [MeasuredPiece(piece.rows, np.eye(3), (True, True, True)) for piece in limb.pieces]
     return Moved(points, limb.weight, mean_extent(measured), limb.found_by, measured, shift)
 
 

@@ -29,11 +29,11 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.labels import Floats, LabelledMember
 from meshdeform.reading.affine_systems import AffineSystem, carried, mirror_matrix, tie_matrix, turned_normals
 from meshdeform.reading.banks import candidate_member
-from meshdeform.reading.choice import Candidate, Frame, box_scale, placed
+from meshdeform.reading.choice import Candidate, FrontFrame, box_scale, placed
 from meshdeform.reading.groups import Groups, groups_of
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, hidden, spread
 
-__all__ = ["AssetSamples", "Fit", "fit_candidate"]
+__all__ = ["AssetSamples", "MemberFit", "fit_candidate"]
 
 _ROUNDS, _ROUGH_ROUNDS, _ROUGH = 24, 12, 500
 """Rounds with a third of the samples come first."""
@@ -47,7 +47,7 @@ _SPACING = 0.02
 
 
 @dataclass(frozen=True)
-class Fit:
+class MemberFit:
     """A member fitted to an asset.
 
     `member` lies on the asset; `residual` is the mean distance between the surfaces, `strain` the mean logarithm of
@@ -68,7 +68,7 @@ class Fit:
 class AssetSamples:
     """Samples of the asset, and few of them for the first rounds, with trees of their features."""
 
-    def __init__(self, frame: Frame) -> None:
+    def __init__(self, frame: FrontFrame) -> None:
         mixed = np.random.default_rng(7).permutation(_SAMPLES)
         self.all = spread(frame.verts, frame.faces, _SAMPLES, 3).rows(mixed)
         self.features = features(self.all.places, self.all.normals)
@@ -81,7 +81,7 @@ class AssetSamples:
         return self.all.places[:count], self.all.normals[:count], self.features[:count], tree
 
 
-def fit_candidate(asset: AssetSamples, frame: Frame, candidate: Candidate) -> Fit:
+def fit_candidate(asset: AssetSamples, frame: FrontFrame, candidate: Candidate) -> MemberFit:
     """Draw a candidate's member, scale it to the asset's box and fit it."""
     member = candidate_member(candidate.noun, candidate.number)
     low, high = member.verts.min(0), member.verts.max(0)
@@ -93,7 +93,7 @@ def fit_candidate(asset: AssetSamples, frame: Frame, candidate: Candidate) -> Fi
     system = _Articulated(groups_of(member), member, shown)
     for number in range(_ROUNDS):
         system.step(asset, number / (_ROUNDS - 1), rough=number < _ROUGH_ROUNDS)
-    return Fit(candidate, member.moved(system.carried(member.verts)), system.residual(asset), system.strain())
+    return MemberFit(candidate, member.moved(system.carried(member.verts)), system.residual(asset), system.strain())
 
 
 def _surface_distance(x: Floats, normals: Floats, y: Floats, other_normals: Floats) -> Floats:

@@ -23,7 +23,7 @@ from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, is_general, members_with_parts
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
 
-__all__ = ["Candidate", "Frame", "Surface", "candidates", "facing", "nearness"]
+__all__ = ["AssetMesh", "Candidate", "FrontFrame", "candidates", "facing", "nearness"]
 
 EASE = 1.5
 _FEW = 220
@@ -32,7 +32,7 @@ _FAR = 0.15
 _ENLARGED = 0.01
 
 
-class Surface:
+class AssetMesh:
     """An asset of any place, size and turn: `verts` (V, 3) float64 and `faces` (F, 3) int64, at least one."""
 
     def __init__(self, verts: Floats, faces: Index) -> None:
@@ -58,13 +58,13 @@ class Surface:
         return spread(self.verts, self.faces, SAMPLES, 1).rows(mixed)
 
 
-class Frame:
+class FrontFrame:
     """An asset with its front toward +Z, its box about the origin with a diagonal of 1.
 
     `turn` (3, 3) float64 is the rotation from the asset's axes; `low` and `high` (3,) bound the box.
     """
 
-    def __init__(self, surface: Surface, turn: Floats) -> None:
+    def __init__(self, surface: AssetMesh, turn: Floats) -> None:
         self.surface, self.turn, self.faces = surface, turn, surface.faces
         used = surface.used @ turn.T
         low, high = used.min(0), used.max(0)
@@ -106,7 +106,7 @@ class Candidate:
         return is_general(self.noun, self.number)
 
 
-def box_scale(low: Floats, high: Floats, frame: Frame) -> tuple[Floats, float]:
+def box_scale(low: Floats, high: Floats, frame: FrontFrame) -> tuple[Floats, float]:
     """Return the scales (3,) that take a box to the asset's, limited, and how far they would differ without."""
     each = (frame.high - frame.low) / np.maximum(high - low, 1e-9)
     each = np.maximum(each, 1e-9)
@@ -114,14 +114,14 @@ def box_scale(low: Floats, high: Floats, frame: Frame) -> tuple[Floats, float]:
     return np.clip(each, mean / EASE, mean * EASE), float(np.abs(np.log(each / mean)).max())
 
 
-def placed(points: Floats, low: Floats, high: Floats, scale: Floats, frame: Frame) -> Floats:
+def placed(points: Floats, low: Floats, high: Floats, scale: Floats, frame: FrontFrame) -> Floats:
     """Return points of a member scaled and put on the asset's ground."""
     at = (points - (low + high) / 2) * scale
     at[..., 1] += frame.low[1] + (high[1] - low[1]) / 2 * scale[1]
     return at
 
 
-def candidates(frame: Frame, noun: str, count: int, folder: Path | None = None) -> list[Candidate]:
+def candidates(frame: FrontFrame, noun: str, count: int, folder: Path | None = None) -> list[Candidate]:
     """Return the nearest members of a noun that have its parts, the best first; `folder` keeps samples (`banks`)."""
     bank = bank_of(noun, folder)
     rough = _graded(frame, bank, noun, range(members_with_parts(noun)), _FEW)
@@ -129,7 +129,7 @@ def candidates(frame: Frame, noun: str, count: int, folder: Path | None = None) 
 
 
 def nearness(
-    frames: Sequence[Frame], noun: str, dearer: Sequence[float], folder: Path | None = None
+    frames: Sequence[FrontFrame], noun: str, dearer: Sequence[float], folder: Path | None = None
 ) -> list[tuple[int, float, float]]:
     """Return, for the two frames in which members of a noun are nearest, their place in `frames` and two grades.
 
@@ -143,21 +143,21 @@ def nearness(
     return [(k, own[0].grade, next((one.grade for one in own if not one.general), own[0].grade)) for k, own in fine]
 
 
-def _refined(frame: Frame, bank: Bank, noun: str, rough: Sequence[Candidate], finalists: int) -> list[Candidate]:
+def _refined(frame: FrontFrame, bank: Bank, noun: str, rough: Sequence[Candidate], finalists: int) -> list[Candidate]:
     """Return the best of some graded members, graded by all samples."""
     not_shared = [one for one in rough if not one.general]
     numbers = {one.number for one in [*rough[:finalists], *not_shared[:_OWN_FINALISTS]]}
     return _graded(frame, bank, noun, sorted(numbers), SAMPLES)
 
 
-def _graded(frame: Frame, bank: Bank, noun: str, numbers: Iterable[int], samples: int) -> list[Candidate]:
+def _graded(frame: FrontFrame, bank: Bank, noun: str, numbers: Iterable[int], samples: int) -> list[Candidate]:
     """Return some members with their grades by so many samples, the best first."""
     asset = frame.features[:samples]
     own = [Candidate(noun, number, _grade(frame, bank, number, asset)) for number in numbers]
     return sorted(own, key=lambda one: (one.grade, one.number))
 
 
-def _grade(frame: Frame, bank: Bank, number: int, asset: Singles) -> float:
+def _grade(frame: FrontFrame, bank: Bank, number: int, asset: Singles) -> float:
     """Return how far a member is from the asset's features (N, 6)."""
     low, high = bank.low[number].astype(float), bank.high[number].astype(float)
     scale, enlarged = box_scale(low, high, frame)

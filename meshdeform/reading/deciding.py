@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.nouns.labels import Floats
-from meshdeform.reading.choice import Frame, Surface, facing, nearness
+from meshdeform.reading.choice import AssetMesh, FrontFrame, facing, nearness
 from meshdeform.vocabulary.nouns import HELD, ROUND
 from meshdeform.words.in_use import like_of, own_word
 
@@ -51,13 +51,13 @@ class Decision:
 
     noun: str
     probabilities: dict[str, float]
-    frame: Frame
+    frame: FrontFrame
     margin: float | None
     merit: float
 
 
 def decide(
-    surface: Surface,
+    surface: AssetMesh,
     nouns: Mapping[str, float],
     named: Iterable[str] = (),
     near: Iterable[str] = (),
@@ -115,18 +115,18 @@ def _probabilities(
 class _Frames:
     """The frames in which an asset may stand."""
 
-    def __init__(self, surface: Surface, front_deg: float | None) -> None:
+    def __init__(self, surface: AssetMesh, front_deg: float | None) -> None:
         self._given = front_deg is not None
         fronts = FRONTS if front_deg is None else (front_deg,)
-        self._upright = [Frame(surface, facing(front)) for front in fronts]
-        self._lying = [] if self._given else [Frame(surface, turn) for turn in lying(surface)]
+        self._upright = [FrontFrame(surface, facing(front)) for front in fronts]
+        self._lying = [] if self._given else [FrontFrame(surface, turn) for turn in lying(surface)]
 
-    def of(self, noun: str) -> list[Frame]:
+    def of(self, noun: str) -> list[FrontFrame]:
         """Return those in which a noun may stand, as it would by convention first."""
         upright = self._upright[:1] if like_of(noun) in ROUND else self._upright
         return upright + self._lying if like_of(noun) in HELD else upright
 
-    def graded(self, noun: str, folder: Path | None) -> list[tuple[float, float, Frame]]:
+    def graded(self, noun: str, folder: Path | None) -> list[tuple[float, float, FrontFrame]]:
         """Return both grades (`nearness`) in the best two frames, the best first."""
         frames = self.of(noun)
         dearer = [1.0 if frame is frames[0] else 1 + _CONVENTION for frame in frames]
@@ -134,7 +134,7 @@ class _Frames:
         return sorted(((one * dearer[k], own * dearer[k], frames[k]) for k, one, own in graded), key=lambda at: at[0])
 
 
-def lying(surface: Surface) -> list[Floats]:
+def lying(surface: AssetMesh) -> list[Floats]:
     """Return the turns that stand up an asset whose longest axis is level, either end up, to all four sides.
 
     One whose longest axis is upright is stood on its head.

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.cells import ground_plate
-from meshdeform.reading.choice import Frame, Surface, facing
+from meshdeform.reading.choice import AssetMesh, FrontFrame, facing
 from meshdeform.reading.deciding import FRONTS, lying
 from meshdeform.vocabulary.nouns import HELD
 
@@ -92,10 +92,10 @@ def nouns_alike(verts: Floats, faces: Index) -> Mapping[str, float]:
     They sum to 1; which side is the front does not count. A plate under it is left out. Raises ValueError: it has no
     area.
     """
-    surface = Surface(verts, faces[~ground_plate(verts, faces)] if len(faces) else faces)
+    surface = AssetMesh(verts, faces[~ground_plate(verts, faces)] if len(faces) else faces)
     if not float(surface.areas.sum()) > 0:
         raise ValueError("a mesh without area is like nothing")
-    frames = [Frame(surface, turn) for turn in (*map(facing, FRONTS), *lying(surface))]
+    frames = [FrontFrame(surface, turn) for turn in (*map(facing, FRONTS), *lying(surface))]
     members = _members()
     held = np.array([noun in HELD for noun in members.nouns])
     each = members.distances([_of_frame(frame) for frame in frames])
@@ -104,7 +104,7 @@ def nouns_alike(verts: Floats, faces: Index) -> Mapping[str, float]:
     return dict(zip(members.nouns, (likely / likely.sum()).tolist(), strict=True))
 
 
-def _of_frame(frame: Frame) -> Floats:
+def _of_frame(frame: FrontFrame) -> Floats:
     places, normals = np.split(frame.features.astype(float), 2, axis=1)
     return described(places, normals, frame.low, frame.high)
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Flags, Index
-from meshdeform.reading.articulated import AssetSamples, Fit, fit_candidate
+from meshdeform.reading.articulated import AssetSamples, MemberFit, fit_candidate
 from meshdeform.reading.cells import cells_of, ground_plate
-from meshdeform.reading.choice import Frame, Surface, candidates
+from meshdeform.reading.choice import AssetMesh, FrontFrame, candidates
 from meshdeform.reading.coarse import MOST_FACES, coarse
 from meshdeform.reading.deciding import Decision, decide
 from meshdeform.reading.evidence import Evidence, nouns_named, parts_told, weighed
@@ -115,7 +115,7 @@ class _Stand:
         """Decide what it is if an axis points up."""
         verts, faces = np.asarray(body.verts, float) @ UP_TURNS[up].T, np.asarray(body.faces, np.int64)
         ground = ground_plate(verts, faces) if len(faces) else np.zeros(0, bool)
-        standing = Surface(verts, faces[~ground])
+        standing = AssetMesh(verts, faces[~ground])
         if not nouns or not standing.areas.sum() > 0:
             raise ValueError("there is nothing to read: no noun is proposed, or the mesh has no area")
         named, near = nouns_named(clues.evidence, standing.faces, standing.areas)
@@ -155,7 +155,7 @@ def _read(body: Part, stand: _Stand, fitted: int, clues: _Clues) -> Reading:
     )
 
 
-def _best_fits(frame: Frame, noun: str, count: int, cache: Path | None) -> list[Fit]:
+def _best_fits(frame: FrontFrame, noun: str, count: int, cache: Path | None) -> list[MemberFit]:
     """Return the fitted members that may vote, the best first."""
     samples = AssetSamples(frame)
     fits = [fit_candidate(samples, frame, one) for one in candidates(frame, noun, count, cache)]
@@ -163,7 +163,7 @@ def _best_fits(frame: Frame, noun: str, count: int, cache: Path | None) -> list[
     return [fit for fit in fits[:_VOTING] if fit.score <= fits[0].score + _VOTING_WITHIN]
 
 
-def _labelled(frame: Frame, fits: Sequence[Fit], evidence: Evidence) -> tuple[Index, dict[str, float]]:
+def _labelled(frame: FrontFrame, fits: Sequence[MemberFit], evidence: Evidence) -> tuple[Index, dict[str, float]]:
     """Return the part (F,) of each face, and the confidence of each part."""
     parts = np.unique(np.concatenate([fit.member.labels for fit in fits]))
     told_parts = parts_told(evidence, frame.faces, fits[0].candidate.noun, parts)

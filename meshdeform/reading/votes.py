@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.nouns.labels import Flags, Floats, Index
-from meshdeform.reading.articulated import Fit
+from meshdeform.reading.articulated import MemberFit
 from meshdeform.reading.cells import Cells
 from meshdeform.reading.samples import Samples, features, hidden, spread
 
@@ -31,7 +31,7 @@ _SAMPLES, _NEAREST = 4000, 24
 _PLACES, _MOST_PLACES = 3000, 40
 
 
-def part_votes(verts: Floats, faces: Index, cells: Cells, fits: Sequence[Fit], parts: Index) -> Floats:
+def part_votes(verts: Floats, faces: Index, cells: Cells, fits: Sequence[MemberFit], parts: Index) -> Floats:
     """Return the probability (M, C, P) of each of the parts, places in `PART_NAMES`, on each cell, by each fit."""
     places, normals, of_cell = _places(verts, faces, cells)
     asked = features(places, normals, _NORMALS)
@@ -44,13 +44,13 @@ def part_votes(verts: Floats, faces: Index, cells: Cells, fits: Sequence[Fit], p
     return np.stack(votes)
 
 
-def counted(votes: Floats, fits: Sequence[Fit]) -> Floats:
+def counted(votes: Floats, fits: Sequence[MemberFit]) -> Floats:
     """Return the probability (C, P) of each part by all fits together."""
     weights = np.exp([-(fit.score - fits[0].score) / TRUST for fit in fits])
     return np.asarray(np.einsum("m,mcp->cp", weights / weights.sum(), votes))
 
 
-def _likely(fit: Fit, asked: Floats, inside: Flags, parts: Index) -> Floats:
+def _likely(fit: MemberFit, asked: Floats, inside: Flags, parts: Index) -> Floats:
     """Return the probability (N, P) of the parts at places, by one member; `inside`: those inside another component."""
     member = fit.member
     samples = spread(member.verts, member.faces, _SAMPLES, 5)

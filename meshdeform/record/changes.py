@@ -24,7 +24,7 @@ Row = sa.Row[Any]
 _BATCH = 500
 
 
-class Change:
+class JobChange:
     """A transaction that changes jobs, created by `changing`."""
 
     def __init__(self, database: Database, connection: sa.Connection) -> None:
@@ -125,10 +125,10 @@ def with_progress_event(database: Database, change: sa.Update, progress: Progres
 
 
 @contextmanager
-def changing(database: Database) -> Iterator[Change]:
+def changing(database: Database) -> Iterator[JobChange]:
     """Open a transaction that changes jobs, and write its counters and what owners used at its end."""
     with database.write() as connection:
-        change = Change(database, connection)
+        change = JobChange(database, connection)
         yield change
         change.usage.write()
         change.counters.write()
@@ -159,7 +159,7 @@ def find_job(connection: sa.Connection, job_id: str, owner: str | None = None) -
 
 
 @dataclass(frozen=True)
-class Head:
+class JobPosition:
     """The current position of a job: the number of its newest event, its version and its state."""
 
     seq: int
@@ -182,14 +182,14 @@ class EventLog:
                 find_job(connection, job_id, owner)
         return events_after
 
-    def heads(self, job_ids: Collection[str]) -> dict[str, Head]:
+    def heads(self, job_ids: Collection[str]) -> dict[str, JobPosition]:
         """Return the current positions of jobs, without deleted ones, in one query per 500 jobs."""
-        heads: dict[str, Head] = {}
+        heads: dict[str, JobPosition] = {}
         ids = sorted(job_ids)
         for start in range(0, len(ids), _BATCH):
             query = sa.select(jobs.c.id, jobs.c.event_seq, jobs.c.version, jobs.c.state)
             query = query.where(jobs.c.id.in_(ids[start : start + _BATCH]))
             with self._database.read() as connection:
                 for row in connection.execute(query):
-                    heads[row.id] = Head(row.event_seq, row.version, member_of(JobState, row.state))
+                    heads[row.id] = JobPosition(row.event_seq, row.version, member_of(JobState, row.state))
         return heads

@@ -54,7 +54,7 @@ _Shape = tuple[tuple[sa.Table, tuple[tuple[str, Any], ...]], ...]
 
 
 @dataclass(frozen=True)
-class Patience:
+class DatabasePatience:
     """Seconds to wait for a database that does not answer: to connect, for a statement, and for a connection.
 
     A connection that has rested is asked for as long as one is waited for, and then replaced: that is the one retry.
@@ -65,10 +65,10 @@ class Patience:
     pool_s: float
 
 
-PATIENT = Patience(30.0, 30.0, 30.0)
+PATIENT = DatabasePatience(30.0, 30.0, 30.0)
 """Of workers and of tasks that nobody waits for."""
 
-HASTY = Patience(1.5, 4.0, 3.5)
+HASTY = DatabasePatience(1.5, 4.0, 3.5)
 """Of requests, which are answered within five seconds."""
 
 
@@ -88,7 +88,7 @@ class Database:
         connections: int = MAX_CONNECTIONS,
         *,
         upgrade_elsewhere: bool = False,
-        patience: Patience = PATIENT,
+        patience: DatabasePatience = PATIENT,
     ) -> None:
         self._engine = make_engine(url, connections, patience)
         self._lets_go = connections == 0
@@ -196,7 +196,7 @@ class Database:
             patient.dispose()
 
 
-def make_engine(url: str, connections: int = MAX_CONNECTIONS, patience: Patience | None = PATIENT) -> sa.Engine:
+def make_engine(url: str, connections: int = MAX_CONNECTIONS, patience: DatabasePatience | None = PATIENT) -> sa.Engine:
     """Return the engine of a record, with its driver, time limits and TLS. Neither connects nor migrates.
 
     Without patience, there is no limit to how long anything on PostgreSQL takes. Raises DependencyError: the URL is
@@ -260,7 +260,7 @@ def _ssl_context(mode: str) -> ssl.SSLContext | None:
     return context
 
 
-def _sqlite_engine(url: sa.URL, patience: Patience) -> sa.Engine:
+def _sqlite_engine(url: sa.URL, patience: DatabasePatience) -> sa.Engine:
     if not url.database or url.database == ":memory:":
         raise DependencyError(
             "A record in memory is lost with its process.", advice="Name a file: sqlite:////path/to/meshdeform.sqlite."
@@ -292,7 +292,7 @@ def _make_private(path: Path) -> None:
         raise UnavailableError(f"The record cannot be opened: {error.strerror}.") from error
 
 
-def _prepare_sqlite(patience: Patience, connection: sqlite3.Connection, _record: Any) -> None:
+def _prepare_sqlite(patience: DatabasePatience, connection: sqlite3.Connection, _record: Any) -> None:
     # sqlite3 begins transactions too late to take the write lock at once; `_begin_sqlite` begins them.
     connection.isolation_level = None
     deadline = time.monotonic() + patience.statement_s

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import AssetNotFetchedError
 from meshdeform.record import rows
-from meshdeform.record.changes import Change, changing
+from meshdeform.record.changes import JobChange, changing
 from meshdeform.record.database import Database
 from meshdeform.record.files import FileLedger, Rooms
 from meshdeform.record.models import EventType, Job, JobError, JobState, NewJob
@@ -65,7 +65,7 @@ class Fetching:
         with changing(self._database) as change:
             self._fail(change, late, JobError.of(gone))
 
-    def _fail(self, change: Change, which: sa.ColumnElement[bool], error: JobError) -> None:
+    def _fail(self, change: JobChange, which: sa.ColumnElement[bool], error: JobError) -> None:
         document = error.model_dump()
         over = {"state": JobState.FAILED, "finished_at": self._database.now(), "phase": "done", "retry_at": None}
         change.update(which, {**over, "error": document}, EventType.FAILED, {"error": document})

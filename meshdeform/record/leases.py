@@ -20,7 +20,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import DeviceMemoryError, UnreadableJobError
 from meshdeform.record import rows
-from meshdeform.record.changes import Change, Row, changing, hold, stale, with_progress_event
+from meshdeform.record.changes import JobChange, Row, changing, hold, stale, with_progress_event
 from meshdeform.record.database import Database
 from meshdeform.record.files import measure
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
@@ -166,7 +166,7 @@ class Leases:
         members = sa.func.json_each(ids) if self._database.is_sqlite else sa.func.json_array_elements_text(ids)
         return query.where(jobs.c.id.not_in(sa.select(members.table_valued("value").c.value)))
 
-    def _take(self, change: Change, choices: Sequence[Ids], worker_id: str, lease_s: float) -> Job | None:
+    def _take(self, change: JobChange, choices: Sequence[Ids], worker_id: str, lease_s: float) -> Job | None:
         now = self._database.now()
         values = {
             "state": JobState.RUNNING,
@@ -373,7 +373,7 @@ class Leases:
                 change.counters.observe("step_seconds", step_s)
         return JobState(changed[0].state)
 
-    def _publish(self, change: Change, job_id: str, attempt: int, results: Sequence[Artifact]) -> None:
+    def _publish(self, change: JobChange, job_id: str, attempt: int, results: Sequence[Artifact]) -> None:
         names = [result.name for result in results]
         shown = sa.and_(artifacts.c.job_id == job_id, artifacts.c.name.in_(names))
         change.connection.execute(sa.delete(artifacts).where(shown))

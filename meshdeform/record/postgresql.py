@@ -22,7 +22,7 @@ _PAUSE_S = 1.0
 """Seconds for which nobody tries to connect to a server that did not answer."""
 
 if TYPE_CHECKING:
-    from meshdeform.record.database import Patience
+    from meshdeform.record.database import DatabasePatience
 
 DRIVER = "postgresql+meshdeform"
 """The driver's name in SQLAlchemy's URLs."""
@@ -39,7 +39,7 @@ class Dialect(PGDialect_pg8000):
 
     supports_statement_cache = True
     idle_s = 10.0
-    patience: Patience | None = None
+    patience: DatabasePatience | None = None
     _away_until = 0.0
 
     @contextmanager

@@ -93,7 +93,7 @@ def _remove_prefix(record: JobRecord, store: ObjectStore, prefix: str) -> None:
     record.upkeep.forget_discarded(prefix)
 
 
-class Candidate:
+class LeaderCandidate:
     """One process in one election.
 
     `name`: the election: its candidates do the same work. `every_s`: seconds between two looks of the leader, and at
@@ -214,8 +214,8 @@ class Reconciler:
         self._readings_looked_at: float | None = None
         self._done = threading.Event()
         workers = record.leases.alive_query(queue.name)
-        self._repairing = Candidate(record.database, f"repair {queue.name}", self._every_s, workers)
-        self._cleaning = Candidate(record.database, "cleanup", self._every_s)
+        self._repairing = LeaderCandidate(record.database, f"repair {queue.name}", self._every_s, workers)
+        self._cleaning = LeaderCandidate(record.database, "cleanup", self._every_s)
         elections = {"reconciler": (self._repairing, self._repair)}
         if store is not None:
             # On its own, so that a slow store does not delay the recovery of jobs.
@@ -325,21 +325,21 @@ class Reconciler:
         for thread in self._threads:
             thread.join()
 
-    def _run(self, candidate: Candidate, duties: Callable[[], None]) -> None:
+    def _run(self, candidate: LeaderCandidate, duties: Callable[[], None]) -> None:
         while not self._done.is_set():
             self._turn(candidate, duties)
             self._done.wait(candidate.pause_s())
         if candidate.leads:
             self._each(candidate.resign)
 
-    def _turn(self, candidate: Candidate, duties: Callable[[], None]) -> None:
+    def _turn(self, candidate: LeaderCandidate, duties: Callable[[], None]) -> None:
         self._each(lambda: self._look(candidate))
         if candidate.leads:
             duties()
         else:
             self._record.database.let_go()
 
-    def _look(self, candidate: Candidate) -> None:
+    def _look(self, candidate: LeaderCandidate) -> None:
         watching = candidate is self._repairing
         candidate.look(self._watch.since if watching else None)
         if candidate.took_over:

@@ -11,7 +11,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import KindRetiredError, WorkerLostError
 from meshdeform.record import rows
-from meshdeform.record.changes import Change, Row, changing
+from meshdeform.record.changes import JobChange, Row, changing
 from meshdeform.record.database import Database
 from meshdeform.record.leases import may_start, released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
@@ -101,7 +101,7 @@ class Upkeep:
         return self._each(expired, lambda change, held: self._take_back(change, held, max_attempts, blamed))
 
     def _take_back(
-        self, change: Change, held: sa.ColumnElement[bool], max_attempts: int, blamed: sa.ColumnElement[bool]
+        self, change: JobChange, held: sa.ColumnElement[bool], max_attempts: int, blamed: sa.ColumnElement[bool]
     ) -> list[str]:
         lost = WorkerLostError(f"The workers of {max_attempts} attempts died or were cut off.")
         over = {"finished_at": self._database.now(), "phase": "done"}
@@ -139,7 +139,7 @@ class Upkeep:
         # Twice as long, so that hosts may differ slightly in their settings and clocks.
         ahead = sa.and_(jobs.c.state.in_(rows.OWNED), jobs.c.lease_expires_at > self._database.now(2 * lease_s))
 
-        def cut(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
+        def cut(change: JobChange, held: sa.ColumnElement[bool]) -> list[str]:
             shorter = sa.update(jobs).where(held).values(lease_expires_at=self._database.now(lease_s))
             return list(change.connection.scalars(shorter.returning(jobs.c.id)))
 
@@ -164,7 +164,7 @@ class Upkeep:
             "retry_at": None,
         }
 
-        def end(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
+        def end(change: JobChange, held: sa.ColumnElement[bool]) -> list[str]:
             ended = change.update(held, values, lambda row: EventType(row.state))
             # The lease stays in the row for information; the state prevents further writes of the worker.
             return [row.id for row in ended if row.lease_expires_at]
@@ -183,7 +183,7 @@ class Upkeep:
             "retry_at": None,
         }
 
-        def end(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
+        def end(change: JobChange, held: sa.ColumnElement[bool]) -> list[str]:
             return [row.id for row in change.update(held, values, EventType.FAILED, lambda row: {"error": row.error})]
 
         self._each(waiting, end)
@@ -194,7 +194,7 @@ class Upkeep:
         finished = (jobs.c.state + "").in_(TERMINAL_STATES)
         over = sa.and_(finished, jobs.c.retain_until < self._database.now())
 
-        def forget(change: Change, held: sa.ColumnElement[bool]) -> list[str]:
+        def forget(change: JobChange, held: sa.ColumnElement[bool]) -> list[str]:
             ids = list(change.connection.scalars(sa.delete(jobs).where(held).returning(jobs.c.id)))
             change.connection.execute(sa.insert(discarded), [{"prefix": f"jobs/{job_id}/"} for job_id in ids])
             change.connection.execute(sa.delete(webhooks).where(webhooks.c.job_id.in_(ids)))
@@ -245,7 +245,7 @@ class Upkeep:
     def _each(
         self,
         condition: sa.ColumnElement[bool],
-        change_them: Callable[[Change, sa.ColumnElement[bool]], list[str]],
+        change_them: Callable[[JobChange, sa.ColumnElement[bool]], list[str]],
     ) -> list[str]:
         """Change the jobs of a condition in batches, one transaction each; return the ids from `change_them`."""
         # The change must end the condition. Rows locked by others are left for the next run, so that reconcilers never

@@ -7,7 +7,7 @@ of the camera is such that a given sphere at the origin just fits the view.
 The published code places the camera at three half extents of the shape, measured anew at every step, so a growing shape
 keeps its size in the picture and never leaves it. `Framing` does the same within bounds.
 
-`Frame` maps the source into the cameras' frame: centred at the origin, small enough to be able to grow.
+`CameraFrame` maps the source into the cameras' frame: centred at the origin, small enough to be able to grow.
 
 Source of the ranges: Xu et al. 2024, FusionDeformer, section 4.2 (orthogonal views).
 """
@@ -160,14 +160,14 @@ def _look_at(azimuth_deg: float, elevation_deg: float, distance: float) -> NDArr
 
 
 @dataclass(frozen=True)
-class Frame:
+class CameraFrame:
     """Similarity between the world and the cameras' frame."""
 
     centre: _Floats  # (3,) float64: centre of the bounding box, in the world
     scale: float  # camera units per world unit
 
     @classmethod
-    def around(cls, verts: _Floats) -> Frame:
+    def around(cls, verts: _Floats) -> CameraFrame:
         """Return the frame in which `verts` (V, 3) are centred and the farthest is at `RADIUS`."""
         centre = (verts.min(0) + verts.max(0)) / 2
         return cls(centre, RADIUS / float(np.linalg.norm(verts - centre, axis=1).max()))

@@ -3,7 +3,7 @@
 There are three kinds of shading: `normals` colours every face by its normal in the camera's frame, 0.5 + 0.5 n (as in
 the builtin prior's training data); `lambert` lights neutral clay with smooth normals; and `textured` lights the asset's
 own base colours in the same way. In a fixed scene, light comes from the camera's upper left, and a quarter of it is
-ambient. In a varied scene (`Scene`), light and background change with every view, and the clay is that of the
+ambient. In a varied scene (`Lighting`), light and background change with every view, and the clay is that of the
 published code: albedo 0.5, light 5 / pi, no ambient light. All kinds of shading treat surfaces as two-sided.
 
 `textured` computes in linear light and encodes the picture as sRGB. A quarter of its light is ambient in varied scenes
@@ -384,7 +384,7 @@ class _Colour(torch.autograd.Function):
 
 
 @dataclass(frozen=True)
-class Scene:
+class Lighting:
     """Background and light of B views."""
 
     backgrounds: Tensor  # (B, S, S, 3) float32 in [0, 1]
@@ -392,7 +392,7 @@ class Scene:
     """(B, 3) float32: unit vectors towards the light, in each camera's frame (x right, y up, z towards the viewer)."""
 
 
-def sample_scene(views: int, side: int, generator: torch.Generator, device: torch.device | str = "cpu") -> Scene:
+def sample_scene(views: int, side: int, generator: torch.Generator, device: torch.device | str = "cpu") -> Lighting:
     """Draw the backgrounds and lights of one step.
 
     `views`: number of views, B; `side`: side of a view, S, in pixels; `generator`: the job's only source of randomness.
@@ -401,7 +401,7 @@ def sample_scene(views: int, side: int, generator: torch.Generator, device: torc
     u = torch.rand(views, 2, generator=generator, dtype=torch.float64)
     sine, turn = u[:, 0].sqrt(), 2 * math.pi * u[:, 1]
     lights = torch.stack([sine * turn.cos(), sine * turn.sin(), (1 - u[:, 0]).sqrt()], 1).float()
-    return Scene(backgrounds.to(device), lights.to(device))
+    return Lighting(backgrounds.to(device), lights.to(device))
 
 
 def _background(side: int, generator: torch.Generator) -> Tensor:
@@ -558,7 +558,7 @@ class Renderer:
         chosen = self.style.shading
         return "lambert" if chosen in ("textured", "mixed") and self._colours is None else chosen
 
-    def sample_scene(self, views: int, generator: torch.Generator) -> Scene | None:
+    def sample_scene(self, views: int, generator: torch.Generator) -> Lighting | None:
         """Draw the background and light of `views` views, or return None if the style's scene is fixed."""
         if self.style.scene == "fixed":
             return None
@@ -571,7 +571,7 @@ class Renderer:
         return "textured" if float(torch.rand(1, generator=generator)) < _TEXTURED_ODDS else "lambert"
 
     def render(
-        self, verts: Tensor, cameras: Cameras, scene: Scene | None = None, shading: Shading | None = None
+        self, verts: Tensor, cameras: Cameras, scene: Lighting | None = None, shading: Shading | None = None
     ) -> Tensor:
         """Render the mesh from every camera.
 
@@ -614,7 +614,7 @@ class Renderer:
             return shrink(image, self.style.supersample)
         return functional.avg_pool2d(image.permute(0, 3, 1, 2), self.style.supersample).permute(0, 2, 3, 1)
 
-    def _compiled_normals(self, verts: Tensor, cameras: Cameras, scene: Scene | None) -> Tensor:
+    def _compiled_normals(self, verts: Tensor, cameras: Cameras, scene: Lighting | None) -> Tensor:
         """Draw normals as `_plain` does, (B, side, side, 3)."""
         clip, side = projected(verts, cameras), self.style.view_size * self.style.supersample
         fragments = rasterize(clip, self.faces, side, side)
@@ -648,7 +648,7 @@ class Renderer:
         view = torch.div(at, height * width, rounding_mode="floor")
         return _Pixels(at, view, face, view * self.faces.shape[0] + face)
 
-    def _plain(self, surface: _Surface, scene: Scene | None, *, normals: bool) -> Tensor:
+    def _plain(self, surface: _Surface, scene: Lighting | None, *, normals: bool) -> Tensor:
         """Draw normals or clay, (B, side, side, 3)."""
         views, side = len(surface.clip), self.style.view_size * self.style.supersample
         fragments = rasterize(surface.clip, self.faces, side, side)
@@ -657,7 +657,7 @@ class Renderer:
         image = self._backdrop(views, side, scene).index_copy(0, pixels.at, colour)
         return antialias(image.view(views, side, side, 3), surface.clip, self.edges, fragments.depth)
 
-    def _textured(self, surface: _Surface, colours: BaseColours, scene: Scene | None) -> Tensor:
+    def _textured(self, surface: _Surface, colours: BaseColours, scene: Lighting | None) -> Tensor:
         """Draw the base colours in linear light, (B, side, side, 3)."""
         views, side = len(surface.clip), self.style.view_size * self.style.supersample
         layers = _Layers(views, side, surface.clip)
@@ -682,7 +682,7 @@ class Renderer:
         image = layers.over(linear_from_srgb(self._backdrop(views, side, scene), torch))
         return antialias(image, surface.clip, self.edges, layers.depth, layers.removed)
 
-    def _backdrop(self, views: int, side: int, scene: Scene | None) -> Tensor:
+    def _backdrop(self, views: int, side: int, scene: Lighting | None) -> Tensor:
         if scene is None:
             return self._background.expand(views * side * side, 3)
         return scene.backgrounds.reshape(-1, 3).to(self._dtype)
@@ -695,12 +695,12 @@ class Renderer:
         smooth = _interpolated(surface.clip, surface.normals.detach(), self.faces, pixels, surface.solid, side)
         return 0.5 + 0.5 * facing * (flat + _motion_only(_damped(smooth, share), flat))
 
-    def _clay(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:
+    def _clay(self, surface: _Surface, pixels: _Pixels, side: int, scene: Lighting | None) -> Tensor:
         diffuse = self._diffuse(surface, pixels, side, scene)
         brightness = AMBIENT + (1 - AMBIENT) * diffuse if scene is None else _VARIED_GAIN * diffuse
         return brightness[:, None].expand(-1, 3)
 
-    def _diffuse(self, surface: _Surface, pixels: _Pixels, side: int, scene: Scene | None) -> Tensor:
+    def _diffuse(self, surface: _Surface, pixels: _Pixels, side: int, scene: Lighting | None) -> Tensor:
         """Return the cosine (P,) between the smooth normals and the light; 0 in shade."""
         facing, share = surface.facing.reshape(-1)[pixels.key, None], surface.share[pixels.face, None]
         smooth = _interpolated(surface.clip, surface.normals, self.faces, pixels, surface.solid, side)

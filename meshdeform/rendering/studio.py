@@ -45,7 +45,7 @@ _FROM_DEG, _FRONT_DEG, _TO_DEG = 5.0, 30.0, 55.0
 
 
 @dataclass(frozen=True)
-class Pose:
+class SurfaceState:
     """One state of the surface: positions and normals (N, 3) float64; NaN where a vertex has no normal."""
 
     positions: NDArray[np.float64]
@@ -70,7 +70,7 @@ class Studio:
     def __init__(
         self,
         appearance: Appearance,
-        poses: Sequence[Pose],
+        poses: Sequence[SurfaceState],
         *,
         size: int,
         azimuths_deg: Sequence[float],
@@ -86,7 +86,7 @@ class Studio:
         self._scale = 1 / max(float(np.linalg.norm(shown, axis=1).max()), 1e-300)
         self._framing = _framing(self._cameras(azimuths_deg), (shown * self._scale).astype(np.float32))
 
-    def photograph(self, pose: Pose, azimuths_deg: Sequence[float]) -> NDArray[np.uint8]:
+    def photograph(self, pose: SurfaceState, azimuths_deg: Sequence[float]) -> NDArray[np.uint8]:
         """Draw a state from several sides.
 
         Returns
@@ -170,7 +170,7 @@ def _framing(cameras: Cameras, points: _Singles) -> _Singles:
     return change
 
 
-def preview_png(appearance: Appearance, source: Pose, result: Pose) -> bytes:
+def preview_png(appearance: Appearance, source: SurfaceState, result: SurfaceState) -> bytes:
     """Draw both states with the asset's colours and normals, at the same scale, so that growth is visible.
 
     Returns
@@ -187,7 +187,7 @@ def comparison_png(glbs: Mapping[str, bytes]) -> bytes:
     rows = []
     for data in glbs.values():
         asset = load_asset(data, limits=Limits.unlimited())
-        pose = Pose(asset.surface.positions, asset.surface.normals)
+        pose = SurfaceState(asset.surface.positions, asset.surface.normals)
         studio = Studio(asset.appearance(), (pose,), size=_SIZE, azimuths_deg=_AZIMUTHS_DEG)
         rows.append(np.concatenate(list(studio.photograph(pose, _AZIMUTHS_DEG)), 1))
     return _labelled(rows, list(glbs))
@@ -205,7 +205,13 @@ def _labelled(rows: Sequence[NDArray[np.uint8]], labels: Sequence[str]) -> bytes
 
 
 def morph_animation(
-    appearance: Appearance, source: Pose, result: Pose, *, kind: str, size: int | None = None, frames: int = 24
+    appearance: Appearance,
+    source: SurfaceState,
+    result: SurfaceState,
+    *,
+    kind: str,
+    size: int | None = None,
+    frames: int = 24,
 ) -> bytes:
     """Draw the way from the source to the result and back, with a pause at each end, while the camera swings.
 
@@ -234,7 +240,7 @@ def morph_animation(
 
 
 def turntable_animation(
-    appearance: Appearance, pose: Pose, *, kind: str, size: int | None = None, frames: int = 48
+    appearance: Appearance, pose: SurfaceState, *, kind: str, size: int | None = None, frames: int = 48
 ) -> bytes:
     """Draw one turn about the vertical axis; the parameters are those of `morph_animation`."""
     azimuths = [_FRONT_DEG + 360 * k / frames for k in range(frames)]
@@ -248,11 +254,11 @@ def turntable_animation(
     return _written([studio.photograph(pose, (azimuth,))[0] for azimuth in azimuths], [_FRAME_MS] * frames, kind)
 
 
-def _between(source: Pose, result: Pose, way: float) -> Pose:
+def _between(source: SurfaceState, result: SurfaceState, way: float) -> SurfaceState:
     """Return the state at a share of the way from the source to the result."""
     normals = (1 - way) * source.normals + way * result.normals
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return Pose(
+    return SurfaceState(
         (1 - way) * source.positions + way * result.positions,
         np.divide(normals, length, out=np.full_like(normals, np.nan), where=length > 1e-9),
     )

@@ -15,14 +15,14 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from meshdeform.assets import Asset
-from meshdeform.assets.surface import Parts
+from meshdeform.assets.surface import NamedParts
 from meshdeform.deformation.constraints import (
     TOLERANCE,
-    Body,
     Constraints,
-    Handle,
+    HandleConstraint,
     Mirror,
     Partners,
+    RigidBody,
     find_partners,
     freedom_around,
     handle_rows,
@@ -32,7 +32,7 @@ from meshdeform.geometry.congruence import Component, components_of, congruent_g
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import NearestPlaces
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests import selection
 from meshdeform.requests.choices import RegionAction, Rigidity, Symmetry
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
@@ -40,7 +40,7 @@ from meshdeform.requests.selection import (
     RigidSelector,
 )
 from meshdeform.runs.changes import parts_found
-from meshdeform.runs.reading import Source, reading_document, welded_body
+from meshdeform.runs.reading import ReadingSource, reading_document, welded_body
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.runs.surfaces import welded_surface
 from meshdeform.runs.text_deform_kind import check_places
@@ -67,7 +67,7 @@ class WeldedSurface(SelectableSurface):
         return self.welded.mesh
 
 
-def select_bodies(selectors: Sequence[RigidSelector], surface: WeldedSurface) -> list[Body]:
+def select_bodies(selectors: Sequence[RigidSelector], surface: WeldedSurface) -> list[RigidBody]:
     """Return the bodies of an asset that keep their shape.
 
     Selections that share vertices become one body, which is rigid if one of them is.
@@ -75,7 +75,7 @@ def select_bodies(selectors: Sequence[RigidSelector], surface: WeldedSurface) ->
     if not selectors:
         return []
     selected = [
-        Body(verts, selector.mode)
+        RigidBody(verts, selector.mode)
         for number, selector in enumerate(selectors)
         for verts in _bodies(selector, surface.faces(("control", "rigid"), number, selector), surface.mesh)
     ]
@@ -88,7 +88,7 @@ def select_bodies(selectors: Sequence[RigidSelector], surface: WeldedSurface) ->
     return bodies
 
 
-def _with_edges(body: Body, mesh: RestMesh) -> Body:
+def _with_edges(body: RigidBody, mesh: RestMesh) -> RigidBody:
     """Return a body with the ends of the edges on which its vertices lie, which would come off it otherwise."""
     if not len(mesh.junctions):
         return body
@@ -110,7 +110,7 @@ def _bodies(selector: RigidSelector, flags: _Flags, mesh: RestMesh) -> list[_Ind
     return _groups(verts, label, count)
 
 
-def _united(bodies: Sequence[Body], count: int) -> list[Body]:
+def _united(bodies: Sequence[RigidBody], count: int) -> list[RigidBody]:
     """Unite bodies that share vertices, of `count` in all."""
     owner = np.repeat(np.arange(len(bodies)), [len(body.verts) for body in bodies])
     members = np.concatenate([body.verts for body in bodies])
@@ -121,7 +121,7 @@ def _united(bodies: Sequence[Body], count: int) -> list[Body]:
     rigid = np.bincount(label, weights=stiff, minlength=total) > 0
     groups = _groups(members, label[owner], total)
     modes = [Rigidity.RIGID if flag else Rigidity.SIMILARITY for flag in rigid]
-    return [Body(np.unique(verts), mode) for verts, mode in zip(groups, modes, strict=True)]
+    return [RigidBody(np.unique(verts), mode) for verts, mode in zip(groups, modes, strict=True)]
 
 
 def _groups(values: _Index, label: NDArray[np.int32], count: int) -> list[_Index]:
@@ -131,18 +131,18 @@ def _groups(values: _Index, label: NDArray[np.int32], count: int) -> list[_Index
 
 
 @dataclass(frozen=True)
-class Control:
+class AssetControl:
     """Control of a request over where its asset may deform."""
 
     constraints: Constraints = field(default_factory=Constraints)  # on the welded mesh in the cameras' frame
-    bodies: list[Body] = field(default_factory=list)
+    bodies: list[RigidBody] = field(default_factory=list)
     """Bodies that keep their shape; one that touches what is kept is kept as a whole, and not listed."""
     regions: list[dict[str, Any]] = field(default_factory=list)
     """For each region: its `action`, and the `faces` that it selects."""
     partners: Partners | None = None  # the mirrored partners of the vertices, if a symmetry is kept
 
 
-def read_control(params: ResolvedParams, surface: WeldedSurface, frame: Frame, mesh: RestMesh) -> Control:
+def read_control(params: ResolvedParams, surface: WeldedSurface, frame: CameraFrame, mesh: RestMesh) -> AssetControl:
     """Return the constraints of a request.
 
     `surface`: in the file's units; `mesh`: the welded mesh in the cameras' frame.
@@ -165,7 +165,7 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: Frame, m
         Mirror.of_partners(partners) if partners is not None else None,
         handles,
     )
-    return Control(constraints, bodies, regions, partners)
+    return AssetControl(constraints, bodies, regions, partners)
 
 
 def _kept(regions: Sequence[selection.Region], surface: WeldedSurface) -> tuple[_Flags, list[dict[str, Any]]]:
@@ -187,7 +187,7 @@ def _kept(regions: Sequence[selection.Region], surface: WeldedSurface) -> tuple[
     return verts, properties
 
 
-def _completed(kept: _Flags, bodies: Sequence[Body], partners: Partners | None, mesh: RestMesh) -> _Flags:
+def _completed(kept: _Flags, bodies: Sequence[RigidBody], partners: Partners | None, mesh: RestMesh) -> _Flags:
     """Return the kept vertices (V,) with the mirror images of all, and with the whole of bodies that they touch.
 
     An edge on which a kept vertex lies is kept as well: otherwise, it would leave that behind.
@@ -232,10 +232,10 @@ def _handle(
     number: int,
     item: selection.Handle,
     surface: WeldedSurface,
-    frame: Frame,
+    frame: CameraFrame,
     kept: _Flags,
-    bodies: Sequence[Body],
-) -> Handle:
+    bodies: Sequence[RigidBody],
+) -> HandleConstraint:
     corners, shares = _held_point(number, item, surface)
     where = f"handle {number}"
     if kept[list(corners)].all():
@@ -243,7 +243,7 @@ def _handle(
     if any(np.isin(corners, body.verts).any() for body in bodies):
         raise _refusal("handles", f"{where} holds a point of a rigid part.", "Leave out one of the two.", number)
     goal = frame.enter(np.array(item.to, np.float64))
-    return Handle(corners, shares, goal, item.weight)
+    return HandleConstraint(corners, shares, goal, item.weight)
 
 
 def _held_point(
@@ -265,7 +265,7 @@ def _refusal(name: str, detail: str, advice: str, *place: int) -> ParameterError
 
 
 def control_report(
-    control: Control, params: ResolvedParams, welded: WeldedMesh, frame: Frame, source: Asset, result: Asset
+    control: AssetControl, params: ResolvedParams, welded: WeldedMesh, frame: CameraFrame, source: Asset, result: Asset
 ) -> dict[str, Any]:
     """Return the members of the report about control that the request uses; lengths are shares of the diagonal.
 
@@ -293,7 +293,7 @@ def control_report(
     return report
 
 
-def _handles(control: Control, frame: Frame, places: _Floats, diagonal: float) -> list[dict[str, Any]]:
+def _handles(control: AssetControl, frame: CameraFrame, places: _Floats, diagonal: float) -> list[dict[str, Any]]:
     handles = control.constraints.handles
     reached = handle_rows(handles, len(places)) @ places
     goals = np.stack([handle.goal for handle in handles]) / frame.scale + frame.centre
@@ -304,7 +304,7 @@ def _handles(control: Control, frame: Frame, places: _Floats, diagonal: float) -
     ]
 
 
-def _symmetry(control: Control, mesh: RestMesh, places: _Floats, diagonal: float) -> dict[str, Any]:
+def _symmetry(control: AssetControl, mesh: RestMesh, places: _Floats, diagonal: float) -> dict[str, Any]:
     if control.partners is None:
         closest = min((find_partners(mesh, axis) for axis in range(3)), key=lambda partners: partners.unmatched)
         return {"axis": None, "closest": "xyz"[closest.axis], "unmatched_vertices": closest.unmatched}
@@ -319,7 +319,9 @@ def _symmetry(control: Control, mesh: RestMesh, places: _Floats, diagonal: float
     }
 
 
-def inspect_parts(asset: Asset, params: ResolvedParams | None = None, source: Source | None = None) -> dict[str, Any]:
+def inspect_parts(
+    asset: Asset, params: ResolvedParams | None = None, source: ReadingSource | None = None
+) -> dict[str, Any]:
     """Return the names that a selection can refer to in an asset, and proposals for `params.control.rigid`, as JSON.
 
     `params`: give its noun, its front and corrections of its parts; by default nothing; `source`: its file, if the
@@ -372,7 +374,7 @@ def _box(welded: WeldedMesh) -> dict[str, NDArray[np.float64]]:
     return {"min": points.min(0), "max": points.max(0)}
 
 
-def _owners(welded: WeldedMesh, parts: Parts) -> dict[str, _Index]:
+def _owners(welded: WeldedMesh, parts: NamedParts) -> dict[str, _Index]:
     """Return, for `nodes` and `materials`, the distinct pairs (P, 2) of component and index."""
     component = welded.mesh.components[welded.mesh.faces[:, 0]]
     indices = {"nodes": parts.node_of_triangle, "materials": parts.material_of_triangle}

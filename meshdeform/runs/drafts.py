@@ -18,7 +18,7 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import simplified
 from meshdeform.support.recent import Recent
 
-__all__ = ["Fitted", "in_place_of"]
+__all__ = ["FitSurface", "in_place_of"]
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -26,11 +26,11 @@ _LARGE, _FACES = 20_000, 5000
 """Faces above which a surface is large, and about how many are fitted in its place."""
 _MOST, _MOST_BYTES, _BYTES_OF_VERTEX = 8, 256 * 2**20, 400
 """How many are kept, and what one takes: its vertices' places on the other, and what averages them."""
-_recent: Recent[Fitted] = Recent(_MOST, _MOST_BYTES)
+_recent: Recent[FitSurface] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FitSurface:
     """What is fitted: `points` (V, 3) float64, `faces` (F, 3) int64, and the part of each face, `labels` (F,) int64.
 
     `binding`: by which a large surface follows it; None: it is the surface itself.
@@ -46,7 +46,7 @@ class Fitted:
         return points if self.binding is None else self.binding.move(points)
 
 
-def in_place_of(whole: Fitted) -> Fitted:
+def in_place_of(whole: FitSurface) -> FitSurface:
     """Return a simplified surface in place of a large one; what is not large, or cannot be simplified, as it is."""
     if len(whole.faces) <= _LARGE:
         return whole
@@ -61,10 +61,12 @@ def in_place_of(whole: Fitted) -> Fitted:
     return found
 
 
-def _simplified(whole: Fitted) -> Fitted:
+def _simplified(whole: FitSurface) -> FitSurface:
     mesh = TriangleMesh(whole.points, whole.faces)
     simple = simplified(mesh, _FACES)
     if not 0 < len(simple.faces) <= _LARGE:
         return whole
     nearest = cKDTree(whole.points[whole.faces].mean(1)).query(simple.verts[simple.faces].mean(1))[1]
-    return Fitted(simple.verts, simple.faces, whole.labels[nearest], Binding(RestMesh.of(simple), RestMesh.of(mesh)))
+    return FitSurface(
+        simple.verts, simple.faces, whole.labels[nearest], Binding(RestMesh.of(simple), RestMesh.of(mesh))
+    )

@@ -29,8 +29,8 @@ from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, finge
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.mending import Mended
 from meshdeform.exemplar.outlines import Outlines, outlines_of
-from meshdeform.exemplar.outlook import Outlook, outlook
-from meshdeform.exemplar.shapes import Frame as ExemplarFrame
+from meshdeform.exemplar.outlook import FitOutlook, outlook
+from meshdeform.exemplar.shapes import FitFrame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
 from meshdeform.exemplar.smooth_fit import smooth_fit
 from meshdeform.exemplar.symmetry import symmetry_axes
@@ -39,15 +39,15 @@ from meshdeform.geometry.pictures import SilhouetteView
 from meshdeform.plain.body import Body
 from meshdeform.plain.read_parts import ReadParts
 from meshdeform.reading import NO_PART, Reading
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, WORDS_PART
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
 from meshdeform.runs.believed import believed_source
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
-from meshdeform.runs.drafts import Fitted, in_place_of
-from meshdeform.runs.exemplar_control import Controls
+from meshdeform.runs.drafts import FitSurface, in_place_of
+from meshdeform.runs.exemplar_control import FitControls
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import DIGITS, ExemplarFacts, Fit, exemplar_report
 from meshdeform.runs.fits import SilhouetteFit, TargetFit
@@ -68,7 +68,7 @@ _VERTS = "verts"
 def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> ExemplarRun:
     """Read the asset and the controls of a request, and start its fits."""
     request, params, asset, welded = facts.request, facts.params, facts.asset, facts.welded
-    frame = Frame.around(welded.mesh.verts)
+    frame = CameraFrame.around(welded.mesh.verts)
     mesh = RestMesh.of(frame.place(welded.mesh))
     shape = shape_id(facts.file.digest, asset, params, request.output)
     guidance = _identity(job_input)
@@ -112,7 +112,7 @@ def _identity(job_input: RunInput) -> dict[str, str]:
     return {"id": "exemplar", "revision": "", "sha256": sha256}
 
 
-def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, surface: WeldedSurface, frame: Frame) -> _Floats:
+def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, surface: WeldedSurface, frame: CameraFrame) -> _Floats:
     """Return the vertices (V, 3) of a checkpoint of this or of an optimised run, in world space.
 
     `frame`: that of the cameras around the asset.
@@ -127,7 +127,7 @@ def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, surface: Welded
     return start.frame.leave(shape)
 
 
-def _targets(facts: AssetFacts, job_input: RunInput, frame: Frame) -> dict[str, TargetFit]:
+def _targets(facts: AssetFacts, job_input: RunInput, frame: CameraFrame) -> dict[str, TargetFit]:
     """Return the targets of a job by their parts, placed on its asset."""
     sent = {name: job_input.files[name] for name in TARGET_PARTS if name in job_input.files}
     return {
@@ -143,13 +143,13 @@ class ExemplarRun(JobRun):
 
     def __init__(self, facts: ExemplarFacts, body: Body, job_input: RunInput, log: RunLog) -> None:
         self._labels = ReadParts(body).labels
-        whole = Fitted(body.points, body.faces, self._labels)
+        whole = FitSurface(body.points, body.faces, self._labels)
         self.is_draft = job_input.draft
         self._fitted = in_place_of(whole) if self.is_draft else whole
         self._wishes = _wishes(facts, self._fitted)
         super().__init__(STEPS * len(self._wishes), 0, log)
         self._facts, self._body, self._cache = facts, body, job_input.readings.samples
-        self._controls = Controls(facts.control, facts.frame, facts.welded.mesh)
+        self._controls = FitControls(facts.control, facts.frame, facts.welded.mesh)
         self._shares = [None] if facts.prompts is None else facts.prompts.of_vertices(facts.welded.mesh)
         self._moves = [np.zeros_like(body.points) for _ in self._wishes]
         self._fits: list[Fit] = []
@@ -222,7 +222,7 @@ class ExemplarRun(JobRun):
         turn_deg = float(str(self._fits[0].result.member.get("turn_deg", 0.0)))
         return Start(TriangleMesh(self._verts(), self._facts.welded.mesh.faces), told, turn_deg)
 
-    def _foreseen(self) -> Outlook | None:
+    def _foreseen(self) -> FitOutlook | None:
         """Return what there is to expect of a fit to the only prompt."""
         (_, wish), body = self._wishes[0], self._body
         if len(self._wishes) > 1 or wish.targets:
@@ -275,7 +275,7 @@ class ExemplarRun(JobRun):
         return self._mended.verts
 
 
-def _wishes(facts: ExemplarFacts, own: Fitted) -> list[tuple[str, Wish]]:
+def _wishes(facts: ExemplarFacts, own: FitSurface) -> list[tuple[str, Wish]]:
     """Return what each prompt wishes, with its text, or what the targets are."""
     wish = Wish(strength=facts.params.strength, seed=facts.params.seed)
     if facts.targets:

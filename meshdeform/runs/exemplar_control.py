@@ -32,11 +32,11 @@ from meshdeform.exemplar.faults import Faults
 from meshdeform.exemplar.mending import MOST_CUTTING, Mended, mended
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.choices import Rigidity
-from meshdeform.runs.control import Control
+from meshdeform.runs.control import AssetControl
 
-__all__ = ["Controls"]
+__all__ = ["FitControls"]
 
 _Floats = NDArray[np.float64]
 _REACH, _LONGEST = 0.25, 2.5
@@ -47,10 +47,10 @@ _BACK, _AROUND, _GROWTH, _TRIES = 0.8, 0.01, 1.3, 40
 """Share of its way that a faulty place keeps each time, within which distance, and by what that grows."""
 
 
-class Controls:
+class FitControls:
     """The controls of a request over the vertices (V, 3) of one welded mesh, in the file's units."""
 
-    def __init__(self, control: Control, frame: Frame, mesh: RestMesh) -> None:
+    def __init__(self, control: AssetControl, frame: CameraFrame, mesh: RestMesh) -> None:
         self._control, self._frame, self._mesh = control, frame, mesh
         self._rest, self._faces = mesh.verts, mesh.faces
         self._diagonal = float(np.linalg.norm(np.ptp(self._rest, axis=0)))

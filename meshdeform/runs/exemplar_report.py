@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from meshdeform.exemplar.mending import Mended
-from meshdeform.exemplar.outlook import Outlook
+from meshdeform.exemplar.outlook import FitOutlook
 from meshdeform.exemplar.shapes import ExemplarResult
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.reading import Reading
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.runs.base import RunLog
-from meshdeform.runs.control import Control, control_report
+from meshdeform.runs.control import AssetControl, control_report
 from meshdeform.runs.fits import SilhouetteFit, TargetFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
@@ -33,7 +33,7 @@ from meshdeform.runs.text_report import (
 from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.worth import (
     UNMOVED,
-    Shape,
+    ShapeFigures,
     as_foreseen,
     of_exemplars,
     of_noun,
@@ -56,11 +56,11 @@ _HARDLY = "The mesh hardly moved ({:.1%} of its size): the exemplar is much like
 class ExemplarFacts(AssetFacts):
     """Facts about a run before its fits."""
 
-    frame: Frame
+    frame: CameraFrame
     # Of the mesh, and of the run
     shape_id: str
     fingerprint: str
-    control: Control
+    control: AssetControl
     prompts: Prompts | None  # those of a job that has several
     silhouettes: SilhouetteFit | None
     targets: Mapping[str, TargetFit]  # by their parts, placed on the asset
@@ -101,7 +101,7 @@ def exemplar_report(
     mended: Mended | None,
     outcome: Outcome,
     log: RunLog,
-    foresee: Callable[[], Outlook | None],
+    foresee: Callable[[], FitOutlook | None],
 ) -> bytes:
     """Return `report.json`.
 
@@ -115,7 +115,7 @@ def exemplar_report(
         movement = measure_movement(RestMesh.of(facts.welded.mesh), outcome.verts, Held())
         kept = [fit.result.kept for fit in fits] if mended is None else [mended.kept]
         # Parts take the proportions of those of the exemplar: that they swell says nothing.
-        shape = Shape(
+        shape = ShapeFigures(
             kept_structure(shown.source, shown.result, quality),
             swollen=False,
             held=0.0,
@@ -161,7 +161,7 @@ def _taken(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:
 
 
 def _comparisons(
-    facts: ExemplarFacts, fits: Sequence[Fit], outcome: Outcome, shape: Shape, kept: float, taken: str | None
+    facts: ExemplarFacts, fits: Sequence[Fit], outcome: Outcome, shape: ShapeFigures, kept: float, taken: str | None
 ) -> dict[str, Any]:
     """Return the members of the report that compare the result with what was asked for, and say what it is worth."""
     shown, known = outcome.shown, Recognition.of(facts.params, facts.reading)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from meshdeform.assets import Asset, Limits, Primitive, build_glb, load_asset
-from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.rendering.studio import Studio, SurfaceState
 
 __all__ = ["COLOURS", "assets_png", "family_png", "shown"]
 
@@ -98,7 +98,7 @@ def _png(sheet: Image.Image) -> bytes:
 
 
 def _photograph(asset: Asset) -> Image.Image:
-    pose = Pose(asset.surface.positions, asset.surface.normals)
+    pose = SurfaceState(asset.surface.positions, asset.surface.normals)
     studio = Studio(asset.appearance(), (pose,), size=_SIZE, azimuths_deg=(_AZIMUTH_DEG,))
     return Image.fromarray(studio.photograph(pose, (_AZIMUTH_DEG,))[0], "RGB")
 

@@ -20,7 +20,7 @@ from meshdeform.requests.choices import UpAxis
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.base import sha256_hex
 from meshdeform.runs.kept_readings import Readings
-from meshdeform.runs.reading import Source, corrected, read_source
+from meshdeform.runs.reading import ReadingSource, corrected, read_source
 from meshdeform.vocabulary.solids import PART_NAMES
 
 __all__ = ["MemberReading", "believed_nouns", "named_parts", "read_member"]
@@ -51,7 +51,7 @@ def read_member(asset: Asset, data: bytes, name: str, noun: str | None, readings
     """Read a member that stands upright, as a noun if one is given; a reading is kept by the SHA-256 of the file."""
     params = resolve(DeformParams()).model_copy(update={"source_noun": noun, "up": UpAxis.Y})
     body = corrected(loose_body(asset), asset, params)
-    reading = read_source(body, params, Source(sha256_hex(data), name, kept=readings), fitted=_FITTED)
+    reading = read_source(body, params, ReadingSource(sha256_hex(data), name, kept=readings), fitted=_FITTED)
     codes = np.full(len(asset.surface.triangles), NO_PART, np.int64)
     sure = np.zeros(len(codes))
     if reading is None:

@@ -20,7 +20,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.landmarks import Landmark, diagonal_of, landmark_distances
 from meshdeform.guidance.masks import covered, placed_masks
-from meshdeform.rendering.cameras import Frame, fixed_cameras
+from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
 from meshdeform.requests.choices import AlignMode
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
@@ -82,7 +82,9 @@ class TargetFit:
     landmarks: tuple[Landmark, ...]  # in the cameras' frame
 
     @classmethod
-    def of(cls, params: ResolvedParams, asset: Asset, world: TriangleMesh, target: Asset, frame: Frame) -> TargetFit:
+    def of(
+        cls, params: ResolvedParams, asset: Asset, world: TriangleMesh, target: Asset, frame: CameraFrame
+    ) -> TargetFit:
         """Align the target with the asset.
 
         `world`: the asset's welded mesh in its world; `frame`: the cameras' frame.
@@ -146,5 +148,5 @@ def _place(place: Place, positions: _Floats, number: int, name: str) -> _Floats:
     return np.asarray(positions[place])
 
 
-def _entered(frame: Frame, point: _Floats) -> _Floats:
+def _entered(frame: CameraFrame, point: _Floats) -> _Floats:
     return np.asarray(frame.enter(point[None])[0])

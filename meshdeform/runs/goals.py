@@ -15,11 +15,11 @@ from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.guidance.base import Guidance
 from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuidance, SilhouetteTerm
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuide, SilhouetteTerm
+from meshdeform.guidance.target import TargetGuide
 from meshdeform.guidance.weighted import WeightedPrompt
 from meshdeform.priors.base import Prior
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.rendering.shading import Shading
 from meshdeform.requests.choices import AlignMode, AppearanceMode, GuidanceKind, is_builtin
 from meshdeform.requests.document import JobRequest, ResolvedParams
@@ -70,7 +70,7 @@ class GoalSource:
     asset: Asset
     world: TriangleMesh  # the asset's welded mesh in its world
     rest: RestMesh  # the mesh from which the run starts, in the cameras' frame
-    frame: Frame  # the cameras' frame
+    frame: CameraFrame  # the cameras' frame
     prior: Prior | None  # for a prompt
     target: InputFile | None  # the target mesh
     silhouettes: SilhouetteFit | None  # pictures as targets, alone or beside the prompt
@@ -128,12 +128,12 @@ def _alone(pictures: SilhouetteFit, device: str) -> Guidance:
     """Return the guidance by pictures alone."""
     identity = {"id": "silhouettes", "revision": "", "sha256": pictures.sha256}
     term = SilhouetteTerm(pictures.views, device=device)
-    return SilhouetteGuidance(term, pictures.params.silhouette_weight, identity)
+    return SilhouetteGuide(term, pictures.params.silhouette_weight, identity)
 
 
 def target_guidance(
     fit: TargetFit, rest: TriangleMesh, params: ResolvedParams, device: str, sha256: str
-) -> TargetGuidance:
+) -> TargetGuide:
     """Return the guidance towards the target for a mesh at rest in the cameras' frame."""
     offset = torch.zeros(3, dtype=torch.float64)
     # Vertices placed by a region or a handle must not be moved afterwards.
@@ -142,7 +142,7 @@ def target_guidance(
         # The solve keeps the centre of mass of the asset, so the difference is a translation.
         apart = RestMesh.of(fit.target).centre_of_mass() - RestMesh.of(rest).centre_of_mass()
         offset = torch.from_numpy(apart)
-    return TargetGuidance(
+    return TargetGuide(
         stand_in_of(fit.target),
         device=device,
         identity={"id": "target", "revision": "", "sha256": sha256},

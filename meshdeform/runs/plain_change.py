@@ -18,7 +18,7 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunLog
 from meshdeform.runs.changes import check_change, is_change, part_names, part_not_found
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.kept_readings import Readings
-from meshdeform.runs.reading import Source, made, reshaped, welded_body
+from meshdeform.runs.reading import ReadingSource, made, reshaped, welded_body
 from meshdeform.runs.surfaces import DeformedSurface, affine_surface, deformed_surface, vertex_jacobians
 from meshdeform.runs.text_report import AssetFacts, Outcome, change_report, rig_warnings
 
@@ -30,7 +30,7 @@ def source_body(facts: AssetFacts, readings: Readings, verts: NDArray[np.float64
 
     `readings`: where that is kept; `verts` (V, 3): where the welded vertices are, if not at rest.
     """
-    source = Source(facts.file.digest, facts.file.filename, facts.subdivision is not None, readings)
+    source = ReadingSource(facts.file.digest, facts.file.filename, facts.subdivision is not None, readings)
     body = welded_body(facts.asset, facts.welded, facts.params, source)
     return body if verts is None else reshaped(body, verts, facts.params, source)
 

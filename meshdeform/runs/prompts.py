@@ -25,7 +25,7 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.guidance.weighted import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import Prompt, active_prompts
-from meshdeform.runs.control import Control, WeldedSurface
+from meshdeform.runs.control import AssetControl, WeldedSurface
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Prompts:
 
 
 def read_prompts(
-    prompt: str, params: ResolvedParams, surface: WeldedSurface, mesh: RestMesh, control: Control
+    prompt: str, params: ResolvedParams, surface: WeldedSurface, mesh: RestMesh, control: AssetControl
 ) -> Prompts:
     """Return the prompts of a request.
 
@@ -90,7 +90,7 @@ def read_prompts(
     return Prompts(active, faces, texts, shares)
 
 
-def _pulled(number: int, prompt: Prompt, surface: WeldedSurface, control: Control) -> _Flags:
+def _pulled(number: int, prompt: Prompt, surface: WeldedSurface, control: AssetControl) -> _Flags:
     """Return flags (F,) of the faces that a prompt with regions pulls at."""
     place = ("guidance", "prompts", number, "regions")
     pulled = np.any([surface.faces(place, at, region) for at, region in enumerate(prompt.regions)], axis=0)

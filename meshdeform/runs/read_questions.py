@@ -87,13 +87,13 @@ def loaded(task: dict[str, Any]) -> tuple[Asset, Body, ResolvedParams]:
     from meshdeform.assets import load_asset
     from meshdeform.plain.body import loose_body
     from meshdeform.requests.selection import find_excluded
-    from meshdeform.runs.reading import Source, corrected
+    from meshdeform.runs.reading import ReadingSource, corrected
 
     params = ResolvedParams.model_validate(task["params"])
     asset = load_asset(Path(task["asset"]).read_bytes(), task["filename"], Limits(**task["limits"]))
     asset = asset.without(find_excluded(params.exclude, asset.parts().nodes))
     kept = _File(Path(task["reading"]), samples_of(task))
-    source = Source(task["digest"], task["filename"], kept=kept)
+    source = ReadingSource(task["digest"], task["filename"], kept=kept)
     body = loose_body(asset, backdrop=params.backdrop is BackdropMode.DEFORM)
     return asset, corrected(body, asset, params, source), params
 

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from meshdeform.requests.selection import PartCorrection
 
 __all__ = [
-    "Source",
+    "ReadingSource",
     "SourceReader",
     "corrected",
     "made",
@@ -78,7 +78,7 @@ _last: Recent[Reading] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
-class Source:
+class ReadingSource:
     """The file of a job, and where readings of it are kept."""
 
     digest: str  # SHA-256 of its bytes, hexadecimal; empty: nothing is kept
@@ -106,7 +106,7 @@ def made(body: Body) -> Reading | None:
     return body.reader.made if isinstance(body.reader, SourceReader) else None
 
 
-def corrected(body: Body, asset: Asset, params: ResolvedParams, source: Source | None = None) -> Body:
+def corrected(body: Body, asset: Asset, params: ResolvedParams, source: ReadingSource | None = None) -> Body:
     """Return a body with a reader of it, and with the axis, the unit and the parts that its file and the request say.
 
     Raises ParameterError: a correction selects nothing of the surface.
@@ -119,7 +119,7 @@ def corrected(body: Body, asset: Asset, params: ResolvedParams, source: Source |
     return replace(body, reader=found, painted=painted, renamed=renamed)
 
 
-def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source: Source | None = None) -> Body:
+def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source: ReadingSource | None = None) -> Body:
     """Return the body of an asset that was welded, as `corrected` does."""
     from meshdeform.plain.body import body_of
 
@@ -127,7 +127,7 @@ def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source
     return corrected(body, asset, params, source)
 
 
-def reshaped(body: Body, points: Floats, params: ResolvedParams, source: Source) -> Body:
+def reshaped(body: Body, points: Floats, params: ResolvedParams, source: ReadingSource) -> Body:
     """Return a body with its vertices at other places (V, 3), which is read as it is there; the reading is not kept."""
     moved = body.moved(points)
     found = SourceReader(lambda: read_source(moved, params, replace(source, digest="")))
@@ -156,7 +156,7 @@ def _corrections(
 
 
 def read_source(
-    body: Body, params: ResolvedParams, source: Source | None = None, *, fitted: int = FITTED
+    body: Body, params: ResolvedParams, source: ReadingSource | None = None, *, fitted: int = FITTED
 ) -> Reading | None:
     """Read a body, or return what was kept of it; None if it cannot be read.
 
@@ -176,7 +176,7 @@ def read_source(
     return reading
 
 
-def _read(body: Body, params: ResolvedParams, source: Source | None, fitted: int) -> Reading | None:
+def _read(body: Body, params: ResolvedParams, source: ReadingSource | None, fitted: int) -> Reading | None:
     samples, suffix = (None, "") if source is None else (source.kept.samples, PurePath(source.filename).suffix.lower())
     try:
         nouns = _proposed(body.points, body, params)

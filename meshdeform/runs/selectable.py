@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from meshdeform.assets.surface import Parts
+from meshdeform.assets.surface import NamedParts
 from meshdeform.errors import ParameterError
 from meshdeform.requests.selection import (
     Box,
@@ -52,7 +52,7 @@ class SelectableSurface:
         return cls(asset, body.points, body.faces, np.flatnonzero(solid))
 
     @cached_property
-    def parts(self) -> Parts:
+    def parts(self) -> NamedParts:
         """Names in the asset."""
         return self._asset.parts()
 

@@ -20,7 +20,7 @@ from meshdeform.deformation.checkpoint import load_shape
 from meshdeform.deformation.orientation import Orientation
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.choices import GuidanceKind, OrientationMode, StartMode
 from meshdeform.runs.base import RunInput, RunLog
 
@@ -62,9 +62,9 @@ class Start:
         return replace(front, turn_deg=180 - (180 - front.turn_deg - self.turn_deg) % 360) if self.turn_deg else front
 
     @cached_property
-    def frame(self) -> Frame:
+    def frame(self) -> CameraFrame:
         """The cameras' frame."""
-        return Frame.around(self.world.verts)
+        return CameraFrame.around(self.world.verts)
 
     @cached_property
     def mesh(self) -> RestMesh:

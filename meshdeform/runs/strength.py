@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets import Asset, Limits
-from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, Track
+from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, WeightTrack
 from meshdeform.assets.rig import NodeMove
 from meshdeform.deformation.edit_map import EditMap, Outside
 from meshdeform.deformation.path import ShapePath
@@ -198,5 +198,5 @@ def write_morph(
         shape_at = result if share == 1 else path.at(share)
         name = ANIMATION_NAME if share == 1 else f"{ANIMATION_NAME} {number}/{morph.frames}"
         targets.append(MorphTarget(name, shape_at.positions, shape_at.normals, shape_at.tangents))
-    track = Track(morph.times(), morph.weights())
+    track = WeightTrack(morph.times(), morph.weights())
     return source.morph(targets, track=track, compact=compact, provenance=provenance)

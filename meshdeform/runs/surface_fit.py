@@ -35,7 +35,7 @@ from meshdeform.kinds.surface_fit.patches import divided, level_of
 from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.scalar_fields import ScalarField
 from meshdeform.kinds.surface_fit.scalar_sections import colours_at
-from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of
+from meshdeform.kinds.surface_fit.surface_sources import SourceSurface, surface_of
 from meshdeform.rendering.studio import comparison_png
 from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, params_of, sha256_hex, versions
@@ -187,7 +187,7 @@ class SurfaceFitRun(JobRun):
 
     def __init__(
         self,
-        surface: Surface,
+        surface: SourceSurface,
         frame: FieldFrame,
         base: EncodedBase,
         fit: FieldFit,

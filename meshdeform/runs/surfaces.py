@@ -29,7 +29,7 @@ from meshdeform.deformation.poisson import completed_jacobians
 from meshdeform.errors import AssetEmptyError, ParameterError
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
 from meshdeform.geometry.weld import WeldedMesh, weld
-from meshdeform.rendering.studio import Pose
+from meshdeform.rendering.studio import SurfaceState
 from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import OutputOptions, ResolvedParams
 from meshdeform.requests.selection import find_excluded
@@ -193,7 +193,7 @@ class Shown:
     # The welded surfaces, +Y up, with the same faces
     source: TriangleMesh
     result: TriangleMesh
-    poses: tuple[Pose, Pose]  # of all vertices of the files, for pictures: source and result
+    poses: tuple[SurfaceState, SurfaceState]  # of all vertices of the files, for pictures: source and result
 
     @classmethod
     def of(cls, asset: Asset, written: Asset, welded: WeldedMesh, verts: _Floats) -> Shown:
@@ -205,7 +205,7 @@ class Shown:
         result = TriangleMesh(verts, welded.mesh.faces)
         if asset.surface.stays.any():
             result = welded.gather(written.surface.positions)
-        before, after = (Pose(each.surface.positions, each.surface.normals) for each in (asset, written))
+        before, after = (SurfaceState(each.surface.positions, each.surface.normals) for each in (asset, written))
         return cls(welded.mesh, result, (before, after))
 
 

@@ -15,7 +15,7 @@ from meshdeform.assets import Asset
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
 from meshdeform.assets.surface import Surface
 from meshdeform.deformation.checkpoint import Checkpoint, fingerprint
-from meshdeform.deformation.constraints import Body
+from meshdeform.deformation.constraints import RigidBody
 from meshdeform.deformation.structure import is_convex
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.geometry.congruence import closest_motion
@@ -25,12 +25,12 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
 from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
 from meshdeform.requests.parameters import OF_OPTIMISER
 from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
-from meshdeform.runs.control import Control, control_report
+from meshdeform.runs.control import AssetControl, control_report
 from meshdeform.runs.fits import SilhouetteFit
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
@@ -41,8 +41,8 @@ from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_befor
 from meshdeform.runs.worth import (
     HELD_BACK,
     UNMOVED,
-    Shape,
-    Source,
+    ShapeFigures,
+    SourceAsset,
     of_noun,
     of_pictures,
     of_prompts,
@@ -105,11 +105,11 @@ class RunFacts(AssetFacts):
     """Facts about a run before its first step."""
 
     start: Start
-    frame: Frame
+    frame: CameraFrame
     # Of the mesh, and of the run
     shape_id: str
     fingerprint: str
-    control: Control
+    control: AssetControl
     goal: Goal
     prompts: Prompts | None  # those of a job that has several
     silhouettes: SilhouetteFit | None
@@ -349,7 +349,7 @@ def _comparisons(
     """Return the members of the report that compare the result with what was asked for, and say what it is worth."""
     goal, shown = facts.goal, outcome.shown
     structure = kept_structure(shown.source, shown.result, quality)
-    shape = Shape.of(structure, quality, movement.to_dict(), fitted=not goal.prompt and facts.prompts is None)
+    shape = ShapeFigures.of(structure, quality, movement.to_dict(), fitted=not goal.prompt and facts.prompts is None)
     if facts.start.told is not None:  # its parts have the proportions of those of the exemplar
         shape = replace(shape, swollen=False)
     compared: dict[str, Any] = {}
@@ -395,7 +395,7 @@ def _is_judged(facts: RunFacts, prompt: str) -> bool:
     return True
 
 
-def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> Source:
+def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> SourceAsset:
     """Return what is known of the source of a prompt."""
     known = facts.recognised
     return source_of(
@@ -406,13 +406,13 @@ def _known_source(facts: RunFacts, deformation: Deformation, shown: Shown) -> So
     )
 
 
-def source_of(shown: Shown, **known: Any) -> Source:
+def source_of(shown: Shown, **known: Any) -> SourceAsset:
     """Return what is known of a source, beside what its surface and that of the result tell."""
     sizes = [np.ptp(each.verts, axis=0) for each in (shown.source, shown.result)]
     before, after = (np.maximum(size, max(float(size.max()), 1e-12) * 1e-3) for size in sizes)
     x, y, z = (float(factor) for factor in after / before)
     long_axis = 0 if before[0] >= before[2] else 2
-    return Source(growth=(x, y, z), long_axis=long_axis, convex=is_convex(RestMesh.of(shown.source)), **known)
+    return SourceAsset(growth=(x, y, z), long_axis=long_axis, convex=is_convex(RestMesh.of(shown.source)), **known)
 
 
 def _mesh_figures(facts: AssetFacts, outcome: Outcome) -> dict[str, Any]:
@@ -483,7 +483,7 @@ def _stayed_warnings(surface: Surface) -> list[str]:
     ]
 
 
-def kept_shapes(bodies: Sequence[Body], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
+def kept_shapes(bodies: Sequence[RigidBody], source: Asset, welded: WeldedMesh, result: Asset) -> dict[str, Any]:
     """Return how exactly the bodies kept their shape in the file, as a share of the source's diagonal."""
     before, after = source.surface.positions, result.surface.positions
     diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts, axis=0)))

@@ -21,10 +21,10 @@ from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.base import sha256_hex
 from meshdeform.runs.kept_readings import Readings, Unkept
-from meshdeform.runs.reading import Source as ReadSource
+from meshdeform.runs.reading import ReadingSource as ReadSource
 from meshdeform.runs.reading import corrected, read_source
 from meshdeform.runs.word_shapes import Parted, parted, reduced, shape_of, turn_between
-from meshdeform.words import MAX_SHAPES, Shape, Source, Word, WordOffer, write_word
+from meshdeform.words import MAX_SHAPES, ShapeSource, Word, WordOffer, WordShape, write_word
 from meshdeform.words.limits import MAX_TEXT
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def make_word(
     numbers: dict[str, int] = {}
     shapes = {name: shape_of(mesh, numbers) for name, mesh in meshes.items()}
     _check_fronts(shapes, meshes, offer)
-    sources = [Source(name[-MAX_TEXT:], sha256_hex(data), offer.licence) for name, data in files.items()]
+    sources = [ShapeSource(name[-MAX_TEXT:], sha256_hex(data), offer.licence) for name, data in files.items()]
     return write_word(
         offer.noun, [*shapes.values()], sources, parts=[*numbers], synonyms=tuple(offer.synonyms), like=like
     )
@@ -128,7 +128,7 @@ def _parted(assets: Mapping[str, Asset], offer: WordOffer, readings: Readings) -
     }
 
 
-def _check_fronts(shapes: Mapping[str, Shape], meshes: Mapping[str, Parted], offer: WordOffer) -> None:
+def _check_fronts(shapes: Mapping[str, WordShape], meshes: Mapping[str, Parted], offer: WordOffer) -> None:
     """Refuse shapes that face another way than the first, unless somebody says where they face."""
     first, *others = shapes
     asked = [name for name in others if offer.front_of(name) is None]

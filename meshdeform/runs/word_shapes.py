@@ -14,11 +14,11 @@ from meshdeform.plain.body import Body
 from meshdeform.plain.evidence import evidence_of
 from meshdeform.plain.read_parts import ReadParts
 from meshdeform.plain.reader import Reader
-from meshdeform.reading.choice import Frame, Surface, facing
+from meshdeform.reading.choice import AssetMesh, FrontFrame, facing
 from meshdeform.reading.coarse import coarse
 from meshdeform.reading.result import GROUND, UP_TURNS, Reading
 from meshdeform.reading.samples import features, spread
-from meshdeform.words import MAX_FACES, Shape
+from meshdeform.words import MAX_FACES, WordShape
 from meshdeform.words.file import PART
 
 __all__ = ["Parted", "parted", "reduced", "shape_of", "turn_between"]
@@ -87,14 +87,14 @@ def parted(body: Body, reading: Reading | None, front_deg: float | None) -> Part
     return Parted(verts, body.faces[standing], names, of_face[standing], front_deg)
 
 
-def shape_of(mesh: Parted, numbers: dict[str, int]) -> Shape:
+def shape_of(mesh: Parted, numbers: dict[str, int]) -> WordShape:
     """Return the shape of a mesh; `numbers` has the number of each part in the word, and gets those that are new."""
     of_part = np.array([*(numbers.setdefault(name, len(numbers)) for name in mesh.names), -1])
     used, corners = np.unique(mesh.faces, return_inverse=True)
     faces, verts = corners.reshape(-1, 3), mesh.verts[used]
     low, high = verts.min(0), verts.max(0)
     verts = (verts - (low + high) / 2) / float(np.linalg.norm(high - low))
-    return Shape(verts, faces[:, ::-1] if _volume(verts, faces) < 0 else faces, of_part[mesh.of_face])
+    return WordShape(verts, faces[:, ::-1] if _volume(verts, faces) < 0 else faces, of_part[mesh.of_face])
 
 
 def _collapsed(verts: Floats, faces: Index) -> tuple[Floats, Index]:
@@ -123,16 +123,16 @@ def _volume(verts: Floats, faces: Index) -> float:
     return float((a * np.cross(b, c)).sum())
 
 
-def turn_between(shape: Shape, other: Shape) -> float:
+def turn_between(shape: WordShape, other: WordShape) -> float:
     """Return by which quarter turn about +Y, in degrees, another shape faces as a shape does, where that is clear."""
-    own = Frame(Surface(shape.verts, shape.faces), np.eye(3))
-    theirs = Surface(other.verts, other.faces)
-    distances = {turn: _apart(own, Frame(theirs, facing(turn))) for turn in _QUARTERS}
+    own = FrontFrame(AssetMesh(shape.verts, shape.faces), np.eye(3))
+    theirs = AssetMesh(other.verts, other.faces)
+    distances = {turn: _apart(own, FrontFrame(theirs, facing(turn))) for turn in _QUARTERS}
     best = min(distances, key=distances.__getitem__)
     return best if distances[best] < _ALIKE and distances[best] * _CLEARLY < distances[0.0] else 0.0
 
 
-def _apart(one: Frame, other: Frame) -> float:
+def _apart(one: FrontFrame, other: FrontFrame) -> float:
     """Return the mean distance of the features of two surfaces, one of which is scaled to the box of the other."""
     scale = (one.high - one.low) / np.maximum(other.high - other.low, 1e-9)
     theirs = other.features[:_FEW].astype(float)

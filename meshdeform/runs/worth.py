@@ -28,7 +28,7 @@ from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND
 
 if TYPE_CHECKING:
-    from meshdeform.exemplar.outlook import Outlook
+    from meshdeform.exemplar.outlook import FitOutlook
 
 _SHOWN = 0.5
 """Probability of the noun from which a shape shows it."""
@@ -75,7 +75,7 @@ _ORDER = (Verdict.GOOD, Verdict.DOUBTFUL, Verdict.KEEP_SOURCE)
 
 
 @dataclass(frozen=True)
-class Shape:
+class ShapeFigures:
     """What became of a surface, by the figures of its report."""
 
     structure: Mapping[str, Any]  # as `kept_structure` returns it
@@ -87,7 +87,7 @@ class Shape:
     @classmethod
     def of(
         cls, structure: Mapping[str, Any], quality: Mapping[str, Any], movement: Mapping[str, Any], *, fitted: bool
-    ) -> Shape:
+    ) -> ShapeFigures:
         """Return the shape of a report with these members; `fitted`: to a target or pictures alone."""
         if fitted:
             swollen = quality["symmetric_dirichlet_mean"] > _DISTORTED
@@ -105,7 +105,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceAsset:
     """What is known of the asset that a prompt deformed."""
 
     noun: str = ""  # what it was taken for
@@ -117,7 +117,12 @@ class Source:
 
 
 def of_noun(
-    prompt: str, likeness: Mapping[str, Any], shape: Shape, source: Source | None = None, *, fitted: bool = False
+    prompt: str,
+    likeness: Mapping[str, Any],
+    shape: ShapeFigures,
+    source: SourceAsset | None = None,
+    *,
+    fitted: bool = False,
 ) -> dict[str, Any]:
     """Return the verdict of a result that should look like the prompt of the builtin prior.
 
@@ -125,7 +130,7 @@ def of_noun(
     the asset were, and which it must at least resemble.
     """
     reading = parse(prompt)
-    known = source or Source()
+    known = source or SourceAsset()
     excused = _excused(reading, known) | ({"flatness"} if fitted else set())
     faults = shape.faults(excused)
     shown, why = _shown(reading, likeness)
@@ -139,7 +144,7 @@ def of_noun(
     return _said(Verdict.DOUBTFUL, [*([] if shown else [why]), *faults], shape, advice)
 
 
-def _excused(reading: ParsedPrompt, source: Source) -> set[str]:
+def _excused(reading: ParsedPrompt, source: SourceAsset) -> set[str]:
     """Return what of a shape does not count: what is asked to be crooked, and what clay may do."""
     crooked = any(attribute.degree in CROOKED for attribute in reading.attributes)
     clay = source.convex or (source.round and reading.noun in ROUND)
@@ -169,7 +174,7 @@ def _gained(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> bool:
 
 
 def _advice(
-    reading: ParsedPrompt, likeness: Mapping[str, Any], source: Source, *, shown: bool, whole: bool
+    reading: ParsedPrompt, likeness: Mapping[str, Any], source: SourceAsset, *, shown: bool, whole: bool
 ) -> list[str]:
     """Return what helps, in sentences, the best first."""
     advice = []
@@ -184,7 +189,7 @@ def _advice(
     return advice[:_MOST_ADVICE]
 
 
-def _plain_changes(reading: ParsedPrompt, likeness: Mapping[str, Any], source: Source) -> list[str]:
+def _plain_changes(reading: ParsedPrompt, likeness: Mapping[str, Any], source: SourceAsset) -> list[str]:
     """Return the change in plain words that does as much: of the attributes, or, of a near noun, of the proportions."""
     if source.noun == reading.noun or likeness["before"]["probability"] >= _SHOWN:
         words = [_compared(attribute) for attribute in reading.attributes if attribute.degree in _COMPARED]
@@ -207,7 +212,7 @@ def _as_change(words: str) -> str:
     return f"Ask for the change alone, “{words}”: it is made on the asset itself, which stays whole."
 
 
-def _proportion(source: Source) -> str:
+def _proportion(source: SourceAsset) -> str:
     """Return the word for the axis that changed most against the others; empty if none did."""
     along, across = source.long_axis, 2 - source.long_axis
     names = {1: ("taller", "shorter"), along: ("longer", "shorter"), across: ("wider", "narrower")}
@@ -220,7 +225,7 @@ def _proportion(source: Source) -> str:
     return more if changes[axis] > 1 else less
 
 
-def of_prompts(prompts: Sequence[Mapping[str, Any]], shape: Shape) -> dict[str, Any]:
+def of_prompts(prompts: Sequence[Mapping[str, Any]], shape: ShapeFigures) -> dict[str, Any]:
     """Return the verdict of a result of several prompts, by the report's `prompts`.
 
     None of them alone is what the result should be: of those that pull at the whole asset, one must be seen. What a
@@ -240,7 +245,7 @@ def _first(likeness: Mapping[str, Any]) -> str:
     return str(likeness["noun"] if likeness["rank"] == 1 else likeness["next"]["noun"])
 
 
-def of_exemplars(kept: float, shape: Shape, left: float | None = None) -> dict[str, Any]:
+def of_exemplars(kept: float, shape: ShapeFigures, left: float | None = None) -> dict[str, Any]:
     """Return the verdict of fits to exemplars.
 
     `kept`: the share of the displacement that mending left; `left`: the share of the distance at the start that is left
@@ -256,12 +261,12 @@ def of_exemplars(kept: float, shape: Shape, left: float | None = None) -> dict[s
     return _said(Verdict.DOUBTFUL if reasons else Verdict.GOOD, reasons, shape, [_NEARER] if reasons else [])
 
 
-def of_shape_alone(left: float, shape: Shape) -> dict[str, Any]:
+def of_shape_alone(left: float, shape: ShapeFigures) -> dict[str, Any]:
     """Return the verdict of a fit to a noun that the judge does not know; `left`: the share of the distance left."""
     return _by_distance(left <= _LEFT, f"{left:.0%} of the distance to that shape is left.", shape, [_NEARER])
 
 
-def as_foreseen(verdict: Mapping[str, Any], outlook: Outlook | None) -> dict[str, Any]:
+def as_foreseen(verdict: Mapping[str, Any], outlook: FitOutlook | None) -> dict[str, Any]:
     """Return a verdict with what there was to expect of a fit, where that was doubtful, and what to ask for instead."""
     if outlook is None or not outlook.doubtful:
         return dict(verdict)
@@ -271,7 +276,7 @@ def as_foreseen(verdict: Mapping[str, Any], outlook: Outlook | None) -> dict[str
     return {**verdict, "reasons": reasons, "advice": advice[:_MOST_ADVICE]}
 
 
-def of_target(fit: Mapping[str, Any], shape: Shape) -> dict[str, Any]:
+def of_target(fit: Mapping[str, Any], shape: ShapeFigures) -> dict[str, Any]:
     """Return the verdict of a fit to a mesh, by the report's `fit`."""
     before, after = (each["to_target"] + each["from_target"] for each in (fit["before"], fit))
     left = after / before if after > _ALIKE else 0.0
@@ -283,7 +288,7 @@ def of_target(fit: Mapping[str, Any], shape: Shape) -> dict[str, Any]:
     return _by_distance(left <= _MET and fit["within"] >= _WITHIN, found, shape, advice)
 
 
-def of_pictures(silhouettes: Sequence[Mapping[str, Any]], shape: Shape) -> dict[str, Any]:
+def of_pictures(silhouettes: Sequence[Mapping[str, Any]], shape: ShapeFigures) -> dict[str, Any]:
     """Return the verdict of a fit to pictures, by the report's `silhouettes`."""
     before = sum(1 - each["iou_before"] for each in silhouettes)
     left = sum(1 - each["iou"] for each in silhouettes) / before if before > 0 else 0.0
@@ -292,7 +297,7 @@ def of_pictures(silhouettes: Sequence[Mapping[str, Any]], shape: Shape) -> dict[
     return _by_distance(left <= _MET, found, shape, ["Check the azimuth of each picture, or give a further one."])
 
 
-def _by_distance(met: bool, found: str, shape: Shape, advice: Sequence[str]) -> dict[str, Any]:
+def _by_distance(met: bool, found: str, shape: ShapeFigures, advice: Sequence[str]) -> dict[str, Any]:
     faults = shape.faults()
     if met and not faults:
         return _said(Verdict.GOOD, [found], shape)
@@ -300,12 +305,12 @@ def _by_distance(met: bool, found: str, shape: Shape, advice: Sequence[str]) -> 
     return _said(value, [found, *faults], shape, [*([] if met else advice), *([_WEAKER] if faults else [])])
 
 
-def of_shape(shape: Shape) -> dict[str, Any]:
+def of_shape(shape: ShapeFigures) -> dict[str, Any]:
     """Return the verdict of a result of which nobody can say what it looks like: by its shape alone."""
     return _by_faults(shape.faults(), shape)
 
 
-def _by_faults(faults: Sequence[str], shape: Shape) -> dict[str, Any]:
+def _by_faults(faults: Sequence[str], shape: ShapeFigures) -> dict[str, Any]:
     """Return the verdict of a result that is good unless something speaks against it."""
     if shape.moved < UNMOVED:
         faults = [*faults, f"It hardly moved: {shape.moved:.1%} of its size."]
@@ -341,7 +346,7 @@ def worst(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {**last, **gathered}
 
 
-def _said(value: Verdict, reasons: Iterable[str], shape: Shape, advice: Iterable[str] = ()) -> dict[str, Any]:
+def _said(value: Verdict, reasons: Iterable[str], shape: ShapeFigures, advice: Iterable[str] = ()) -> dict[str, Any]:
     return {
         "value": value.value,
         "reasons": list(reasons),

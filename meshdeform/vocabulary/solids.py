@@ -23,7 +23,7 @@ __all__ = [
     "CARRIED_BY",
     "LAYOUTS",
     "PART_NAMES",
-    "Piece",
+    "SolidRange",
     "carrier",
     "layout",
     "part_label",
@@ -180,7 +180,7 @@ CARRIED_BY: dict[str, str] = {part: above for above, parts in _CARRIES.items() f
 """The part with which another moves, if the noun has it."""
 
 
-class Piece(NamedTuple):
+class SolidRange(NamedTuple):
     """Faces of one solid from a ring on that are of one part."""
 
     ring: int
@@ -203,7 +203,7 @@ def carrier(part: str, present: Sequence[str]) -> str | None:
     return above
 
 
-def layout(noun: str, face_counts: Sequence[int]) -> list[tuple[Piece, ...]]:
+def layout(noun: str, face_counts: Sequence[int]) -> list[tuple[SolidRange, ...]]:
     """Return the pieces of each solid of a member, by the numbers of faces of its solids.
 
     Raises
@@ -218,9 +218,9 @@ def layout(noun: str, face_counts: Sequence[int]) -> list[tuple[Piece, ...]]:
     raise ValueError(f"no layout of {noun} has {len(face_counts)} solids")
 
 
-def _fitted(words: Sequence[str], face_counts: Sequence[int]) -> list[tuple[Piece, ...]] | None:
+def _fitted(words: Sequence[str], face_counts: Sequence[int]) -> list[tuple[SolidRange, ...]] | None:
     """Return the pieces of each solid in one layout, or None if it has another number of solids."""
-    pieces: list[tuple[Piece, ...]] = []
+    pieces: list[tuple[SolidRange, ...]] = []
     for word in words:
         name, star, times = word.partition("*")
         if len(pieces) >= len(face_counts):
@@ -233,10 +233,10 @@ def _fitted(words: Sequence[str], face_counts: Sequence[int]) -> list[tuple[Piec
     return pieces if len(pieces) == len(face_counts) else None
 
 
-def pieces_of(word: str) -> tuple[Piece, ...]:
+def pieces_of(word: str) -> tuple[SolidRange, ...]:
     """Return the pieces of one solid: `base/4/stem` is a base, and a stem from its 4th ring on."""
     names, rings = word.split("/")[::2], word.split("/")[1::2]
-    return tuple(Piece(int(ring), name) for ring, name in zip(["0", *rings], names, strict=True))
+    return tuple(SolidRange(int(ring), name) for ring, name in zip(["0", *rings], names, strict=True))
 
 
 _NAMES: dict[str, list[frozenset[str]]] = {

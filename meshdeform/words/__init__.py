@@ -5,7 +5,7 @@
 are read.
 """
 
-from meshdeform.words.file import Shape, Source, Word, joined, read_words, write_word
+from meshdeform.words.file import ShapeSource, Word, WordShape, joined, read_words, write_word
 from meshdeform.words.in_use import in_use, like_of, own_word, parts_to_set, words_in_use
 from meshdeform.words.limits import MAX_FACES, MAX_SHAPES, MAX_WORD_BYTES, MAX_WORDS
 from meshdeform.words.names import check_names, read_like, read_name
@@ -17,11 +17,11 @@ __all__ = [
     "MAX_SHAPES",
     "MAX_WORDS",
     "MAX_WORD_BYTES",
-    "Shape",
-    "Source",
+    "ShapeSource",
     "Word",
     "WordFolder",
     "WordOffer",
+    "WordShape",
     "check_names",
     "in_use",
     "joined",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError
-from meshdeform.words.file import Shape
+from meshdeform.words.file import WordShape
 
 __all__ = ["packed", "unpacked"]
 
@@ -17,7 +17,7 @@ _FARTHEST, _LEAST_AREA = 1.0, 1e-9
 """Largest coordinate, as the box has a diagonal of 1, and twice the area that a shape has at least."""
 
 
-def packed(shapes: Sequence[Shape], order: Sequence[int]) -> dict[str, NDArray[np.generic]]:
+def packed(shapes: Sequence[WordShape], order: Sequence[int]) -> dict[str, NDArray[np.generic]]:
     """Return the arrays of shapes by name; parts get new numbers, `order` has the old ones in the order of the new."""
     if not shapes or any(len(each.verts) > np.iinfo(np.uint16).max for each in shapes):
         raise AssetError("The word has no shape, or one with too many vertices.")
@@ -33,7 +33,7 @@ def packed(shapes: Sequence[Shape], order: Sequence[int]) -> dict[str, NDArray[n
     return {name: np.ascontiguousarray(array) for name, array in arrays.items()}
 
 
-def unpacked(data: bytes, shapes: int, parts: int) -> tuple[Shape, ...]:
+def unpacked(data: bytes, shapes: int, parts: int) -> tuple[WordShape, ...]:
     """Return the shapes of the bytes of arrays whose lengths were checked.
 
     Raises
@@ -61,4 +61,4 @@ def unpacked(data: bytes, shapes: int, parts: int) -> tuple[Shape, ...]:
     labels[labels == _NO_LABEL] = -1
     ends = np.cumsum(counts, 0)[:-1]
     split = zip(np.split(verts, ends[:, 0]), np.split(faces, ends[:, 1]), np.split(labels, ends[:, 1]), strict=True)
-    return tuple(Shape(*each) for each in split)
+    return tuple(WordShape(*each) for each in split)

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["NAME", "PART", "SUFFIX", "Shape", "Source", "Word", "joined", "read_words", "write_word"]
+__all__ = ["NAME", "PART", "SUFFIX", "ShapeSource", "Word", "WordShape", "joined", "read_words", "write_word"]
 
 SUFFIX = ".word"
 NAME = re.compile(r"[a-z]+(-[a-z]+)*")
@@ -61,7 +61,7 @@ _SIZES = {"U16": 2, "U8": 1, "F32": 4}
 
 
 @dataclass(frozen=True)
-class Source:
+class ShapeSource:
     """Where a shape of a word comes from: the name and the SHA-256 of its file, and its licence if that is known."""
 
     source: str
@@ -70,7 +70,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Shape:
+class WordShape:
     """A shape of a word.
 
     `verts` (V, 3) float64: +Y up, the front toward +Z, the box about the origin with a diagonal of 1. `faces` (F, 3)
@@ -95,7 +95,7 @@ class Word:
     synonyms: tuple[str, ...]
     like: str
     parts: tuple[str, ...]
-    sources: tuple[Source, ...]
+    sources: tuple[ShapeSource, ...]
     faces: tuple[int, ...]
     data: bytes = field(repr=False)
 
@@ -139,7 +139,7 @@ class Word:
         }
 
     @cached_property
-    def shapes(self) -> tuple[Shape, ...]:
+    def shapes(self) -> tuple[WordShape, ...]:
         """Its shapes, checked.
 
         Raises AssetError: a number is not finite or out of range.
@@ -159,8 +159,8 @@ class Word:
 
 def write_word(
     noun: str,
-    shapes: Sequence[Shape],
-    sources: Sequence[Source],
+    shapes: Sequence[WordShape],
+    sources: Sequence[ShapeSource],
     *,
     parts: Sequence[str] = (),
     synonyms: Sequence[str] = (),
@@ -214,7 +214,7 @@ def _told(metadata: Mapping[str, str], header: Mapping[str, Any], data: bytes) -
     """Return a word by what its header says, which is checked against the limits and the number of bytes."""
     told = json.loads(metadata["word"])
     _check_names(told)
-    sources = tuple(Source(**each) for each in told["shapes"])
+    sources = tuple(ShapeSource(**each) for each in told["shapes"])
     _check_sources(sources)
     if sorted(header) != sorted(_TYPES) or header["counts"]["shape"] != [len(sources), 2]:
         raise ValueError("its arrays are not those of a word")
@@ -243,7 +243,7 @@ def _check_names(told: Mapping[str, Any]) -> None:
         raise ValueError("its names are not in order")
 
 
-def _check_sources(sources: Sequence[Source]) -> None:
+def _check_sources(sources: Sequence[ShapeSource]) -> None:
     """Refuse too many shapes, and texts that are too long."""
     if not 1 <= len(sources) <= MAX_SHAPES:
         raise ValueError(f"it has {len(sources)} shapes, and a word has 1 to {MAX_SHAPES}")

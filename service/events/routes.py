@@ -17,7 +17,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import EventList, EventView
 from meshdeform.errors import LimitError, NotFoundError, ParameterError, UnavailableError
-from meshdeform.record.changes import Head
+from meshdeform.record.changes import JobPosition
 from meshdeform.record.models import Event
 from service.documentation.responses import WAITED, JobId
 from service.events.waiting import JobWaiters, Prefer, applied, preferred_wait, wait_here
@@ -182,7 +182,7 @@ def _next_events(app: AppState, job_id: str, after: int, owner: str | None = Non
     return events, not events
 
 
-def _more(after: int) -> Callable[[Head | None], bool]:
+def _more(after: int) -> Callable[[JobPosition | None], bool]:
     return lambda head: head is None or head.seq > after or head.state.terminal
 
 

@@ -25,7 +25,7 @@ from fastapi import Header, Request
 
 from meshdeform.api.states import MAX_WAIT_S
 from meshdeform.errors import LimitError, UnavailableError
-from meshdeform.record.changes import Head
+from meshdeform.record.changes import JobPosition
 from meshdeform.record.models import Job
 from meshdeform.record.repository import JobRecord
 from meshdeform.serving.connections import connection_limit
@@ -62,7 +62,7 @@ def most_held() -> int:
 @dataclass(eq=False)
 class _Waiter:
     job_id: str
-    wanted: Callable[[Head | None], bool]
+    wanted: Callable[[JobPosition | None], bool]
     woken: asyncio.Future[None]
 
 
@@ -72,7 +72,7 @@ class JobWaiters:
     Every `tick_s` seconds, one query (`EventLog.heads`) asks for the state of all jobs that requests wait for.
     """
 
-    def __init__(self, heads: Callable[[Collection[str]], dict[str, Head]], tick_s: float = _TICK_S) -> None:
+    def __init__(self, heads: Callable[[Collection[str]], dict[str, JobPosition]], tick_s: float = _TICK_S) -> None:
         self._heads, self._tick_s = heads, tick_s
         self._waiters: set[_Waiter] = set()
         self._wanted = asyncio.Event()
@@ -149,7 +149,7 @@ class JobWaiters:
             if not self._held[owner]:
                 del self._held[owner]
 
-    async def until(self, job_id: str, condition: Callable[[Head | None], bool], timeout_s: float) -> bool:
+    async def until(self, job_id: str, condition: Callable[[JobPosition | None], bool], timeout_s: float) -> bool:
         """Wait until a job meets a condition. Return whether it did, before the timeout and the end of the process.
 
         The condition takes the state of the job, None if it does not exist.
@@ -263,7 +263,7 @@ async def wait_here(
     waiters: JobWaiters,
     job_id: str,
     owner: str | None,
-    condition: Callable[[Head | None], bool],
+    condition: Callable[[JobPosition | None], bool],
     wait_s: float,
     *,
     request: Request | None = None,
@@ -277,7 +277,7 @@ async def wait_here(
             group.cancel_scope.cancel()
 
 
-def _over(head: Head | None) -> bool:
+def _over(head: JobPosition | None) -> bool:
     return head is None or head.state.terminal
 
 

@@ -28,7 +28,7 @@ from meshdeform.requests.document import MAX_PRIORITY
 from meshdeform.serving.access import is_foreign, is_forwarded, is_loopback, needs_keys
 from meshdeform.settings import Settings
 from meshdeform.storage import sign_path, verify_path
-from service.http.limits import Buckets, Rate, RateLimiter, Verdict
+from service.http.limits import Buckets, BucketState, Rate, RateLimiter
 from service.http.middleware import add_header
 from service.state import AppState, AppStateDep
 
@@ -200,7 +200,7 @@ def _first(own: int | None, general: int) -> int:
     return general if own is None else own
 
 
-def _limit(detail: str, verdict: Verdict) -> LimitError:
+def _limit(detail: str, verdict: BucketState) -> LimitError:
     seconds = max(1, math.ceil(verdict.wait_s))
     advice = f"Try again in {seconds} second{'s' if seconds > 1 else ''}."
     return LimitError(detail, advice=advice, retry_after_s=seconds)

@@ -37,7 +37,7 @@ _TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 
 
 @dataclass(frozen=True)
-class Answer:
+class KeptAnswer:
     """The JSON response to a request, and whether it was sent before."""
 
     status: int
@@ -63,7 +63,7 @@ def request_hash(method: str, path: str, document: Any, files: Mapping[str, str]
 
 
 @contextmanager
-def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | Answer | None]:
+def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | KeptAnswer | None]:
     """Hold the request's idempotency key while the block executes the request.
 
     It yields the claim, to complete in the transaction that executes the request; the answer, if it was executed
@@ -74,7 +74,7 @@ def claimed(record: JobRecord, caller: Caller, hashed: str) -> Iterator[Claim | 
         return
     claim = record.idempotency.begin(caller.owner_id, caller.idempotency_key, hashed)
     if isinstance(claim, dict):
-        yield Answer(**claim, replayed=True)
+        yield KeptAnswer(**claim, replayed=True)
         return
     try:
         yield claim

@@ -70,7 +70,7 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class BucketState:
     """The state of a bucket after a request, which is allowed if `wait_s` is 0.
 
     `remaining` counts further requests that are allowed now; in `reset_s` seconds a whole burst is.
@@ -88,7 +88,7 @@ class Buckets:
         self._empty_at: dict[str, float] = {}
         self._lock = threading.Lock()
 
-    def take(self, name: str, rate: Rate, now: float | None = None) -> Verdict:
+    def take(self, name: str, rate: Rate, now: float | None = None) -> BucketState:
         """Count one request against a bucket, unless it is full. `now` defaults to the monotonic clock."""
         now = time.monotonic() if now is None else now
         with self._lock:
@@ -136,7 +136,7 @@ class RateLimiter:
         self._local = Buckets()
         self._away_until = -math.inf
 
-    def take(self, name: str, per_minute: int) -> Verdict:
+    def take(self, name: str, per_minute: int) -> BucketState:
         """Count one request against a name. Never raises, and never waits long."""
         rate = Rate.of(per_minute)
         if time.monotonic() < self._away_until:
@@ -156,9 +156,9 @@ class RateLimiter:
         self._redis.close()
 
 
-def _verdict(rate: Rate, wait_s: float, level_s: float) -> Verdict:
+def _verdict(rate: Rate, wait_s: float, level_s: float) -> BucketState:
     remaining = 0 if wait_s else math.floor(rate.burst - level_s / rate.interval_s + 1e-6)
-    return Verdict(wait_s, max(0, remaining), math.ceil(level_s))
+    return BucketState(wait_s, max(0, remaining), math.ceil(level_s))
 
 
 class FairSlots:

@@ -17,7 +17,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.parameters import WORDS_PART
 from meshdeform.runs import kind_of
 from meshdeform.words import in_use
-from service.http.idempotency import Answer, Caller, claimed, request_hash
+from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
 from service.jobs.documents import BranchDocument, FileReference, FileSource, RetryDocument
 from service.jobs.intake import (
     check_file,
@@ -35,11 +35,11 @@ from service.words.known import named_words, pin_words, words_of_job
 _RETRYABLE = (JobState.FAILED, JobState.CANCELED, JobState.EXPIRED)
 
 
-def retry(app: AppState, caller: Caller, job_id: str, document: RetryDocument | None = None) -> Answer:
+def retry(app: AppState, caller: Caller, job_id: str, document: RetryDocument | None = None) -> KeptAnswer:
     """Create a new job from one that did not succeed; it continues from the last intact checkpoint."""
     changes = None if document is None else document.model_dump(mode="json", exclude_unset=True) or None
     with claimed(app.record, caller, request_hash(caller.method, caller.path, changes, {})) as claim:
-        if isinstance(claim, Answer):
+        if isinstance(claim, KeptAnswer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
         if job.state not in _RETRYABLE:
@@ -63,7 +63,7 @@ def retry(app: AppState, caller: Caller, job_id: str, document: RetryDocument | 
             return record_job(app, new, leases)
 
 
-def branch(app: AppState, caller: Caller, job_id: str, step: int, document: BranchDocument, folder: Path) -> Answer:
+def branch(app: AppState, caller: Caller, job_id: str, step: int, document: BranchDocument, folder: Path) -> KeptAnswer:
     """Create a new job that starts with the shape of a checkpoint and follows another document.
 
     Where several attempts have a checkpoint of the step, the newest intact one is used. The files that the document
@@ -71,7 +71,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
     """
     body = document.model_dump(mode="json", exclude_unset=True)
     with claimed(app.record, caller, request_hash(caller.method, caller.path, body, {})) as claim:
-        if isinstance(claim, Answer):
+        if isinstance(claim, KeptAnswer):
             return claim
         job = app.record.get(job_id, owner=caller.owner_id)
         of = job.request

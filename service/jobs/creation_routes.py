@@ -44,7 +44,7 @@ from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document, receive_form
 from service.http.callers import while_waited_for
 from service.http.errors import KNOWN_QUERY, problem_responses
-from service.http.idempotency import Answer, Caller, IdempotencyKey
+from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer
 from service.jobs.arrivals import Arrivals, arriving, go_on, taken_along
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument, RetryDocument
@@ -183,7 +183,7 @@ async def create_job(
     return shown(job, status=200 if job.state.terminal else 202, headers=headers)
 
 
-async def _created(request: Request, app: AppState, caller: Caller) -> Answer:
+async def _created(request: Request, app: AppState, caller: Caller) -> KeptAnswer:
     """Accept a job once its files are there, or, if one comes from a slow host, before."""
     owner_id = caller.owner_id
     async with AsyncExitStack() as held:

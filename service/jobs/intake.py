@@ -49,7 +49,7 @@ from meshdeform.support.failpoints import failpoint
 from meshdeform.words import Word, in_use, read_words
 from service.http.auth import Principal
 from service.http.bodies import ReceivedFile
-from service.http.idempotency import Answer, Caller, claimed, request_hash
+from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
 from service.jobs.documents import FileReference, FileSource, JobDocument
 from service.jobs.estimates import estimate
 from service.state import AppState
@@ -143,22 +143,22 @@ def ready(app: AppState, owner_id: str, submission: Submission) -> tuple[Submiss
     return replace(submission, document=document, files=files), words
 
 
-def accept_job(app: AppState, caller: Caller, submission: Submission) -> Answer:
+def accept_job(app: AppState, caller: Caller, submission: Submission) -> KeptAnswer:
     """Accept a job durably, or refuse it without leaving anything behind."""
     with claimed(app.record, caller, _hash_of(caller, submission)) as claim:
-        if isinstance(claim, Answer):
+        if isinstance(claim, KeptAnswer):
             return claim
         with _stored(app, caller, submission, claim) as (new, leases):
             return record_job(app, new, leases)
 
 
-def accept_early(app: AppState, caller: Caller, submission: Submission) -> Answer:
+def accept_early(app: AppState, caller: Caller, submission: Submission) -> KeptAnswer:
     """Accept a job some of whose files are still being fetched, once all else is checked. `complete_job` does the rest.
 
     Nobody takes it before, and it fails by itself if that is not done in time.
     """
     with claimed(app.record, caller, _hash_of(caller, submission)) as claim:
-        if isinstance(claim, Answer):
+        if isinstance(claim, KeptAnswer):
             return claim
         asked = submission.with_kind(app.settings)
         check_params(asked.document, app.settings, files=asked.names)
@@ -166,7 +166,7 @@ def accept_early(app: AppState, caller: Caller, submission: Submission) -> Answe
         for part, file in asked.files.items():
             check_file(app, caller.owner_id, kind, part, file)
         new = new_job(app, caller, asked.document.without(asked.document.references), {}, claim=claim, fetching=True)
-        return Answer(**accepted(app.record.create(new)))
+        return KeptAnswer(**accepted(app.record.create(new)))
 
 
 def complete_job(app: AppState, caller: Caller, submission: Submission, job_id: str) -> None:
@@ -340,14 +340,14 @@ def new_job(app: AppState, caller: Caller, request: JobRequest, files: Mapping[s
     )
 
 
-def record_job(app: AppState, new: NewJob, leases: FileLeases) -> Answer:
+def record_job(app: AppState, new: NewJob, leases: FileLeases) -> KeptAnswer:
     """Record a job whose files are stored and leased, enqueue it, and return the answer."""
     job = app.record.create(new)
     failpoint("api.recorded")
     leases.passed_on(new.sizes)
     _announce(app, job.id)
     failpoint("api.enqueued")
-    return Answer(**accepted(job))
+    return KeptAnswer(**accepted(job))
 
 
 def _announce(app: AppState, job_id: str) -> None:

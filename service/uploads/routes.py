@@ -42,7 +42,7 @@ from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, 
 from service.http.auth import SIGNING_KEY, PrincipalDep
 from service.http.bodies import body_of, clean_filename, parse_document, receive_document
 from service.http.errors import KNOWN_QUERY, problem_responses
-from service.http.idempotency import Answer, Caller, IdempotencyKey, claimed, request_hash
+from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer, claimed, request_hash
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.state import AppState, AppStateDep
 
@@ -239,21 +239,21 @@ def head_content(request: Request, app: AppStateDep, id: _UploadId) -> Response:
     return Response(status_code=200, headers=headers)
 
 
-def _create(app: AppState, caller: Caller, document: UploadDocument) -> Answer:
+def _create(app: AppState, caller: Caller, document: UploadDocument) -> KeptAnswer:
     Limits.from_settings(app.settings).check_bytes(document.size)
 
     # Created before the transaction begins, since SQLite allows only one writer.
     app.record.secret("signed-urls")
-    answers: list[Answer] = []
+    answers: list[KeptAnswer] = []
     body = document.model_dump(mode="json", exclude_unset=True)
     with claimed(app.record, caller, request_hash(caller.method, caller.path, body, {})) as claim:
-        if isinstance(claim, Answer):
+        if isinstance(claim, KeptAnswer):
             return claim
 
         def record_answer(connection: sa.Connection, upload: Upload) -> None:
             shown = view(app, upload, offset=0).model_dump(mode="json")
             headers = {"Location": f"/v1/uploads/{upload.id}", "Cache-Control": "no-store"}
-            answers.append(Answer(201, shown, headers))
+            answers.append(KeptAnswer(201, shown, headers))
             if claim is not None:
                 app.record.idempotency.complete(claim, answers[0].kept(), connection)
 

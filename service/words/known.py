@@ -12,7 +12,7 @@ from meshdeform.record.words import KeptWord
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.parameters import WORDS_PART, ExemplarParams
 from meshdeform.runs.word_pins import pinned, pins_of, words_named, words_of
-from meshdeform.words import Source, Word, read_words
+from meshdeform.words import ShapeSource, Word, read_words
 from meshdeform.words.limits import MAX_WORDS_BYTES
 from service.http.bodies import ReceivedFile
 from service.state import AppState
@@ -23,7 +23,7 @@ R = TypeVar("R", bound=JobRequest)
 def as_word(kept: KeptWord, data: bytes = b"") -> Word:
     """Return a word of the record with its content. Without that, it has names and parts, and no shapes."""
     told = kept.told
-    sources = tuple(Source(**each) for each in told["shapes"])
+    sources = tuple(ShapeSource(**each) for each in told["shapes"])
     return Word(kept.noun, tuple(told["synonyms"]), told["like"], tuple(told["parts"]), sources, kept.faces, data)
 
 

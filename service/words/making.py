@@ -18,7 +18,7 @@ from meshdeform.runs.kept_readings import samples_in
 from meshdeform.runs.word_process import made_word
 from meshdeform.words import Word, WordOffer, check_names, read_like, read_name, read_words
 from service.http.bodies import ReceivedFile
-from service.http.idempotency import Answer, Caller, claimed, request_hash
+from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
 from service.jobs.documents import WordDocument
 from service.jobs.intake import fetch, store_file
 from service.state import AppState
@@ -30,18 +30,18 @@ MESHES, WORD = "meshes", "word"
 
 def add_words(
     app: AppState, caller: Caller, document: WordDocument, files: Mapping[str, ReceivedFile], folder: Path
-) -> Answer:
+) -> KeptAnswer:
     """Make the word of a request, or take those of its file, and keep them; nothing is kept if anything is wrong."""
     body = document.model_dump(mode="json", exclude_unset=True)
     digests = {name: file.sha256 for name, file in files.items()}
     with claimed(app.record, caller, request_hash(caller.method, caller.path, body, digests)) as claim:
-        if isinstance(claim, Answer):
+        if isinstance(claim, KeptAnswer):
             return claim
-        answers: list[Answer] = []
+        answers: list[KeptAnswer] = []
 
         def record_answer(connection: sa.Connection, kept: list[KeptWord]) -> None:
             words = WordList(words=[WordView(**view_members(each)) for each in kept])
-            answers.append(Answer(201, words.as_json(), {"Cache-Control": "no-store"}))
+            answers.append(KeptAnswer(201, words.as_json(), {"Cache-Control": "no-store"}))
             if claim is not None:
                 app.record.idempotency.complete(claim, answers[0].kept(), connection)
 

@@ -19,7 +19,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import UnavailableError
 from meshdeform.record import database as module
-from meshdeform.record.database import Patience
+from meshdeform.record.database import DatabasePatience
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs
@@ -207,7 +207,7 @@ def test_requests_are_answered_soon_while_postgresql_is_frozen(
 def test_a_record_that_another_process_holds_is_not_waited_for(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'record.sqlite'}"
     JobRecord(url).close()
-    hasty = JobRecord(url, patience=Patience(0.1, 0.1, 0.1))
+    hasty = JobRecord(url, patience=DatabasePatience(0.1, 0.1, 0.1))
     with closing(sqlite3.connect(tmp_path / "record.sqlite", isolation_level=None)) as holder:
         holder.execute("BEGIN IMMEDIATE")
         with pytest.raises(UnavailableError):

@@ -16,7 +16,7 @@ import sqlalchemy as sa
 from fastapi import FastAPI
 
 from meshdeform.errors import UnavailableError
-from meshdeform.record.changes import Head
+from meshdeform.record.changes import JobPosition
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
@@ -155,17 +155,17 @@ def test_what_a_crowd_waits_for_is_looked_up_for_those_who_were_there(monkeypatc
         asked: list[set[str]] = []
         come, go = threading.Event(), threading.Event()
 
-        def heads(ids: Any) -> dict[str, Head]:
+        def heads(ids: Any) -> dict[str, JobPosition]:
             asked.append(set(ids))
             if len(asked) == 1:
                 come.set()
                 go.wait(DEADLINE_S)
-            return {job_id: Head(1, 1, JobState.QUEUED) for job_id in ids}
+            return {job_id: JobPosition(1, 1, JobState.QUEUED) for job_id in ids}
 
         waiters = JobWaiters(heads, tick_s=0.01)
         gone: list[str] = []
 
-        def wanted(head: Head | None) -> bool:
+        def wanted(head: JobPosition | None) -> bool:
             if head is None:
                 gone.append("gone")
             return len(asked) >= 3

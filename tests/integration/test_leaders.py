@@ -14,7 +14,7 @@ from meshdeform.errors import UnavailableError
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState
 from meshdeform.record.queue import JobQueue
-from meshdeform.record.reconciler import Candidate, Reconciler
+from meshdeform.record.reconciler import LeaderCandidate, Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import leaders
 from tests.integration.conftest import DEADLINE_S, new_job
@@ -24,8 +24,8 @@ pytestmark = pytest.mark.both_databases
 EVERY_S = 5.0
 
 
-def candidates(record: JobRecord, count: int, name: str = "work") -> list[Candidate]:
-    return [Candidate(record.database, name, EVERY_S) for _ in range(count)]
+def candidates(record: JobRecord, count: int, name: str = "work") -> list[LeaderCandidate]:
+    return [LeaderCandidate(record.database, name, EVERY_S) for _ in range(count)]
 
 
 def age(record: JobRecord, seconds: float, name: str = "work") -> None:
@@ -85,7 +85,7 @@ def test_the_more_there_are_the_less_often_each_looks(record: JobRecord) -> None
     for number in range(100):
         record.leases.idle(WorkerIdentity(f"w{number}", "q", "cpu"))
     crowd = record.leases.alive_query("q")
-    leader, follower = (Candidate(record.database, "work", EVERY_S, crowd) for _ in range(2))
+    leader, follower = (LeaderCandidate(record.database, "work", EVERY_S, crowd) for _ in range(2))
     assert leader.look()
     assert leader.pause_s() == EVERY_S
     assert not follower.look()

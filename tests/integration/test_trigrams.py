@@ -86,7 +86,7 @@ def test_a_migration_may_take_longer_than_other_statements(
     monkeypatch.setattr(database, "_upgrade", lambda connection: connection.exec_driver_sql("SELECT pg_sleep(1.0)"))
     with administrator.connect() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0008'")
-        record = JobRecord(database_url, patience=database.Patience(30.0, 0.5, 30.0))
+        record = JobRecord(database_url, patience=database.DatabasePatience(30.0, 0.5, 30.0))
         connection.exec_driver_sql(f"UPDATE alembic_version SET version_num = '{HEAD}'")
     # Afterwards the limit holds again.
     with pytest.raises(UnavailableError), record.database.read() as connection:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from meshdeform.assets.clips import Clip, Floats, Track
+from meshdeform.assets.clips import Clip, Floats, NodeTrack
 from meshdeform.assets.container import Json
 
 PATHS = ("translation", "rotation", "scale")
@@ -24,7 +24,7 @@ class Motion:
     """What one clip does to nodes; nothing without a clip."""
 
     def __init__(self, clip: Clip | None) -> None:
-        self._tracks: dict[tuple[int, str], Track] = {}
+        self._tracks: dict[tuple[int, str], NodeTrack] = {}
         for track in clip.tracks if clip else ():
             self._tracks.setdefault((track.node, track.path), track)
         self.start, self.end = (clip.start, clip.end) if clip else (0.0, 0.0)
@@ -33,7 +33,7 @@ class Motion:
         """Return whether the clip moves a node itself."""
         return any((node, path) in self._tracks for path in PATHS)
 
-    def track(self, node: int, path: str) -> Track | None:
+    def track(self, node: int, path: str) -> NodeTrack | None:
         """Return the track of a node's property; None if it does not change."""
         return self._tracks.get((node, path))
 
@@ -50,7 +50,7 @@ class Motion:
         return track.at(seconds)
 
 
-def _needed(track: Track) -> Floats:
+def _needed(track: NodeTrack) -> Floats:
     if track.mode == "STEP":
         return np.concatenate([track.times, track.times[1:] - _BEFORE])
     if track.mode == "CUBICSPLINE":

@@ -33,7 +33,7 @@ from meshdeform.assets.placement import (
     skin_weights,
     world_matrices,
 )
-from meshdeform.assets.scene import Piece, Scene
+from meshdeform.assets.scene import MaterialTriangles, Scene
 from meshdeform.assets.usd.layer import TYPES, Layer, floats, integers, matrices, valid_name, vectors
 from meshdeform.assets.usd.motion import Motion
 
@@ -139,7 +139,7 @@ class Rigs:
         layer.set(path, "bindTransforms", TYPES.Matrix4dArray, matrices(bind), uniform=True)
         layer.set(path, "restTransforms", TYPES.Matrix4dArray, matrices(rest), uniform=True)
 
-    def attach(self, prim: str, skeleton: Skeleton, instance: Instance, piece: Piece) -> None:
+    def attach(self, prim: str, skeleton: Skeleton, instance: Instance, piece: MaterialTriangles) -> None:
         """Make a mesh follow a skeleton, with its weights and morph targets."""
         layer = self._layer
         layer.link(prim, "skel:skeleton", skeleton.path)
@@ -153,7 +153,7 @@ class Rigs:
             made.SetInfo("elementSize", joints.shape[1])
         self._targets(prim, skeleton, instance, piece)
 
-    def _influences(self, skeleton: Skeleton, piece: Piece) -> tuple[NDArray[np.int64], Floats]:
+    def _influences(self, skeleton: Skeleton, piece: MaterialTriangles) -> tuple[NDArray[np.int64], Floats]:
         """Return joints (V, K) and weights (V, K) of the vertices, the greatest first."""
         count = len(piece.used)
         if skeleton.joints is None:
@@ -171,7 +171,7 @@ class Rigs:
         weights /= weights.sum(axis=1, keepdims=True)
         return np.asarray(skeleton.joints[table[piece.used]], np.int64), weights[piece.used]
 
-    def _targets(self, prim: str, skeleton: Skeleton, instance: Instance, piece: Piece) -> None:
+    def _targets(self, prim: str, skeleton: Skeleton, instance: Instance, piece: MaterialTriangles) -> None:
         targets = piece.primitive.get("targets", [])
         mesh = self._scene.root["meshes"][instance.mesh]
         extras = mesh.get("extras")
@@ -197,7 +197,7 @@ class Rigs:
             self._layer.set(prim, "skel:blendShapes", TYPES.TokenArray, Vt.TokenArray(tokens), uniform=True)
             self._layer.link(prim, "skel:blendShapeTargets", *paths)
 
-    def _moves(self, target: Json, name: str, piece: Piece) -> Floats:
+    def _moves(self, target: Json, name: str, piece: MaterialTriangles) -> Floats:
         """Return the displacements (V, 3) of a target, zero where it has none that fit."""
         if name in target:
             values = read_floats(self._scene.document, target[name]).astype(np.float64)

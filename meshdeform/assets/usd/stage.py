@@ -16,7 +16,7 @@ from meshdeform.assets.clips import read_clips
 from meshdeform.assets.container import Json
 from meshdeform.assets.inspect import Instance, instances_of, shown_nodes
 from meshdeform.assets.placement import Floats, Matrix, instance_matrices, is_invertible, local_matrix, unit_rows
-from meshdeform.assets.scene import Piece, Scene, moved
+from meshdeform.assets.scene import MaterialTriangles, Scene, moved
 from meshdeform.assets.usd.layer import TYPES, Layer, floats, integers, matrix, vectors
 from meshdeform.assets.usd.materials import Materials, texcoord_name
 from meshdeform.assets.usd.motion import Motion
@@ -129,7 +129,7 @@ class StageWriter:
             for parent in parents:
                 self._mesh(parent, piece, instance, skeleton)
 
-    def _mesh(self, parent: str, piece: Piece, instance: Instance, skeleton: Skeleton | None) -> None:
+    def _mesh(self, parent: str, piece: MaterialTriangles, instance: Instance, skeleton: Skeleton | None) -> None:
         layer, look = self._layer, self._scene.shading(piece.material)
         schemas = ["MaterialBindingAPI", *(["SkelBindingAPI"] if skeleton else [])]
         prim = layer.prim(parent, piece.name, "Mesh", schemas=schemas)
@@ -156,7 +156,7 @@ class StageWriter:
         if skeleton is not None:
             self._rigs.attach(prim, skeleton, instance, piece)
 
-    def _colors(self, prim: str, piece: Piece) -> bool:
+    def _colors(self, prim: str, piece: MaterialTriangles) -> bool:
         """Write the colours of vertices, and return whether the material is to show them."""
         look = self._scene.shading(piece.material)
         if piece.colors is None:

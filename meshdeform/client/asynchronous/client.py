@@ -77,8 +77,8 @@ from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import (
     Call,
     Endpoint,
+    FormPart,
     JobLike,
-    Part,
     artifact_path,
     identity,
     job_path,
@@ -718,7 +718,7 @@ class AsyncClient:
             source = await work(open_source, file, opened)
             if not isinstance(source, LocalFile):
                 raise ValueError("Words are imported of a local file.")  # noqa: TRY004
-            part = Part("word", source.filename, source.file)
+            part = FormPart("word", source.filename, source.file)
             headers = {"Idempotency-Key": checked_key(None)}
             call = Call("POST", "/v1/words", headers=headers, document={"replace": replace}, parts=(part,))
             return (await self._connection.document(WordList, call)).words

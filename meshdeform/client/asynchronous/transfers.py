@@ -21,7 +21,7 @@ from meshdeform.client.documents import PartialFile, read, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call
 from meshdeform.client.orders import AssetLike, Files, LocalFile, Order, UploadProgress, open_source, refer
 from meshdeform.client.problems import error_of
-from meshdeform.client.requests import Call, Part, Piece, job_path
+from meshdeform.client.requests import Call, FileRange, FormPart, job_path
 from meshdeform.client.retries import Patience, left_s, unanswered, worth_a_retry
 from meshdeform.errors import (
     ConflictError,
@@ -44,7 +44,7 @@ async def prepared(
     """Return the request that posts an order, and its local files, after uploading those that are large."""
     document = order.document()
     local_files: dict[str, LocalFile] = {}
-    parts: list[Part] = []
+    parts: list[FormPart] = []
     for name, file in files.parts.items():
         filename = files.filename if name == "asset" or len(files.parts) == 1 else None
         source = await work(open_source, file, opened, filename)
@@ -60,7 +60,7 @@ async def prepared(
                 raise
             upload = None  # the service has no uploads
         if upload is None:
-            parts.append(Part(name, source.filename, source.file))
+            parts.append(FormPart(name, source.filename, source.file))
         else:
             refer(document, name, {"upload_id": upload.id})
     headers = {"Idempotency-Key": files.key} if url == "/v1/jobs" else {}
@@ -75,7 +75,7 @@ async def prepared_word(
     opened: contextlib.ExitStack,
 ) -> Call:
     """Return the request that makes a word, after uploading the meshes that make its form large."""
-    parts, stored, size = list[Part](), list[Mapping[str, str]](), 0
+    parts, stored, size = list[FormPart](), list[Mapping[str, str]](), 0
     for mesh in meshes:
         source = await work(open_source, mesh, opened)
         if not isinstance(source, LocalFile):
@@ -83,7 +83,7 @@ async def prepared_word(
         elif size + source.size > connection.policy.upload_above:
             stored.append({"upload_id": (await uploaded(connection, source)).id})
         else:
-            parts.append(Part("meshes", source.filename, source.file))
+            parts.append(FormPart("meshes", source.filename, source.file))
             size += source.size
     headers, document = {"Idempotency-Key": key}, {**said, "meshes": stored}
     return Call("POST", "/v1/words", headers=headers, document=document, parts=tuple(parts), read_timeout_s=_WORD_S)
@@ -103,7 +103,7 @@ async def uploaded(connection: AsyncConnection, file: LocalFile, key: str = "") 
     if upload.resumable:
         await _send_pieces(connection, file, upload)
     else:
-        await connection.answered(_put(upload, Piece(file.file, 0, file.size)))
+        await connection.answered(_put(upload, FileRange(file.file, 0, file.size)))
         await _told(connection, file, file.size)
     completion = Call("POST", f"/v1/uploads/{upload.id}/complete", document={"sha256": file.sha256})
     return await connection.document(UploadView, completion)
@@ -136,7 +136,7 @@ async def _send_pieces(connection: AsyncConnection, file: LocalFile, upload: Upl
     offset, size = upload.offset, min(policy.first_piece_bytes, policy.piece_bytes)
     while offset < file.size:
         await _told(connection, file, offset)
-        piece, began = Piece(file.file, offset, min(size, file.size - offset)), time.monotonic()
+        piece, began = FileRange(file.file, offset, min(size, file.size - offset)), time.monotonic()
         error: MeshdeformError
         try:
             answer = await connection.send(_put(upload, piece, file.size))
@@ -164,7 +164,7 @@ async def _send_pieces(connection: AsyncConnection, file: LocalFile, upload: Upl
     await _told(connection, file, file.size)
 
 
-def _put(upload: UploadView, piece: Piece, size: int | None = None) -> Call:
+def _put(upload: UploadView, piece: FileRange, size: int | None = None) -> Call:
     headers = dict(upload.headers)
     if size is not None:
         headers["Content-Range"] = f"bytes {piece.start}-{piece.start + piece.size - 1}/{size}"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
-from meshdeform.assets.assemble import Piece
+from meshdeform.assets.assemble import AssetPart
 from meshdeform.assets.family_file import FamilyFile
 from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, depth_beyond, turned
 from meshdeform.kinds.families.placing import Joint, Placing, axis_fit
@@ -75,7 +75,7 @@ class Assembly:
     """A shape made of parts."""
 
     parts: list[PlacedPart]
-    pieces: list[Piece]  # for `assets.assemble`
+    pieces: list[AssetPart]  # for `assets.assemble`
     loose: list[int]  # parts that touch no other part, because no member says where they would
 
 
@@ -230,7 +230,7 @@ class Assembler:
         by_size = sorted(parts, key=lambda part: (-near[part], -len(own[part])))
         return sorted([by_size[0], *sorted(by_size[1:], key=lambda part: -len(own[part]))], key=lambda p: p not in kept)
 
-    def _piece(self, each: PlacedPart, moved: _Floats, diagonal: float, centre: _Floats) -> Piece:
+    def _piece(self, each: PlacedPart, moved: _Floats, diagonal: float, centre: _Floats) -> AssetPart:
         shape, part, surface = each.shape, each.part, each.shape.asset.surface
         positions, normals, tangents = surface.positions.copy(), surface.normals.copy(), surface.tangents.copy()
         if shape.turn == 0 and diagonal == shape.diagonal and np.array_equal(centre, shape.centre):
@@ -242,7 +242,9 @@ class Assembler:
             normals[part.rows] = _directions(_cofactors(maps), turned(normals[part.rows], shape.turn))
             tangents[part.rows, :3] = _directions(maps, turned(tangents[part.rows, :3], shape.turn))
         extras = {"part": self.family.parts[each.number], "member": self.family.names[each.member]}
-        return Piece(shape.asset, part.triangles, positions, normals, tangents, extras["part"], {"meshdeform": extras})
+        return AssetPart(
+            shape.asset, part.triangles, positions, normals, tangents, extras["part"], {"meshdeform": extras}
+        )
 
 
 def _rough_fit(source: _Floats, target: _Floats) -> tuple[_Floats, _Floats, float]:

@@ -43,7 +43,7 @@ from meshdeform.kinds.surface_fit.base_places import border_places, places_of
 from meshdeform.kinds.surface_fit.gluing import glue
 from meshdeform.kinds.surface_fit.network import START, FieldNetwork, octaves_of, rounded, steps_of
 from meshdeform.kinds.surface_fit.patches import level_of, patch
-from meshdeform.kinds.surface_fit.surface_sources import Surface
+from meshdeform.kinds.surface_fit.surface_sources import SourceSurface
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -151,7 +151,7 @@ class FieldFit:
 
     def __init__(
         self,
-        surface: Surface,
+        surface: SourceSurface,
         frame: FieldFrame,
         verts: _Floats,
         faces: _Index,

@@ -18,7 +18,7 @@ from meshdeform.kinds.surface_fit.collapse import collapsed
 from meshdeform.kinds.surface_fit.gluing import glue, topology
 from meshdeform.kinds.surface_fit.intrinsic import HeatGeodesics, IntrinsicMesh, delaunay, spectrum
 from meshdeform.kinds.surface_fit.patches import divided
-from meshdeform.kinds.surface_fit.surface_sources import MeshSurface, Surface
+from meshdeform.kinds.surface_fit.surface_sources import MeshSurface, SourceSurface
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
@@ -31,7 +31,7 @@ _FEWEST_FACES = 10_000
 """Smaller ones are divided to as many: on a coarse triangulation both are off by more than the field is."""
 
 
-def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]:
+def distances(surface: SourceSurface, verts: _Floats, faces: _Index) -> dict[str, Any]:
     """Return distances both ways, as shares of the diagonal, the angle of normals in degrees, and what is reversed.
 
     Parameters
@@ -60,7 +60,7 @@ def distances(surface: Surface, verts: _Floats, faces: _Index) -> dict[str, Any]
     }
 
 
-def _one_way(one: Surface, other: Surface) -> tuple[_Floats, _Floats]:
+def _one_way(one: SourceSurface, other: SourceSurface) -> tuple[_Floats, _Floats]:
     """Return distances and angles of normals at samples of a surface to their projections on another."""
     points, normals = one.samples(_SAMPLES)
     place, facing = other.project(points, normals)
@@ -75,7 +75,7 @@ def _figures(values: _Floats) -> dict[str, float]:
 class Reference:
     """The spectrum and geodesics of the input, computed once."""
 
-    def __init__(self, surface: Surface) -> None:
+    def __init__(self, surface: SourceSurface) -> None:
         mesh = surface.reference
         verts, faces = mesh.verts, mesh.faces
         if len(faces) > _MOST_FACES:

@@ -40,7 +40,7 @@ _NEWTON_STEPS = 4
 _CHUNK = 65_536
 
 
-class Surface(Protocol):
+class SourceSurface(Protocol):
     """A surface in the source's own coordinates."""
 
     kind: str  # `mesh`, `points`, `grid` or `network`
@@ -63,7 +63,7 @@ class Surface(Protocol):
 
 def surface_of(
     source: CleanMesh | OrientedPoints | DistanceGrid | ImplicitNetwork, base_faces: int = MAX_BASE_FACES
-) -> Surface:
+) -> SourceSurface:
     """Return the surface that a file describes, if a base of so many faces can have its handles.
 
     Raises
@@ -275,7 +275,7 @@ class NetworkSurface(_Implicit):
         return value.detach(), gradient
 
 
-def _reference(verts: _Floats, faces: _Index, surface: Surface, base_faces: int, otherwise: str) -> CleanMesh:
+def _reference(verts: _Floats, faces: _Index, surface: SourceSurface, base_faces: int, otherwise: str) -> CleanMesh:
     """Return the extracted mesh with its vertices moved to the surface, without tiny parts."""
     if len(faces) < 4:
         raise AssetError(otherwise, advice="Check the sign and the bounds.")

@@ -10,7 +10,7 @@ import numpy as np
 from meshdeform.nouns.families.birds import Build, bird_kind, bird_of, feathers
 from meshdeform.nouns.families.drawing import bead, bent_limb, circle, kind, near, on, pairs, petal, sized, varied
 from meshdeform.nouns.families.insects import claw_of, feelers_of, legs_of
-from meshdeform.nouns.families.marine import Build as FishBuild
+from meshdeform.nouns.families.marine import FishBuild as FishBuild
 from meshdeform.nouns.families.marine import fish_kind
 from meshdeform.nouns.families.parts import Array, Part, ellipsoid, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits

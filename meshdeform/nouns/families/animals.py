@@ -24,7 +24,7 @@ from meshdeform.nouns.families.traits import Rng, Traits
 
 
 @dataclass(frozen=True)
-class Body:
+class Quadruped:
     """Barrel along Z on four legs; lengths in the family's unit."""
 
     length: float
@@ -60,7 +60,7 @@ def giraffe(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.24, 0.32), (0.72, 0.88), (1.3, 1.55))
     neck = traits.draw(rng, "neck", (0.32, 0.42), (0.95, 1.15), (1.6, 1.9))
     head = traits.draw(rng, "head", (0.09, 0.1), (0.155, 0.18), (0.28, 0.33))
-    body = Body(rng.uniform(0.42, 0.55), rng.uniform(0.25, 0.29), leg, rng.uniform(0.105, 0.12))
+    body = Quadruped(rng.uniform(0.42, 0.55), rng.uniform(0.25, 0.29), leg, rng.uniform(0.105, 0.12))
     chest = np.array([0.0, body.height + 0.1, body.length / 2])
     crown = chest + at(rng.uniform(64, 72), neck)
     muzzle = crown + np.array([0.0, -0.45 * head, 1.75 * head])
@@ -77,7 +77,7 @@ def horse(rng: Rng, traits: Traits) -> Part:
     neck = traits.draw(rng, "neck", (0.16, 0.22), (0.46, 0.56), (0.95, 1.15))
     head = traits.draw(rng, "head", (0.09, 0.1), (0.15, 0.17), (0.26, 0.3))
     tail = traits.draw(rng, "tail", (0.14, 0.2), (0.5, 0.62), (1.0, 1.2))
-    body = Body(rng.uniform(0.82, 0.98), rng.uniform(0.26, 0.3), leg, rng.uniform(0.1, 0.12))
+    body = Quadruped(rng.uniform(0.82, 0.98), rng.uniform(0.26, 0.3), leg, rng.uniform(0.1, 0.12))
     chest = np.array([0.0, body.height + 0.06, body.length / 2])
     poll = chest + at(rng.uniform(48, 58), neck + 0.12)
     face = poll + at(rng.uniform(-42, -32), 2.7 * head)
@@ -95,7 +95,7 @@ def dog(rng: Rng, traits: Traits) -> Part:
     head = traits.draw(rng, "head", (0.14, 0.16), (0.26, 0.3), (0.44, 0.52))
     ears = traits.draw(rng, "ears", (0.06, 0.1), (0.22, 0.28), (0.5, 0.62))
     tail = traits.draw(rng, "tail", (0.06, 0.1), (0.34, 0.44), (0.8, 1.0))
-    body = Body(rng.uniform(0.7, 0.9), rng.uniform(0.22, 0.26), leg, rng.uniform(0.095, 0.115))
+    body = Quadruped(rng.uniform(0.7, 0.9), rng.uniform(0.22, 0.26), leg, rng.uniform(0.095, 0.115))
     front = np.array([0.0, body.height, body.length / 2 + 0.04])
     skull = front + at(rng.uniform(48, 62), 0.2 + head)
     parts = body.parts()
@@ -113,7 +113,7 @@ def elephant(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.08, 0.14), (0.36, 0.46), (0.9, 1.1))
     ears = traits.draw(rng, "ears", (0.12, 0.15), (0.3, 0.36), (0.56, 0.66))
     trunk = traits.draw(rng, "trunk", (0.16, 0.22), (0.62, 0.74), (1.2, 1.4))
-    body = Body(rng.uniform(0.5, 0.65), rng.uniform(0.42, 0.48), leg, rng.uniform(0.165, 0.19))
+    body = Quadruped(rng.uniform(0.5, 0.65), rng.uniform(0.42, 0.48), leg, rng.uniform(0.165, 0.19))
     skull = np.array([0.0, body.height + 0.22, body.length / 2 + body.radius * 0.85])
     parts = body.parts()
     parts.append(ellipsoid(skull, [0.3, 0.33, 0.32]))
@@ -135,7 +135,7 @@ def dinosaur(rng: Rng, traits: Traits) -> Part:
     neck = traits.draw(rng, "neck", (0.12, 0.2), (0.72, 0.9), (1.35, 1.6))
     tail = traits.draw(rng, "tail", (0.1, 0.18), (0.8, 0.98), (1.5, 1.8))
     head = traits.draw(rng, "head", (0.08, 0.09), (0.135, 0.16), (0.27, 0.32))
-    body = Body(rng.uniform(0.5, 0.62), rng.uniform(0.32, 0.37), leg, rng.uniform(0.13, 0.15))
+    body = Quadruped(rng.uniform(0.5, 0.62), rng.uniform(0.32, 0.37), leg, rng.uniform(0.13, 0.15))
     half, girth = body.length / 2, body.radius
     chest = np.array([0.0, body.height + 0.03, half])
     middle = chest + [0, 0, 0.22] + at(42, 0.5 * neck)
@@ -157,7 +157,7 @@ def pig(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.03, 0.06), (0.22, 0.28), (0.75, 0.95))
     ears = traits.draw(rng, "ears", (0.03, 0.06), (0.17, 0.22), (0.46, 0.56))
     nose = traits.draw(rng, "nose", (0.02, 0.05), (0.16, 0.22), (0.6, 0.75))
-    body = Body(rng.uniform(0.42, 0.54), rng.uniform(0.4, 0.46), leg, rng.uniform(0.115, 0.135))
+    body = Quadruped(rng.uniform(0.42, 0.54), rng.uniform(0.4, 0.46), leg, rng.uniform(0.115, 0.135))
     skull = np.array([0.0, body.height + 0.12, body.length / 2 + body.radius * 0.8])
     parts = body.parts()
     parts.append(ellipsoid(skull, [0.31, 0.3, 0.29]))
@@ -235,7 +235,7 @@ def octopus(rng: Rng, traits: Traits) -> Part:
 
 def fox(rng: Rng, _: Traits) -> Part:
     """Draw a fox: a slim body on short legs, a wide face that runs to a point, big ears, a tail like a brush."""
-    body = Body(rng.uniform(0.56, 0.7), rng.uniform(0.22, 0.25), rng.uniform(0.24, 0.32), rng.uniform(0.075, 0.09))
+    body = Quadruped(rng.uniform(0.56, 0.7), rng.uniform(0.22, 0.25), rng.uniform(0.24, 0.32), rng.uniform(0.075, 0.09))
     chest, head = np.array([0.0, body.height + 0.02, body.length / 2]), rng.uniform(0.25, 0.29)
     skull = chest + at(rng.uniform(50, 62), 0.42)
     nose = skull + [0, -0.5 * head, 1.75 * head]
@@ -255,7 +255,7 @@ def fox(rng: Rng, _: Traits) -> Part:
 
 def wolf(rng: Rng, _: Traits) -> Part:
     """Draw a wolf on long legs, with a ruff about its neck and a hanging tail; it looks ahead or howls."""
-    body = Body(rng.uniform(0.74, 0.88), rng.uniform(0.24, 0.27), rng.uniform(0.5, 0.6), rng.uniform(0.085, 0.1))
+    body = Quadruped(rng.uniform(0.74, 0.88), rng.uniform(0.24, 0.27), rng.uniform(0.5, 0.6), rng.uniform(0.085, 0.1))
     howls, head = rng.random() < 0.3, rng.uniform(0.22, 0.25)
     chest = np.array([0.0, body.height + 0.08, body.length / 2])
     neck, aim = (at(72, 0.55), at(68, 1.0)) if howls else (at(rng.uniform(28, 45), 0.5), at(-12, 1.0))

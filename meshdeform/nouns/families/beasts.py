@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.animals import Body, at
+from meshdeform.nouns.families.animals import Quadruped, at
 from meshdeform.nouns.families.parts import Part, ellipsoid, join, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
@@ -14,7 +14,7 @@ def camel(rng: Rng, traits: Traits) -> Part:
     humps = traits.draw(rng, "humps", (0.04, 0.1), (0.34, 0.42), (0.72, 0.88))
     leg = traits.draw(rng, "legs", (0.16, 0.24), (0.6, 0.72), (1.15, 1.35))
     neck = traits.draw(rng, "neck", (0.1, 0.16), (0.42, 0.52), (0.95, 1.15))
-    body = Body(rng.uniform(0.78, 0.98), rng.uniform(0.26, 0.32), leg, rng.uniform(0.096, 0.12))
+    body = Quadruped(rng.uniform(0.78, 0.98), rng.uniform(0.26, 0.32), leg, rng.uniform(0.096, 0.12))
     parts = body.parts()
     for z in (-0.27, 0.27):
         base = np.array([0.0, body.height + 0.08, z])
@@ -33,7 +33,7 @@ def cow(rng: Rng, traits: Traits) -> Part:
     horns = traits.draw(rng, "horns", (0.02, 0.06), (0.26, 0.34), (0.7, 0.85))
     leg = traits.draw(rng, "legs", (0.1, 0.15), (0.36, 0.44), (0.85, 1.05))
     tail = traits.draw(rng, "tail", (0.06, 0.12), (0.46, 0.56), (1.0, 1.2))
-    body = Body(rng.uniform(0.81, 1.05), rng.uniform(0.35, 0.42), leg, rng.uniform(0.104, 0.136))
+    body = Quadruped(rng.uniform(0.81, 1.05), rng.uniform(0.35, 0.42), leg, rng.uniform(0.104, 0.136))
     half = body.length / 2
     parts = [*body.parts(), ellipsoid([0, body.height - body.radius * 0.9, -half * 0.6], [0.2, 0.17, 0.2], rings=8)]
     skull = np.array([0.0, body.height + 0.34, half + body.radius + 0.14])
@@ -55,7 +55,7 @@ def deer(rng: Rng, traits: Traits) -> Part:
     horns = traits.draw(rng, "horns", (0.1, 0.16), (0.5, 0.6), (1.0, 1.2))
     leg = traits.draw(rng, "legs", (0.2, 0.28), (0.6, 0.72), (1.1, 1.3))
     neck = traits.draw(rng, "neck", (0.12, 0.18), (0.4, 0.5), (0.9, 1.1))
-    body = Body(rng.uniform(0.58, 0.78), rng.uniform(0.22, 0.27), leg, rng.uniform(0.081, 0.104))
+    body = Quadruped(rng.uniform(0.58, 0.78), rng.uniform(0.22, 0.27), leg, rng.uniform(0.081, 0.104))
     parts = body.parts()
     chest = np.array([0.0, body.height + 0.02, body.length / 2 + 0.06])
     poll = chest + at(rng.uniform(62, 72), neck + 0.16)
@@ -76,7 +76,7 @@ def rhino(rng: Rng, traits: Traits) -> Part:
     """Draw a rhinoceros: a heavy body on pillars, a low long head with a tall horn on its nose and a second behind."""
     horns = traits.draw(rng, "horns", (0.0, 0.06), (0.5, 0.62), (1.1, 1.3))
     leg = traits.draw(rng, "legs", (0.06, 0.1), (0.26, 0.33), (0.75, 0.95))
-    body = Body(rng.uniform(0.7, 0.94), rng.uniform(0.39, 0.47), leg, rng.uniform(0.144, 0.176))
+    body = Quadruped(rng.uniform(0.7, 0.94), rng.uniform(0.39, 0.47), leg, rng.uniform(0.144, 0.176))
     parts = body.parts()
     front = np.array([0.0, body.height + 0.04, body.length / 2 + 0.16])
     brow = front + [0, 0.02, 0.42]
@@ -96,7 +96,7 @@ def lion(rng: Rng, traits: Traits) -> Part:
     leg = traits.draw(rng, "legs", (0.1, 0.15), (0.36, 0.45), (0.85, 1.05))
     mane = traits.draw(rng, "mane", (0.25, 0.28), (0.44, 0.52), (0.76, 0.9))
     tail = traits.draw(rng, "tail", (0.08, 0.14), (0.5, 0.62), (1.05, 1.25))
-    body = Body(rng.uniform(0.68, 0.9), rng.uniform(0.22, 0.28), leg, rng.uniform(0.094, 0.126))
+    body = Quadruped(rng.uniform(0.68, 0.9), rng.uniform(0.22, 0.28), leg, rng.uniform(0.094, 0.126))
     skull = np.array([0.0, body.height + 0.3, body.length / 2 + 0.3])
     parts = [*body.parts(), limb([[0, body.height, body.length / 2], [*skull]], [0.24, 0.24])]
     turn = np.linspace(0, 2 * np.pi, 44, endpoint=False)

@@ -28,7 +28,7 @@ Solids = dict[str, list[Part]]
 
 
 @dataclass(frozen=True)
-class Build:
+class FigureBuild:
     """Ranges of a figure; lengths in the family's unit, in which a grown person is about two and a half tall.
 
     `wide`: from the middle to a shoulder; `waist`, `hips`, `deep`: shares of it; `arm_deg`: the arms' angle from
@@ -65,7 +65,7 @@ class Figure(NamedTuple):
     hips: float
 
 
-def figure_of(rng: Rng, traits: Traits, build: Build) -> Figure:
+def figure_of(rng: Rng, traits: Traits, build: FigureBuild) -> Figure:
     """Draw a figure that stands."""
     head, arms = sized(rng, traits, "head", build.head, by=1.7), sized(rng, traits, "arms", build.arms)
     legs, wide, trunk = sized(rng, traits, "legs", build.legs), near(rng, build.wide), near(rng, build.trunk)
@@ -102,7 +102,7 @@ def figure_of(rng: Rng, traits: Traits, build: Build) -> Figure:
     return Figure(solids, skull, head, hand, top, wide, hips)
 
 
-def figure_kind(name: str, build: Build) -> Family:
+def figure_kind(name: str, build: FigureBuild) -> Family:
     """Return the family of figures that are known by their build alone."""
     return kind(name, lambda rng, traits: varied(rng, **figure_of(rng, traits, build).solids))
 
@@ -149,13 +149,13 @@ def bat_wing(size: float, fold_deg: float, lift_deg: float) -> Part:
     return turned(wing, fold_deg, "y")
 
 
-_ROBED = Build(robe=0.5, wide=0.29, arm_deg=38)
-_REACHING = Build(arm_deg=6, ahead_deg=82, stoop_deg=10, head=0.27)
+_ROBED = FigureBuild(robe=0.5, wide=0.29, arm_deg=38)
+_REACHING = FigureBuild(arm_deg=6, ahead_deg=82, stoop_deg=10, head=0.27)
 
 
 def astronaut(rng: Rng, traits: Traits) -> Part:
     """Draw an astronaut: a round helmet with a visor, a puffed suit, a box on the back, thick boots."""
-    build = Build(head=0.33, thick=0.145, wide=0.36, waist=0.9, hips=0.9, deep=0.75, legs=0.57, neck=0.0)
+    build = FigureBuild(head=0.33, thick=0.145, wide=0.36, waist=0.9, hips=0.9, deep=0.75, legs=0.57, neck=0.0)
     figure = figure_of(rng, traits, build)
     solids, skull, head, wide = figure.solids, figure.skull, figure.head, figure.wide
     visor = ellipsoid(skull + [0, 0.02, 0.3 * head], head * np.array([0.76, 0.66, 0.8]), rings=8)
@@ -169,7 +169,7 @@ def astronaut(rng: Rng, traits: Traits) -> Part:
 
 def knight(rng: Rng, traits: Traits) -> Part:
     """Draw a knight: a closed helmet with a slit and a plume, round shoulders, a shield and an upright sword."""
-    figure = figure_of(rng, traits, Build(thick=0.125, wide=0.36, waist=0.7, ahead_deg=38, neck=0.04))
+    figure = figure_of(rng, traits, FigureBuild(thick=0.125, wide=0.36, waist=0.7, ahead_deg=38, neck=0.04))
     skull, head, hand = figure.skull, figure.head, figure.hand
     can = [(0.6, -1.0), (0.95, -0.9), (0.98, 0.1), (0.85, 0.6), (0.5, 0.95), (0.05, 1.1)]
     visor = bead(skull + [0, -0.05 * head, 0.35 * head], head * np.array([0.9, 0.62, 0.85]), segments=14)
@@ -208,7 +208,7 @@ def zombie(rng: Rng, traits: Traits) -> Part:
 
 def skeleton(rng: Rng, traits: Traits) -> Part:
     """Draw a skeleton: ribs about a bare spine, a skull with a jaw, a pelvis, thin bones with knobs at the joints."""
-    figure = figure_of(rng, traits, Build(thick=0.046, wide=0.31, neck=0.12, arm_deg=28))
+    figure = figure_of(rng, traits, FigureBuild(thick=0.046, wide=0.31, neck=0.12, arm_deg=28))
     solids, skull, head, top, wide = figure.solids, figure.skull, figure.head, figure.top, figure.wide
     hips, trunk = figure.hips, float(top[1] - figure.hips)
     spine = limb([[0, hips - 0.05, -0.05], top - [0, 0.02, 0.05]], [0.05, 0.05], segments=8)
@@ -257,7 +257,7 @@ def witch(rng: Rng, traits: Traits) -> Part:
 
 def mermaid(rng: Rng, traits: Traits) -> Part:
     """Draw a mermaid: a slender trunk with long hair on a scaly tail that bends forward to a wide fin."""
-    build = Build(wide=0.24, waist=0.62, hips=0.85, thick=0.0775, legs=0.8, arm_deg=42)
+    build = FigureBuild(wide=0.24, waist=0.62, hips=0.85, thick=0.0775, legs=0.8, arm_deg=42)
     figure = figure_of(rng, traits, build)
     tail, hips = sized(rng, traits, "tail", 0.95, by=1.9), figure.hips
     bend = rng.uniform(-0.35, 0.35)
@@ -285,7 +285,7 @@ def angel(rng: Rng, traits: Traits) -> Part:
 
 def alien(rng: Rng, traits: Traits) -> Part:
     """Draw an alien: a great head that narrows to the chin, slanted eyes, a thin body, long arms with three fingers."""
-    build = Build(head=0.4, wide=0.19, trunk=0.48, thick=0.0525, arms=0.73, legs=0.5, arm_deg=31)
+    build = FigureBuild(head=0.4, wide=0.19, trunk=0.48, thick=0.0525, arms=0.73, legs=0.5, arm_deg=31)
     figure = figure_of(rng, traits, build)
     skull, head, hand = figure.skull, figure.head, figure.hand
     size = sized(rng, traits, "eyes", 0.12, by=1.7)
@@ -301,7 +301,9 @@ def alien(rng: Rng, traits: Traits) -> Part:
 
 def gnome(rng: Rng, traits: Traits) -> Part:
     """Draw a garden gnome: a pointed cap as tall as its body, a full beard, a round nose, a belly, short legs."""
-    build = Build(head=0.29, wide=0.35, trunk=0.46, waist=1.05, hips=1.0, deep=0.85, arms=0.4, legs=0.17, neck=0.0)
+    build = FigureBuild(
+        head=0.29, wide=0.35, trunk=0.46, waist=1.05, hips=1.0, deep=0.85, arms=0.4, legs=0.17, neck=0.0
+    )
     figure = figure_of(rng, traits, build)
     nose = bead(on(figure.skull, figure.head, 0, -0.05, 0.98), 0.26 * figure.head)
     belt = lathe(np.array([(0.4, -0.05), (1.1, -0.06), (1.1, 0.06), (0.4, 0.05)]) * [figure.wide, 1], segments=18)
@@ -313,8 +315,8 @@ def gnome(rng: Rng, traits: Traits) -> Part:
 
 def orc(rng: Rng, traits: Traits) -> Part:
     """Draw an orc: a hulk with a low head between its shoulders, tusks, pointed ears, long thick arms, a club."""
-    build = Build(head=0.27, wide=0.45, waist=0.74, hips=0.66, deep=0.62, trunk=0.68, arms=0.74, thick=0.16, legs=0.62,
-        stoop_deg=5, neck=0.0, arm_deg=26)  # fmt: skip
+    build = FigureBuild(head=0.27, wide=0.45, waist=0.74, hips=0.66, deep=0.62, trunk=0.68, arms=0.74, thick=0.16,
+        legs=0.62, stoop_deg=5, neck=0.0, arm_deg=26)  # fmt: skip
     figure = figure_of(rng, traits, build)
     skull, head, hand = figure.skull, figure.head, figure.hand
     jaw = on(skull, head, 0, -0.62, 0.55)
@@ -328,7 +330,7 @@ def orc(rng: Rng, traits: Traits) -> Part:
 
 def scarecrow(rng: Rng, traits: Traits) -> Part:
     """Draw a scarecrow: arms straight out along a pole, tufts of straw for hands and feet, a sack of a head, a hat."""
-    figure = figure_of(rng, traits, Build(arm_deg=90, ahead_deg=0, waist=0.8, legs=0.65))
+    figure = figure_of(rng, traits, FigureBuild(arm_deg=90, ahead_deg=0, waist=0.8, legs=0.65))
     solids, head, top, hand = figure.solids, figure.head, figure.top, figure.hand
     pole = limb([[0, -rng.uniform(0.25, 0.5), -0.14], [0, top[1], -0.14]], [0.06, 0.06], segments=8)
     bar = limb([top - [hand[0] + 0.1, 0.1, 0.1], top + [hand[0] + 0.1, -0.1, -0.1]], [0.05, 0.05], segments=8)
@@ -371,7 +373,7 @@ def _band(wide: float, deep: float, rng: Rng) -> Part:
 
 def demon(rng: Rng, traits: Traits) -> Part:
     """Draw a demon: curved horns, wings like a bat's, a tail with an arrow's head, a trident in the hand."""
-    build = Build(wide=0.38, waist=0.65, hips=0.6, thick=0.115, ahead_deg=32)
+    build = FigureBuild(wide=0.38, waist=0.65, hips=0.6, thick=0.115, ahead_deg=32)
     figure = figure_of(rng, traits, build)
     skull, head, hand = figure.skull, figure.head, figure.hand
     horns, wings = sized(rng, traits, "horns", 0.35), sized(rng, traits, "wings", 0.71, by=1.9)
@@ -394,7 +396,7 @@ def demon(rng: Rng, traits: Traits) -> Part:
 
 def fairy(rng: Rng, traits: Traits) -> Part:
     """Draw a fairy: wings like a butterfly's, a short flared dress, slender limbs, a wand with a star."""
-    build = Build(wide=0.21, waist=0.62, thick=0.0675, head=0.26, robe=0.4, hem=0.52, legs=0.62, ahead_deg=32)
+    build = FigureBuild(wide=0.21, waist=0.62, thick=0.0675, head=0.26, robe=0.4, hem=0.52, legs=0.62, ahead_deg=32)
     figure = figure_of(rng, traits, build)
     wings, hand = sized(rng, traits, "wings", 0.81, by=1.9), figure.hand
     fold, back = rng.uniform(10, 35), figure.top + [0.03, -0.15, -0.6 * figure.wide]

@@ -6,20 +6,22 @@ import numpy as np
 
 from meshdeform.nouns.families.birds import Build as Bird
 from meshdeform.nouns.families.birds import bird_of
-from meshdeform.nouns.families.characters import Build, bat_wing, figure_kind, figure_of, hair_of
+from meshdeform.nouns.families.characters import FigureBuild, bat_wing, figure_kind, figure_of, hair_of
 from meshdeform.nouns.families.drawing import bead, bent_limb, kind, near, on, pairs, sized, varied
 from meshdeform.nouns.families.parts import Part, ellipsoid, lathe, limb, moved, pair, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
-_CARTOON = Build(head=0.47, trunk=0.43, wide=0.28, waist=0.95, hips=0.9, deep=0.75, arms=0.38, thick=0.115, legs=0.26,
-    neck=-0.06)  # fmt: skip
-_SLENDER = Build(head=0.175, trunk=0.65, wide=0.26, waist=0.72, arms=0.7, arm_deg=24, thick=0.08, legs=0.98)
-_STRONG = Build(head=0.215, trunk=0.7, wide=0.46, waist=0.68, hips=0.55, arms=0.77, thick=0.155, legs=0.75, neck=0.04)
+_CARTOON = FigureBuild(head=0.47, trunk=0.43, wide=0.28, waist=0.95, hips=0.9, deep=0.75, arms=0.38, thick=0.115,
+    legs=0.26, neck=-0.06)  # fmt: skip
+_SLENDER = FigureBuild(head=0.175, trunk=0.65, wide=0.26, waist=0.72, arms=0.7, arm_deg=24, thick=0.08, legs=0.98)
+_STRONG = FigureBuild(
+    head=0.215, trunk=0.7, wide=0.46, waist=0.68, hips=0.55, arms=0.77, thick=0.155, legs=0.75, neck=0.04
+)
 
 
 def woman(rng: Rng, traits: Traits) -> Part:
     """Draw a woman with long hair in a flared dress to the knees."""
-    build = Build(wide=0.24, waist=0.62, thick=0.08, robe=0.45, hem=rng.uniform(0.3, 0.55))
+    build = FigureBuild(wide=0.24, waist=0.62, thick=0.08, robe=0.45, hem=rng.uniform(0.3, 0.55))
     figure = figure_of(rng, traits, build)
     return varied(rng, **figure.solids, hair=hair_of(figure, rng.uniform(0.6, 1.6)))
 

@@ -14,7 +14,7 @@ from meshdeform.nouns.families.traits import Rng, Traits
 
 
 @dataclass(frozen=True)
-class Build:
+class FishBuild:
     """Ranges of a fish, half its length being about one; lengths along it run from 1, its nose, to -1, its tail's root.
 
     `girths`: shares of the greatest height and width at equal steps from nose to tail; `fork`: how far the tail is cut
@@ -33,7 +33,7 @@ class Build:
     fin_lean: float = 0.35
 
 
-def fish_of(rng: Rng, traits: Traits, build: Build) -> dict[str, list[Part]]:
+def fish_of(rng: Rng, traits: Traits, build: FishBuild) -> dict[str, list[Part]]:
     """Return the solids of a fish: body, tail, fins above, below and at the sides, eyes; its nose at z = 1."""
     tall, wide = near(rng, build.tall), near(rng, build.wide)
     along, girths = np.linspace(1, -1, len(build.girths)), np.array(build.girths)
@@ -57,7 +57,7 @@ def fish_of(rng: Rng, traits: Traits, build: Build) -> dict[str, list[Part]]:
         *pair(moved(side, [0.8 * at_head, -0.1, 0.35]))], "eye": pair(bead(eye, 0.09))}  # fmt: skip
 
 
-def fish_kind(name: str, build: Build) -> Family:
+def fish_kind(name: str, build: FishBuild) -> Family:
     """Return the family of fish that are known by their build alone."""
     return kind(name, lambda rng, traits: varied(rng, **fish_of(rng, traits, build)))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.nouns.families.animals import Body, at
+from meshdeform.nouns.families.animals import Quadruped, at
 from meshdeform.nouns.families.parts import Part, curved, ellipsoid, join, limb, moved, pair, plate, turned
 from meshdeform.nouns.families.traits import Rng, Traits
 
@@ -133,7 +133,9 @@ def dragon(rng: Rng, traits: Traits) -> Part:
     neck = traits.draw(rng, "neck", (0.08, 0.14), (0.48, 0.6), (1.05, 1.25))
     tail = traits.draw(rng, "tail", (0.1, 0.16), (0.7, 0.85), (1.4, 1.65))
     wings = traits.draw(rng, "wings", (0.26, 0.34), (0.85, 1.0), (1.45, 1.65))
-    body = Body(rng.uniform(0.42, 0.58), rng.uniform(0.27, 0.36), rng.uniform(0.2, 0.28), rng.uniform(0.114, 0.146))
+    body = Quadruped(
+        rng.uniform(0.42, 0.58), rng.uniform(0.27, 0.36), rng.uniform(0.2, 0.28), rng.uniform(0.114, 0.146)
+    )
     half, y = body.length / 2, body.height
     parts = body.parts(slope=0.06)
     chest = np.array([0.0, y + 0.08, half])

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from meshdeform.assets import Primitive, build_glb, load_asset
-from meshdeform.assets.assemble import Piece, assemble
+from meshdeform.assets.assemble import AssetPart, assemble
 from meshdeform.assets.build import Picture
 from meshdeform.errors import AssetError
 
@@ -37,7 +37,7 @@ def piece(asset, chosen, *, shift=0.0, name="part"):
     surface = asset.surface
     flags = np.zeros(len(surface.triangles), bool)
     flags[chosen] = True
-    return Piece(asset, flags, surface.positions + shift, surface.normals, surface.tangents, name, {"n": 1})
+    return AssetPart(asset, flags, surface.positions + shift, surface.normals, surface.tangents, name, {"n": 1})
 
 
 def contents(glb):

@@ -10,9 +10,9 @@ import torch
 
 from meshdeform.deformation.constraints import (
     Constraints,
-    Handle,
+    HandleConstraint,
     Mirror,
-    Placement,
+    VertexPlacement,
     find_partners,
     freedom_around,
     surface_distances,
@@ -90,7 +90,7 @@ def test_kept_vertices_keep_their_bits_and_the_surface_joins_them_smoothly(carri
     # The slope is continuous: it begins at zero. Without a fall-off it would be about the same everywhere.
     assert 0 < slope[near].max() < 0.25 * slope[far].max()
     # Halfway a vertex goes half its way, and a quarter of the way 3/16 - 1/32 of it: Hermite's smooth step.
-    quarter = Placement(BALL, Constraints(np.full(len(POINTS), 0.25))).place(BALL.verts + 1) - BALL.verts
+    quarter = VertexPlacement(BALL, Constraints(np.full(len(POINTS), 0.25))).place(BALL.verts + 1) - BALL.verts
     np.testing.assert_allclose(quarter, 5 / 32, rtol=1e-7)
     assert (shaken(carried, 0.3).numpy()[CAP] == BALL.verts[CAP]).all()
 
@@ -99,7 +99,7 @@ def test_kept_vertices_keep_their_bits_and_the_surface_joins_them_smoothly(carri
 def test_a_handle_reaches_its_place_exactly_and_a_soft_one_its_share(carrier: str) -> None:
     goal = POINTS[HELD] + [0.3, 0.2, 0.1]
     for weight in (1.0, 0.25):
-        carried = variables(carrier, handles=[Handle((HELD,), (1.0,), goal, weight)])
+        carried = variables(carrier, handles=[HandleConstraint((HELD,), (1.0,), goal, weight)])
         way = placed(carried).detach().numpy()[HELD] - POINTS[HELD]
         assert np.allclose(way, weight * (goal - POINTS[HELD]), atol=1e-9)
         if weight == 1.0:
@@ -107,7 +107,7 @@ def test_a_handle_reaches_its_place_exactly_and_a_soft_one_its_share(carrier: st
     # A point within a face, together with one that stays.
     face, shares = BALL.faces[7], (0.2, 0.3, 0.5)
     goals = [goal, shares @ POINTS[face]]
-    both = [Handle((HELD,), (1.0,), goals[0]), Handle(tuple(face.tolist()), shares, goals[1])]
+    both = [HandleConstraint((HELD,), (1.0,), goals[0]), HandleConstraint(tuple(face.tolist()), shares, goals[1])]
     found = shaken(variables(carrier, handles=both)).numpy()
     assert np.allclose([found[HELD], shares @ found[face]], goals, atol=1e-9)
 
@@ -116,11 +116,11 @@ def test_handles_that_cannot_reach_their_places_are_refused() -> None:
     pole, side = int(POINTS[:, 1].argmax()), int(np.abs(POINTS[:, 0]).argmin())
     there = (1.0,), np.array([9.0, 0.0, 0.0])
     with pytest.raises(ParameterError, match="handle 0 cannot move along x"):
-        variables("surface", freedom=freedom_around(BALL, CAP, 0.5), handles=[Handle((pole,), *there)])
+        variables("surface", freedom=freedom_around(BALL, CAP, 0.5), handles=[HandleConstraint((pole,), *there)])
     with pytest.raises(ParameterError, match="handle 0 cannot move along x"):
-        variables("surface", mirror=Mirror.of_partners(PARTNERS), handles=[Handle((side,), *there)])
+        variables("surface", mirror=Mirror.of_partners(PARTNERS), handles=[HandleConstraint((side,), *there)])
     with pytest.raises(ParameterError, match="handles 0 and 1 hold one point"):
-        variables("lattice", handles=[Handle((HELD,), *there), Handle((HELD,), *there)])
+        variables("lattice", handles=[HandleConstraint((HELD,), *there), HandleConstraint((HELD,), *there)])
 
 
 @each_case("carrier", ["surface", "lattice"])
@@ -147,7 +147,10 @@ def test_the_gradient_is_right_with_all_constraints_at_once(carrier: str) -> Non
         freedom=freedom_around(small, cap, 0.6),
         falloff=0.6,
         mirror=Mirror.of_partners(find_partners(small, 0)),
-        handles=[Handle((held,), (1.0,), points[held] + [0.1, 0.0, 0.1]), Handle((other,), (1.0,), points[other], 0.5)],
+        handles=[
+            HandleConstraint((held,), (1.0,), points[held] + [0.1, 0.0, 0.1]),
+            HandleConstraint((other,), (1.0,), points[other], 0.5),
+        ],
     )
     shaken(carried)
     ((name, tensor),) = carried.tensors.items()

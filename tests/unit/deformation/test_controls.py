@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.controls import Level
+from meshdeform.deformation.controls import ControlLevel
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation, RegionalGradients
 from meshdeform.deformation.structure import Nature, Structure, is_convex, is_level, mirror_planes, plane_of
@@ -17,7 +17,7 @@ from meshdeform.deformation.variables import JacobianField, placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.tensors import faces_of, verts_of
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from tests.cases import each_case
 from tests.meshes import mesh_of
 from tests.unit.deformation.worlds import moved, params
@@ -108,7 +108,7 @@ def test_a_face_has_the_nearest_one_that_looks_the_same_way_as_its_mirror_image(
     plate = mesh_of(verts_of(box(5)) * torch.tensor([1.0, 1.0, 1e-3], dtype=F64), faces_of(box(5)))
     rest = RestMesh.of(plate)
     centres, normals = verts_of(rest)[faces_of(rest)].mean(1).numpy(), rest.normals
-    level = Level.of_elements(centres, normals, np.zeros(3), Structure(planes=(0,)))
+    level = ControlLevel.of_elements(centres, normals, np.zeros(3), Structure(planes=(0,)))
     assert level is not None
     with torch.no_grad():
         level.controls[:, 2, 2] = torch.from_numpy(rest.normals[:, 2])
@@ -257,7 +257,7 @@ def test_a_surface_is_convex_if_it_is_its_hull() -> None:
 )
 def test_what_the_result_is_decides_what_is_kept(mesh: TriangleMesh, nature: Nature, kept: Structure) -> None:
     """One part may bend into an animal and a block into anything; what is alike from all sides keeps both planes."""
-    run = Deformation(mesh, TargetGuidance(mesh), PREVIEW, nature=nature)
+    run = Deformation(mesh, TargetGuide(mesh), PREVIEW, nature=nature)
     assert run.structure == kept
 
 
@@ -265,8 +265,8 @@ def test_what_the_result_is_decides_what_is_kept(mesh: TriangleMesh, nature: Nat
 def test_a_run_goes_on_from_a_shape_with_other_levels(mesh: TriangleMesh) -> None:
     taller = mesh_of(verts_of(mesh) * torch.tensor([1.0, 1.4, 1.0], dtype=F64), faces_of(mesh))
     for nature in (Nature(built=True), Nature(built=True, crooked=True)):
-        first = Deformation(mesh, TargetGuidance(taller), PREVIEW, nature=nature)
+        first = Deformation(mesh, TargetGuide(taller), PREVIEW, nature=nature)
         list(first)
         for given in (PREVIEW, params(steps=3)):
-            second = Deformation(mesh, TargetGuidance(taller), given, initial=first.checkpoint().tensors)
+            second = Deformation(mesh, TargetGuide(taller), given, initial=first.checkpoint().tensors)
             torch.testing.assert_close(second.verts(), first.verts(), atol=1e-9, rtol=0)

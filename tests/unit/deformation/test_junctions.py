@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.constraints import Body, Constraints, Handle, freedom_around
+from meshdeform.deformation.constraints import Constraints, HandleConstraint, RigidBody, freedom_around
 from meshdeform.deformation.differentiable import identity_jacobians, jacobians_of, solve_linear
 from meshdeform.deformation.edit_map import EditMap
 from meshdeform.deformation.lattice_field import LatticeField
@@ -22,7 +22,7 @@ from meshdeform.deformation.variables import JacobianField, placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import join
 from meshdeform.geometry.tensors import faces_of, verts_of
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from tests.cases import each_case
 from tests.meshes import mesh_of
 from tests.unit.deformation.worlds import params
@@ -105,7 +105,9 @@ def test_both_carriers_keep_it_closed_with_all_constraints(carrier: type[Jacobia
     kept = mesh.junctions.completed((verts_of(mesh)[:, 0] > 1.3).numpy())
     everything = Constraints(freedom_around(mesh, kept, 0.3), 0.3)
     corner = int((verts_of(mesh)[:, 0] - verts_of(mesh)[:, 1]).argmin())
-    pulled = Constraints(handles=[Handle((corner,), (1.0,), verts_of(mesh)[corner].numpy() + [0.0, 0.0, 0.4])])
+    pulled = Constraints(
+        handles=[HandleConstraint((corner,), (1.0,), verts_of(mesh)[corner].numpy() + [0.0, 0.0, 0.4])]
+    )
     for given in (Constraints(), everything, pulled):
         shape = placed(bent(carrier(mesh, constraints=given)))
         assert gap(mesh, shape) < 1e-12
@@ -118,12 +120,12 @@ def test_both_carriers_keep_it_closed_with_all_constraints(carrier: type[Jacobia
 def test_what_lies_on_an_edge_of_a_rigid_body_follows_it_and_a_body_keeps_its_shape() -> None:
     mesh = plate()
     coarse = np.arange(9)
-    shape = placed(bent(LatticeField(mesh, bodies=[Body(coarse)])))
+    shape = placed(bent(LatticeField(mesh, bodies=[RigidBody(coarse)])))
     assert gap(mesh, shape) < 1e-12
     lengths = torch.cdist(shape[coarse], shape[coarse])
     torch.testing.assert_close(lengths, torch.cdist(verts_of(mesh)[coarse], verts_of(mesh)[coarse]), atol=1e-7, rtol=0)
     fine = np.arange(9, len(mesh.verts))
-    alone = placed(bent(LatticeField(mesh, bodies=[Body(fine)])))
+    alone = placed(bent(LatticeField(mesh, bodies=[RigidBody(fine)])))
     lengths = torch.cdist(alone[fine], alone[fine])
     torch.testing.assert_close(lengths, torch.cdist(verts_of(mesh)[fine], verts_of(mesh)[fine]), atol=1e-7, rtol=0)
 
@@ -134,7 +136,7 @@ def test_a_run_leaves_it_closed_and_resumes_at_the_same_bits(joined: bool, carri
     mesh = plate(joined=joined)
     goal = verts_of(mesh).clone()
     goal[:, 2] += 0.6 * (goal[:, 0] * 3).sin() + 0.4 * (goal[:, 1] * 5).cos()
-    guidance, settings = TargetGuidance(mesh_of(goal, faces_of(mesh))), params(steps=6, carrier=carrier)
+    guidance, settings = TargetGuide(mesh_of(goal, faces_of(mesh))), params(steps=6, carrier=carrier)
     whole = Deformation(mesh, guidance, settings)
     for step in whole:
         if step.step == 3:

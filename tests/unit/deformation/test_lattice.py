@@ -18,7 +18,7 @@ from meshdeform.deformation.variables import placed
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.tensors import faces_of, verts_of
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from tests.close import assert_close
@@ -113,7 +113,7 @@ def test_auto_takes_the_lattice_for_several_parts_only() -> None:
 
 
 def test_a_run_that_starts_from_a_shape_keeps_its_carrier() -> None:
-    guidance = TargetGuidance(CART, style=RenderStyle(view_size=16, supersample=1))
+    guidance = TargetGuide(CART, style=RenderStyle(view_size=16, supersample=1))
     first = Deformation(CART, guidance, params(preset="balanced", steps=1))
     with torch.no_grad():
         first._variables.tensors["cell_jacobians"][:, 1, 1] *= 1.5

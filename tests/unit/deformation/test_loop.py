@@ -14,7 +14,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from meshdeform.rendering.shading import RenderStyle
 from tests.cases import each_case
 from tests.meshes import mesh_of
@@ -41,9 +41,7 @@ def run(deformation: Deformation, steps: int | None = None) -> list[dict[str, fl
 def test_another_seed_gives_another_result() -> None:
     results = []
     for seed in (3, 3, 4):
-        deformation = Deformation(
-            icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=4, seed=seed)
-        )
+        deformation = Deformation(icosphere(1, 0.6), TargetGuide(ellipsoid(), style=STYLE), params(steps=4, seed=seed))
         run(deformation)
         results.append(deformation.verts())
     assert torch.equal(results[0], results[1])
@@ -54,7 +52,7 @@ def test_another_seed_gives_another_result() -> None:
 @each_case("preset, source", [("preview", icosphere(2, 0.6)), ("preview", sled()), ("paper", icosphere(2, 0.6))])
 def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int, preset: str, source: TriangleMesh) -> None:
     settings = params(preset=preset, steps=20, seed=11)
-    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    guidance = TargetGuide(ellipsoid(), style=STYLE)
     whole = Deformation(source, guidance, settings)
     run(whole)
     first = Deformation(source, guidance, settings)
@@ -70,7 +68,7 @@ def test_a_resumed_run_is_the_uninterrupted_one_bit_for_bit(stop: int, preset: s
 
 
 def test_a_checkpoint_is_of_its_mesh_and_does_not_change_with_the_run() -> None:
-    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    guidance = TargetGuide(ellipsoid(), style=STYLE)
     deformation = Deformation(icosphere(1, 0.6), guidance, params(steps=4))
     run(deformation, 2)
     state: Checkpoint = deformation.checkpoint()
@@ -82,7 +80,7 @@ def test_a_checkpoint_is_of_its_mesh_and_does_not_change_with_the_run() -> None:
 
 
 def test_another_run_begins_with_the_shape_of_a_checkpoint_and_nothing_else_of_it() -> None:
-    guidance = TargetGuidance(ellipsoid(), style=STYLE)
+    guidance = TargetGuide(ellipsoid(), style=STYLE)
     first = Deformation(icosphere(2, 0.6), guidance, params(steps=20, seed=11))
     run(first, 7)
     shape = first.checkpoint().tensors
@@ -100,7 +98,7 @@ def test_another_run_begins_with_the_shape_of_a_checkpoint_and_nothing_else_of_i
         Deformation(icosphere(1, 0.6), guidance, params(steps=3), initial=shape)
 
 
-class _Troubled(TargetGuidance):
+class _Troubled(TargetGuide):
     """Fails in the third step, after it has drawn random numbers: once for want of memory, or with no number."""
 
     def __init__(self, trouble: Exception | float | None = None) -> None:
@@ -143,7 +141,7 @@ def test_a_loss_that_is_not_finite_stops_the_run_with_the_step() -> None:
 
 
 def test_an_optimiser_that_fails_in_the_midst_leaves_no_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
-    deformation = Deformation(icosphere(1, 0.6), TargetGuidance(ellipsoid(), style=STYLE), params(steps=5))
+    deformation = Deformation(icosphere(1, 0.6), TargetGuide(ellipsoid(), style=STYLE), params(steps=5))
     run(deformation, 2)
 
     def fail() -> None:

@@ -15,7 +15,7 @@ from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSo
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.priors.builtin.prior import BuiltinPrior
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.goals import score_distillation
 from tests.cases import each_case
@@ -44,7 +44,7 @@ def turned(mesh: TriangleMesh, degrees: float) -> TriangleMesh:
 
 def placed(name: str, degrees: float = 0.0) -> TriangleMesh:
     mesh = turned(source_mesh(name), degrees)
-    return Frame.around(mesh.verts).place(mesh)
+    return CameraFrame.around(mesh.verts).place(mesh)
 
 
 def deformation(mesh: TriangleMesh, front: Orientation = AHEAD, **changes: object) -> Deformation:

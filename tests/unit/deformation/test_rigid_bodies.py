@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.constraints import Body
+from meshdeform.deformation.constraints import RigidBody
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.rigid_bodies import RigidBodies
 from meshdeform.deformation.stand_in import carry, chosen_carrier
@@ -32,7 +32,7 @@ RIGID, SIMILARITY = Rigidity.RIGID, Rigidity.SIMILARITY
 WHEELS = [moved(torus(n=12, m=8), 0.5 * x, -0.3, 0.0, scale=0.15) for x in (-1, 1)]
 CART = RestMesh.of(join(moved(icosphere(2), 0, 0.3, 0, scale=0.5), *WHEELS))
 FREE, LEFT, RIGHT = (np.flatnonzero(CART.components == number) for number in range(3))
-BODIES = [Body(LEFT, RIGID), Body(RIGHT, SIMILARITY)]
+BODIES = [RigidBody(LEFT, RIGID), RigidBody(RIGHT, SIMILARITY)]
 
 
 def lengths(points: Tensor) -> Tensor:
@@ -82,7 +82,7 @@ def test_the_gradient_is_that_of_finite_differences(mode: Rigidity, shape: str) 
     points = {"round": verts_of(torus(n=12, m=8)), "flat": flat, "line": line, "point": flat[:1]}[shape]
     faces = torch.arange(len(points) // 3 * 3).view(-1, 3)
     mesh = RestMesh.of(mesh_of(torch.cat([points, torch.ones(3, 3, dtype=F64)]), faces))
-    bodies = RigidBodies(mesh, [Body(np.arange(len(points)), mode)])
+    bodies = RigidBodies(mesh, [RigidBody(np.arange(len(points)), mode)])
     generator = torch.Generator().manual_seed(3)
     start, step, probe = (torch.randn(verts_of(mesh).shape, generator=generator, dtype=F64) for _ in range(3))
     if shape == "line":  # across a line nothing is determined but by the tie-break, which is stiff
@@ -103,7 +103,7 @@ def test_a_body_is_not_mirrored_and_bodies_do_not_share_vertices() -> None:
     before, after = (points[LEFT[[0, 5, 30, 50]]] for points in (verts_of(CART), placed_there))
     assert float(torch.linalg.det(before[1:] - before[0]) * torch.linalg.det(after[1:] - after[0])) > 0
     with pytest.raises(ValueError, match="share"):
-        RigidBodies(CART, [Body(LEFT), Body(LEFT[:1])])
+        RigidBodies(CART, [RigidBody(LEFT), RigidBody(LEFT[:1])])
 
 
 def test_rigid_bodies_choose_the_lattice() -> None:
@@ -111,7 +111,7 @@ def test_rigid_bodies_choose_the_lattice() -> None:
     assert chosen_carrier(Carrier.AUTO, ball) is Carrier.SURFACE
     assert chosen_carrier(Carrier.AUTO, ball, rigid=True) is Carrier.LATTICE
     with pytest.raises(ValueError, match="lattice"):
-        carry(Carrier.SURFACE, ball, bodies=[Body(np.arange(10))])
+        carry(Carrier.SURFACE, ball, bodies=[RigidBody(np.arange(10))])
 
 
 def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:
@@ -119,7 +119,7 @@ def test_a_body_may_come_to_cut_what_is_within_half_a_cell_of_it() -> None:
     for gap, free in ((0.01, True), (0.06, False)):
         mesh = RestMesh.of(join(box(4), moved(icosphere(2), 0, -0.6 - gap, 0, scale=0.1)))
         ball = np.flatnonzero(mesh.components == 1)
-        field = LatticeField(mesh, bodies=[Body(ball, RIGID)])
+        field = LatticeField(mesh, bodies=[RigidBody(ball, RIGID)])
         guard = SurfaceGuard(Safeguard.INTERSECTIONS, mesh, field)
         jacobians = field.tensors["cell_jacobians"]
         with torch.no_grad():

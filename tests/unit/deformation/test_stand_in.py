@@ -18,7 +18,7 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import join
 from meshdeform.geometry.tensors import faces_of, verts_of
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.requests.choices import Carrier
 from tests.cases import each_case
@@ -111,7 +111,7 @@ def test_a_stand_in_loses_no_part() -> None:
 @each_case("carrier", [Carrier.SURFACE, Carrier.LATTICE])
 def test_a_large_mesh_reaches_its_target_and_a_run_resumes_bit_for_bit(carrier: Carrier) -> None:
     goal = mesh_of(verts_of(TORUS) * torch.tensor([0.7, 1.6, 0.9], dtype=F64), faces_of(TORUS))
-    guidance = TargetGuidance(goal, style=RenderStyle(view_size=32, supersample=1))
+    guidance = TargetGuide(goal, style=RenderStyle(view_size=32, supersample=1))
     given = params(steps=24, learning_rate=0.02, carrier=carrier)
     whole = Deformation(TORUS, guidance, given)
     steps = iter(whole)

@@ -15,7 +15,7 @@ from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.geometry.weld import weld
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from meshdeform.requests.document import Safeguard
 from tests.cases import each_case
 from tests.close import assert_close
@@ -143,7 +143,7 @@ FEW_CONTROLS = {"guidance": "sds", "orientation": "keep"}
 def test_a_run_that_must_fold_ends_whole_and_resumes_to_the_bit(safeguard: Safeguard, given: dict[str, object]) -> None:
     mesh = icosphere(2, 0.6)
     plate = mesh_of(verts_of(mesh) * torch.tensor([1.4, 0.02, 1.4], dtype=torch.float64), faces_of(mesh))
-    guidance = TargetGuidance(plate)
+    guidance = TargetGuide(plate)
     free = dict.fromkeys(("normal_weight", "laplacian_weight", "jacobian_reg_weight"), 0.0)
     settings = params(steps=37, learning_rate=0.08, safeguard=safeguard, **free, **given)
     whole = Deformation(mesh, guidance, settings)

@@ -25,7 +25,7 @@ from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.sds import ScoreDistillation
-from meshdeform.guidance.target import TargetGuidance
+from meshdeform.guidance.target import TargetGuide
 from meshdeform.priors import load_prior
 from meshdeform.priors.stable_diffusion import StableDiffusionPrior
 from meshdeform.rendering import rasterizer
@@ -137,7 +137,7 @@ def with_prior(mesh: TriangleMesh, device: str) -> object:
 
 
 def with_target(mesh: TriangleMesh, device: str) -> object:
-    return TargetGuidance(aligned(torus(), mesh).place_mesh(torus()), device=device)
+    return TargetGuide(aligned(torus(), mesh).place_mesh(torus()), device=device)
 
 
 @each_case("guidance", [with_prior, with_target])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from meshdeform.exemplar.affine_maps import Cloud, Manner, articulated, long_axis, rotation_between, touching
+from meshdeform.exemplar.affine_maps import Cloud, PieceMotion, articulated, long_axis, rotation_between, touching
 from meshdeform.exemplar.blending import blend_weights, blended
 from meshdeform.exemplar.pieces import Pieces, pieces_of
 from meshdeform.exemplar.shapes import Shape
@@ -45,7 +45,7 @@ def test_a_shape_goes_to_a_scaled_copy(horse: tuple[Shape, Pieces]) -> None:
     scale = np.array([1.2, 0.9, 1.1])
     goal = cloud_of(shape.verts * scale, shape.faces, pieces.of_face)
     partner = np.arange(len(pieces))
-    maps = articulated(cloud, goal, pieces.names, partner, touching(cloud, len(pieces), {}), Manner(mirrored=True))
+    maps = articulated(cloud, goal, pieces.names, partner, touching(cloud, len(pieces), {}), PieceMotion(mirrored=True))
     weights = blend_weights(shape.verts, shape.faces, pieces.of_face, np.zeros(len(pieces), bool))
     np.testing.assert_allclose(weights.sum(1), 1)
     assert weights.min() >= 0
@@ -57,7 +57,7 @@ def test_mirror_images_have_mirrored_maps(horse: tuple[Shape, Pieces]) -> None:
     shape, pieces = horse
     cloud = cloud_of(shape.verts, shape.faces, pieces.of_face)
     goal = cloud_of(shape.verts * [1.3, 1, 1], shape.faces, pieces.of_face, 2)
-    maps = articulated(cloud, goal, pieces.names, np.arange(len(pieces)), [], Manner(mirrored=True))
+    maps = articulated(cloud, goal, pieces.names, np.arange(len(pieces)), [], PieceMotion(mirrored=True))
     flip = np.array([-1.0, 1, 1])
     points = np.random.default_rng(0).normal(size=(20, 3))
     own = pieces.named("body")[0]
@@ -74,7 +74,7 @@ def test_wheels_stay_round_and_feet_on_the_ground() -> None:
     longer = whole.verts * [1, 1, 1.6]
     longer[len(body.verts) :] = (wheel.verts - [0, -0.3, 0]) * [1, 1.4, 1.4] + [0, -0.3, 0]
     goal = cloud_of(longer, whole.faces, of_face)
-    maps = articulated(cloud, goal, ["body", "wheel"], np.array([0, 1]), [], Manner(straight=True))
+    maps = articulated(cloud, goal, ["body", "wheel"], np.array([0, 1]), [], PieceMotion(straight=True))
     stretches = np.diag(maps.linear[1])
     assert abs(stretches[1] / stretches[2] - 1) < 0.02
     assert 1.2 < stretches[1] < 1.6

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from meshdeform.exemplar.choosing import exemplars
-from meshdeform.exemplar.shapes import Frame, Shape, Wish
+from meshdeform.exemplar.shapes import FitFrame, Shape, Wish
 from meshdeform.nouns.forms import drawn
 from meshdeform.nouns.labels import LabelledMember
 from meshdeform.nouns.poses import posed
@@ -25,7 +25,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def asset(member: LabelledMember) -> Shape:
-    frame = Frame.around(member.verts, member.faces, np.eye(3))
+    frame = FitFrame.around(member.verts, member.faces, np.eye(3))
     return Shape(member.noun, frame.enter(member.verts), member.faces, member.labels)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from meshdeform.exemplar.choosing import exemplars
-from meshdeform.exemplar.outlook import Outlook, outlook
+from meshdeform.exemplar.outlook import FitOutlook, outlook
 from meshdeform.exemplar.shapes import Wish
 from meshdeform.nouns.forms import drawn
 from meshdeform.vocabulary.grammar import parse
@@ -21,7 +21,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("banks")
 
 
-def of(noun: str, wished: str, cache: Path) -> Outlook:
+def of(noun: str, wished: str, cache: Path) -> FitOutlook:
     source, wish = asset(drawn(noun, (), np.random.default_rng(7))), Wish(wished)
     told = outlook(source, wish, exemplars(source, wish, 1, cache=cache)[0])
     assert outlook(source, wish, cache=cache) == told

@@ -7,11 +7,11 @@ import trimesh
 from numpy.typing import NDArray
 
 from meshdeform.exemplar import surface_fit as module
-from meshdeform.exemplar.surface_fit import Manner, SurfaceGoal, surface_fit
+from meshdeform.exemplar.surface_fit import FitSchedule, SurfaceGoal, surface_fit
 from meshdeform.reading.samples import spread
 
 _Array = NDArray[Any]
-_MANNER = Manner(samples=4000, rounds=8, stiffness=(3.0, 0.1), limits=(0.2, 0.05), sliding=(0.5, 0.05), held=0.002)
+_MANNER = FitSchedule(samples=4000, rounds=8, stiffness=(3.0, 0.1), limits=(0.2, 0.05), sliding=(0.5, 0.05), held=0.002)
 
 
 def _ball(detail: int = 4, size: float = 0.3) -> tuple[_Array, _Array]:

@@ -17,8 +17,8 @@ from meshdeform.geometry.pictures import SilhouetteView, picture_scales
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.masks import placed_masks
-from meshdeform.guidance.silhouettes import SilhouetteGuidance, SilhouetteTerm
-from meshdeform.rendering.cameras import Frame, fixed_cameras
+from meshdeform.guidance.silhouettes import SilhouetteGuide, SilhouetteTerm
+from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
 from meshdeform.rendering.rasterizer import CoverageRenderer
 from tests.unit.deformation.worlds import params
 from training.shapes import box, lathe
@@ -27,7 +27,7 @@ IDENTITY = {"id": "silhouettes", "revision": "", "sha256": ""}
 
 
 def framed(mesh: TriangleMesh) -> TriangleMesh:
-    return Frame.around(mesh.verts).place(mesh)
+    return CameraFrame.around(mesh.verts).place(mesh)
 
 
 def drawn(mesh: TriangleMesh, azimuth: float, elevation: float = 0.0, side: int = 200) -> NDArray[np.bool_]:
@@ -110,7 +110,7 @@ def test_the_gradient_leads_to_the_silhouette() -> None:
 def fitted(rest: TriangleMesh, views: list[SilhouetteView], **given: object) -> Deformation:
     listed = [{"azimuth": each.azimuth_deg, "elevation": each.elevation_deg} for each in views]
     settings = params(guidance="silhouettes", silhouettes=listed, **given)
-    guidance = SilhouetteGuidance(SilhouetteTerm(views, side=64), settings.silhouette_weight, IDENTITY)
+    guidance = SilhouetteGuide(SilhouetteTerm(views, side=64), settings.silhouette_weight, IDENTITY)
     run = Deformation(rest, guidance, settings)
     for _ in run:
         pass

@@ -18,8 +18,8 @@ from meshdeform.guidance.alignment import aligned, require_overlap, shared_coord
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.landmarks import Landmark, diagonal_of
 from meshdeform.guidance.points import PointTerm
-from meshdeform.guidance.target import TargetGuidance
-from meshdeform.rendering.cameras import Frame, fixed_cameras
+from meshdeform.guidance.target import TargetGuide
+from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
 from meshdeform.requests.choices import Carrier
 from tests.cases import each_case
@@ -43,7 +43,7 @@ def scaled(*factors: float) -> TriangleMesh:
 
 
 def test_a_difference_of_a_tenth_costs_one() -> None:
-    guidance = TargetGuidance(scaled(0.7, 0.7, 0.7), style=STYLE)
+    guidance = TargetGuide(scaled(0.7, 0.7, 0.7), style=STYLE)
     same = picture(torch.full((3,), 0.7, dtype=torch.float64))
     for shift, cost in ((0.0, 0.0), (0.1, 1.0)):
         loss, logs = guidance.loss(same + shift, CONTEXT)
@@ -56,9 +56,9 @@ def test_a_difference_of_a_tenth_costs_one() -> None:
 
 
 def test_the_identity_is_the_meshs_own() -> None:
-    one, same, other = (TargetGuidance(scaled(x, 1.0, 1.0), style=STYLE).identity for x in (0.5, 0.5, 0.6))
+    one, same, other = (TargetGuide(scaled(x, 1.0, 1.0), style=STYLE).identity for x in (0.5, 0.5, 0.6))
     assert one == same != other
-    assert TargetGuidance(SPHERE, style=STYLE, identity={"id": "cow.glb"}).identity == {"id": "cow.glb"}
+    assert TargetGuide(SPHERE, style=STYLE, identity={"id": "cow.glb"}).identity == {"id": "cow.glb"}
 
 
 # Fits to a mesh: alignment, distances in both directions, gates, landmarks, and what a whole run reaches.
@@ -68,7 +68,7 @@ NOWHERE = torch.zeros(3, dtype=torch.float64)
 
 
 def framed(mesh: TriangleMesh) -> TriangleMesh:
-    return Frame.around(mesh.verts).place(mesh)
+    return CameraFrame.around(mesh.verts).place(mesh)
 
 
 def moved(mesh: TriangleMesh, scale: float, turn_deg: float, shift: tuple[float, float, float]) -> TriangleMesh:
@@ -90,7 +90,7 @@ def cone() -> TriangleMesh:
 
 def fit(rest: TriangleMesh, target: TriangleMesh, landmarks: tuple[Landmark, ...] = (), **given: object) -> Deformation:
     resolved = params(**given)
-    guidance = TargetGuidance(target, point_weight=resolved.point_weight, landmarks=landmarks)
+    guidance = TargetGuide(target, point_weight=resolved.point_weight, landmarks=landmarks)
     run = Deformation(rest, guidance, resolved)
     for _ in run:
         pass
@@ -213,7 +213,7 @@ def test_a_resumed_fit_equals_an_uninterrupted_one_bit_for_bit() -> None:
     resolved = params(steps=16)
 
     def begin() -> Deformation:
-        return Deformation(rest, TargetGuidance(target, point_weight=resolved.point_weight), resolved)
+        return Deformation(rest, TargetGuide(target, point_weight=resolved.point_weight), resolved)
 
     whole, half = begin(), begin()
     for step in whole:

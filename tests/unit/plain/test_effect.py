@@ -12,7 +12,7 @@ from meshdeform.geometry.shapes import join
 from meshdeform.plain.body import Body, Flags, Floats, loose_body
 from meshdeform.plain.change import apply_changes
 from meshdeform.plain.effect import measure
-from meshdeform.plain.moved import Measured, Moved
+from meshdeform.plain.moved import MeasuredPiece, Moved
 from meshdeform.plain.words import Change
 from meshdeform.runs.worth import verdict_of_change
 from tests.cases import each_case
@@ -33,7 +33,7 @@ def made(body: Body, post: Flags, by: tuple[float, float, float], rest: float = 
     points = body.points.copy()
     points[post] = (points[post] - [0, 0.2, 0]) * by + [0, 0.2, 0]
     points[np.argmin(points.sum(1))] -= [rest, 0, 0]
-    pieces = [Measured(np.flatnonzero(post), np.eye(3), _UPWARD)]
+    pieces = [MeasuredPiece(np.flatnonzero(post), np.eye(3), _UPWARD)]
     return Moved(points, post.astype(float), lambda _: 1.0, measured=pieces), points
 
 
@@ -61,7 +61,7 @@ def test_what_is_less_or_more_than_was_asked_for_is_told_in_figures(
 
 def test_a_shift_that_the_change_asks_for_is_none_of_the_rest() -> None:
     body, post = slab_and_post()
-    slab = Measured(np.flatnonzero(~post), np.eye(3), _UPWARD)
+    slab = MeasuredPiece(np.flatnonzero(~post), np.eye(3), _UPWARD)
     points = body.points.copy()
     points[~post, 1] *= 2
     points[post, 1] += 0.2

@@ -15,7 +15,7 @@ from meshdeform.plain.body import Body, Flags
 from meshdeform.plain.carried import carried_by
 from meshdeform.plain.change import Done, apply_changes
 from meshdeform.plain.naming import faces_among, find_parts
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.parts import BodyParts
 from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.reader import Reader
 from meshdeform.plain.words import read_changes
@@ -163,7 +163,7 @@ def test_a_part_of_a_member_grows_and_the_rest_stays(noun: str, part: str) -> No
     after, done = changed(body, f"a bigger {part}")
     assert (done.found_by, done.flips) == ("shapes", 0)
     assert done.got == pytest.approx(1.45, abs=0.05)
-    parts = Parts(body)
+    parts = BodyParts(body)
     found = parts.faces(part)
     assert found is not None
     triangles = body.vertex_map[load_asset(glb).surface.triangles]
@@ -208,4 +208,4 @@ def test_joints_are_overruled_by_a_reading_that_is_sure_alone(probability: float
     labels = np.where(faces_of("Tail"), head, np.where(reading.labels == head, tail, reading.labels))
     known = {**reading.confidence, "head": 0.9}
     turned = replace(reading, labels=labels, confidence=known, probabilities={"dog": probability})
-    assert Parts(replace(body, reader=Reader(lambda: turned))).head.found_by == found_by
+    assert BodyParts(replace(body, reader=Reader(lambda: turned))).head.found_by == found_by

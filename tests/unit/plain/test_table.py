@@ -17,7 +17,7 @@ from meshdeform.geometry.shapes import join
 from meshdeform.plain.body import Joint, loose_body
 from meshdeform.plain.names import means, part_of, sides_of
 from meshdeform.plain.naming import find_parts
-from meshdeform.plain.parts import Parts
+from meshdeform.plain.parts import BodyParts
 from meshdeform.plain.table import OF_PARTS, TABLE, WHOLE
 from meshdeform.plain.words import read_changes
 from tests.cases import each_case
@@ -116,9 +116,9 @@ def test_a_side_is_the_only_one_that_changes(rigged: bool, text: str, kept: set[
 
 
 def test_the_front_of_a_chair_is_away_from_its_back() -> None:
-    assert Parts(body_of(plain_glb(chair()), "chair")).forward == 1
+    assert BodyParts(body_of(plain_glb(chair()), "chair")).forward == 1
     turned = TriangleMesh(chair().verts * [-1, 1, -1], chair().faces)
-    assert Parts(body_of(plain_glb(turned), "chair")).forward == -1
+    assert BodyParts(body_of(plain_glb(turned), "chair")).forward == -1
 
 
 @each_case("text, factor", [("lower the seat", 1 / 1.4), ("raise the seat by 20 %", 1.2), ("seat 6 cm higher", 1.1)])
@@ -184,7 +184,7 @@ def test_the_chain_that_a_joint_stands_in_says_whether_it_is_a_shoulder(limb: st
     joints = list(body.joints)
     joints[numbers["Neck"]] = Joint("Shoulder.L", numbers["Hips"])
     joints[numbers["Leg_FL"]] = Joint(limb, numbers["Neck"])
-    assert Parts(replace(body, joints=joints)).is_told("shoulder") is is_there
+    assert BodyParts(replace(body, joints=joints)).is_told("shoulder") is is_there
 
 
 def test_the_back_of_a_body_and_a_node_of_clothes_are_no_parts_of_it() -> None:
@@ -193,8 +193,8 @@ def test_the_back_of_a_body_and_a_node_of_clothes_are_no_parts_of_it() -> None:
         run(glb, "a thicker back", noun="dog")
     body = loose_body(load_asset(glb))
     dressed = replace(body, names={"Suit_Body": body.points[:, 1] > 0.5, "NeckTie": body.points[:, 2] > 1.2})
-    assert not Parts(dressed).is_told("body")
-    assert Parts(dressed).is_told("tie")
+    assert not BodyParts(dressed).is_told("body")
+    assert BodyParts(dressed).is_told("tie")
 
 
 @each_case("named", [True, False])

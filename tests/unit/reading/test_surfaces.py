@@ -11,7 +11,7 @@ from meshdeform.reading import cells as cells_module
 from meshdeform.reading.articulated import AssetSamples, fit_candidate
 from meshdeform.reading.banks import candidate_member
 from meshdeform.reading.cells import cells_of
-from meshdeform.reading.choice import Candidate, Frame, Surface, candidates
+from meshdeform.reading.choice import AssetMesh, Candidate, FrontFrame, candidates
 from meshdeform.reading.groups import groups_of
 from meshdeform.reading.samples import hidden, spread
 from meshdeform.reading.smoothing import settled, smoothed
@@ -89,13 +89,13 @@ def test_groups_join_what_moves_together_and_tie_what_touches() -> None:
 
 def test_a_fit_undoes_the_bending_of_a_limb() -> None:
     member = candidate_member("elephant", 2)
-    frame = Frame(Surface(member.verts, member.faces), np.eye(3))
+    frame = FrontFrame(AssetMesh(member.verts, member.faces), np.eye(3))
     asset = AssetSamples(frame)
     assert fit_candidate(asset, frame, Candidate("elephant", 2, 0.0)).residual < 0.02
     verts = member.verts.copy()
     trunk = member.carried("trunk")
     verts[trunk, 2] += 0.4 * (verts[trunk, 1].max() - verts[trunk, 1])
-    bent = Frame(Surface(verts, member.faces), np.eye(3))
+    bent = FrontFrame(AssetMesh(verts, member.faces), np.eye(3))
     fit = fit_candidate(AssetSamples(bent), bent, Candidate("elephant", 2, 0.0))
     apart = np.linalg.norm(fit.member.verts - bent.verts, axis=1)
     assert np.median(apart[trunk]) < 0.05 < 0.4 * np.ptp(member.verts[trunk, 1]) / 2
@@ -104,7 +104,7 @@ def test_a_fit_undoes_the_bending_of_a_limb() -> None:
 
 def test_the_nearest_member_of_its_own_draw_is_itself() -> None:
     member = candidate_member("chair", 7)
-    frame = Frame(Surface(member.verts, member.faces), np.eye(3))
+    frame = FrontFrame(AssetMesh(member.verts, member.faces), np.eye(3))
     best = candidates(frame, "chair", 3)
     assert 7 in [one.number for one in best]
     assert best[0].grade <= best[1].grade <= best[2].grade

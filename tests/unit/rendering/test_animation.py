@@ -12,18 +12,18 @@ from PIL import Image, ImageSequence
 
 from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.rendering.studio import FORMATS, Pose, morph_animation, turntable_animation
+from meshdeform.rendering.studio import FORMATS, SurfaceState, morph_animation, turntable_animation
 from tests.cases import each_case
 from tests.fakes import plain_appearance
 
 
 @pytest.fixture
-def red_ball() -> tuple[Appearance, Pose, Pose]:
+def red_ball() -> tuple[Appearance, SurfaceState, SurfaceState]:
     ball = icosphere(2)
     look = plain_appearance(len(ball.verts), ball.faces)
     red = dataclasses.replace(look, paints=(Paint((1, 0, 0, 1)),))
     verts = ball.verts
-    return red, Pose(verts, verts), Pose(verts * [1.0, 0.4, 1.0], verts)
+    return red, SurfaceState(verts, verts), SurfaceState(verts * [1.0, 0.4, 1.0], verts)
 
 
 def areas(data: bytes) -> tuple[list[int], list[int]]:

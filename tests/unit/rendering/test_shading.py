@@ -20,7 +20,7 @@ from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
 from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
-from meshdeform.rendering.studio import Pose, preview_png
+from meshdeform.rendering.studio import SurfaceState, preview_png
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.fakes import plain_appearance
@@ -402,7 +402,7 @@ def test_what_cannot_be_drawn_is_grey_and_counted_or_reduced_or_left_out() -> No
 @pytest.mark.as_shipped
 def test_a_preview_shows_both_states_at_one_scale() -> None:
     faces = FACES.astype(np.int64)
-    small, large = (Pose(SQUARE * s, np.tile([0.0, 0.0, 1.0], (4, 1))) for s in (0.5, 1.0))
+    small, large = (SurfaceState(SQUARE * s, np.tile([0.0, 0.0, 1.0], (4, 1))) for s in (0.5, 1.0))
     look = plain_appearance(4, faces)
     red = Appearance(look.rows, faces, look.texcoords, look.colors, look.paint_of_triangle, (Paint((1, 0, 0, 1)),))
     image = np.asarray(Image.open(io.BytesIO(preview_png(red, small, large)))).astype(int)

@@ -9,7 +9,7 @@ import pytest
 
 from meshdeform.geometry.appearance import Paint
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.rendering.studio import Pose, Studio
+from meshdeform.rendering.studio import Studio, SurfaceState
 from tests.fakes import plain_appearance
 
 BALL = icosphere(3)
@@ -18,7 +18,7 @@ SIZE = 80
 
 
 def photographed(verts: np.ndarray, *, plain: bool = False) -> np.ndarray:
-    pose = Pose(verts, BALL.verts)
+    pose = SurfaceState(verts, BALL.verts)
     picture = Studio(RED, (pose,), size=SIZE, azimuths_deg=(0.0,), plain=plain).photograph(pose, (0.0,))
     return picture[0].astype(int)
 

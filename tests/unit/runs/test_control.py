@@ -12,11 +12,11 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
-from meshdeform.rendering.cameras import Frame
+from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.requests.selection import Selection, check_selections
-from meshdeform.runs.control import Control, WeldedSurface, read_control
+from meshdeform.runs.control import AssetControl, WeldedSurface, read_control
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.runs.jobs import finished, started
@@ -109,9 +109,9 @@ def test_names_are_checked_without_the_geometry() -> None:
     check_selections("regions", [Selection(mesh="tors")], {})
 
 
-def controlled(asset: Asset = ASSET, **params: Any) -> Control:
+def controlled(asset: Asset = ASSET, **params: Any) -> AssetControl:
     welded = weld(asset.surface.positions, asset.surface.triangles)
-    frame = Frame.around(welded.mesh.verts)
+    frame = CameraFrame.around(welded.mesh.verts)
     resolved = resolve(DeformParams.model_validate(grouped(params)))
     return read_control(resolved, WeldedSurface(asset, welded), frame, RestMesh.of(frame.place(welded.mesh)))
 

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from meshdeform.assets import Limits, load_asset
-from meshdeform.exemplar.outlook import Outlook
+from meshdeform.exemplar.outlook import FitOutlook
 from meshdeform.plain.body import loose_body
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import outlook, reading
 from meshdeform.runs.base import sha256_hex
 from meshdeform.runs.kept_readings import FolderReadings
-from meshdeform.runs.reading import Source, corrected
+from meshdeform.runs.reading import ReadingSource, corrected
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.runs.worth import as_foreseen
 from meshdeform.support.recent import Recent
@@ -41,7 +41,7 @@ def foreseen(asked: JobRequest, folder: Path) -> Any:
 def read(asked: JobRequest, folder: Path) -> None:
     """Keep the reading of the chair."""
     asset, params = load_asset(CHAIR, "chair.glb"), resolve(asked.params)
-    source = Source(sha256_hex(CHAIR), "chair.glb", kept=FolderReadings(folder / "cache"))
+    source = ReadingSource(sha256_hex(CHAIR), "chair.glb", kept=FolderReadings(folder / "cache"))
     assert corrected(loose_body(asset), asset, params, source).reader.reading is not None
 
 
@@ -77,9 +77,9 @@ def test_nobody_is_asked_of_what_is_no_fit_to_a_word(
 
 def test_a_doubtful_result_says_what_was_to_be_expected() -> None:
     verdict = {"value": "doubtful", "reasons": ["It is torn."], "advice": ["Less.", "Other.", "More."], "structure": {}}
-    far = Outlook(True, 0.2, ("A castle has towers.",), ("a tall house", "a church"))
+    far = FitOutlook(True, 0.2, ("A castle has towers.",), ("a tall house", "a church"))
     said = as_foreseen(verdict, far)
     assert said["reasons"] == ["It is torn.", "A castle has towers."]
     assert said["advice"] == ["Ask for what it can become: “a tall house” or “a church”.", "Less.", "Other."]
-    for near in (None, Outlook(False, 0.1)):
+    for near in (None, FitOutlook(False, 0.1)):
         assert as_foreseen(verdict, near) == verdict

@@ -19,7 +19,7 @@ from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import reading
 from meshdeform.runs.kept_readings import FolderReadings, key_of
-from meshdeform.runs.reading import Source, corrected, made, read_source, reading_document, reading_report
+from meshdeform.runs.reading import ReadingSource, corrected, made, read_source, reading_document, reading_report
 from meshdeform.support.recent import Recent
 from tests.cases import each_case
 from tests.unit.plain.shapes import dog, plain_glb, rigged_dog
@@ -58,7 +58,7 @@ def readings_made(monkeypatch: pytest.MonkeyPatch, read_dog: Reading) -> list[tu
 def test_nothing_is_read_before_somebody_asks_and_nothing_twice(
     readings_made: list[object], read_dog: Reading, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    source = Source("ab", "dog.glb", kept=FolderReadings(tmp_path))
+    source = ReadingSource("ab", "dog.glb", kept=FolderReadings(tmp_path))
     body = corrected(BODY, ASSET, params(), source)
     assert made(body) is None
     assert readings_made == []
@@ -74,14 +74,18 @@ def test_nothing_is_read_before_somebody_asks_and_nothing_twice(
     np.testing.assert_array_equal(again.labels, read_dog.labels)
     assert len(readings_made) == 1
     read_source(BODY, params(orientation=90), source)
-    read_source(BODY, params(), Source("", "dog.glb", kept=FolderReadings(tmp_path)))
+    read_source(BODY, params(), ReadingSource("", "dog.glb", kept=FolderReadings(tmp_path)))
     assert [front for _, front in readings_made] == [0.0, 90.0, 0.0]
 
 
 def test_the_job_finds_what_was_read_at_the_door() -> None:
     at_the_door = key_of("ab", ".glb", params())
-    assert Source("ab", "any name.GLB").key(params()) == Source("ab", "asset.glb").key(params()) == at_the_door
-    assert Source("ab", "asset.glb", subdivided=True).key(params()) != at_the_door
+    assert (
+        ReadingSource("ab", "any name.GLB").key(params())
+        == ReadingSource("ab", "asset.glb").key(params())
+        == at_the_door
+    )
+    assert ReadingSource("ab", "asset.glb", subdivided=True).key(params()) != at_the_door
 
 
 @each_case("damage", ["cut", "other bytes", "another version", "another judge", "nothing", "another mesh"])
@@ -91,7 +95,7 @@ def test_what_was_kept_and_is_of_no_use_is_read_anew_and_replaced(
     del readings_made[:]
     monkeypatch.setattr(reading, "_last", Recent(8))
     folder = FolderReadings(tmp_path / damage)
-    source = Source("ab", "dog.glb", kept=folder)
+    source = ReadingSource("ab", "dog.glb", kept=folder)
     key = source.key(params())
     read_source(BODY, params(), source)
     whole = folder.get(key)
@@ -248,7 +252,7 @@ def test_what_is_up_is_asked_of_formats_that_leave_it_open(
     monkeypatch.setattr(reading, "_last", Recent(8))
     given = params(input={"up": said})
     body = corrected(replace(BODY, up=up), ASSET, given)
-    read_source(body, given, Source("ab", filename))
+    read_source(body, given, ReadingSource("ab", filename))
     assert asked == [expected]
 
 
@@ -259,5 +263,5 @@ def test_a_request_says_the_unit_and_the_axis_of_a_file() -> None:
     standing = lying.upright()
     np.testing.assert_allclose(standing.points, BODY.points[:, [0, 2, 1]] * [1, 1, -1])
     assert corrected(BODY, ASSET, params()).upright() is not standing
-    key = Source("ab", "a.stl").key
+    key = ReadingSource("ab", "a.stl").key
     assert len({key(params()), key(params(input={"up": "z"})), key(params(input={"up": "y"}))}) == 3

@@ -11,7 +11,7 @@ from meshdeform.assets import build_glb, load_asset
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
-from meshdeform.rendering.studio import Pose, preview_png
+from meshdeform.rendering.studio import SurfaceState, preview_png
 from meshdeform.runs.surfaces import Shown, welded_surface
 from meshdeform.runs.verdict import likeness_and_before
 from tests.cases import each_case
@@ -83,7 +83,7 @@ def test_a_skin_is_judged_drawn_and_measured_as_it_is_shown() -> None:
     assert report["quality"] == measure(before.verts, before.faces, after.verts).to_dict()
     compared = likeness_and_before(before, after, "a mushroom")
     assert report["likeness"] == json.loads(json.dumps(compared))
-    poses = (Pose(each.surface.positions, each.surface.normals) for each in (asset, result))
+    poses = (SurfaceState(each.surface.positions, each.surface.normals) for each in (asset, result))
     assert job.finish()["preview.png"].data == preview_png(asset.appearance(), *poses)
 
 

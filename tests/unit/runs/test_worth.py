@@ -8,8 +8,8 @@ from typing import Any
 from meshdeform.cli.report_lines import kept_line, verdict_line
 from meshdeform.runs.verdict import LIMITS
 from meshdeform.runs.worth import (
-    Shape,
-    Source,
+    ShapeFigures,
+    SourceAsset,
     of_exemplars,
     of_noun,
     of_pictures,
@@ -31,7 +31,7 @@ STRUCTURE: dict[str, Any] = {
     "cut_share": 0.0,
     "flipped_faces": 0,
 }
-WHOLE = Shape(STRUCTURE, swollen=False, held=0.0, moved=0.1)
+WHOLE = ShapeFigures(STRUCTURE, swollen=False, held=0.0, moved=0.1)
 GOOD, DOUBTFUL, KEEP_SOURCE = "good", "doubtful", "keep_source"
 
 
@@ -46,7 +46,7 @@ def judged(after: float, rank: int = 1, before: float = 0.0, was: int = 9) -> di
     }
 
 
-def shaped(**changes: Any) -> Shape:
+def shaped(**changes: Any) -> ShapeFigures:
     own = {name: changes.pop(name) for name in ("swollen", "held", "moved") if name in changes}
     return replace(WHOLE, structure={**STRUCTURE, **changes}, **own)
 
@@ -108,13 +108,13 @@ def test_a_prompt_is_met_if_it_is_shown_and_the_shape_is_whole(
 @each_case(
     "prompt, source, value",
     [
-        ("a rabbit", Source(convex=True), GOOD),
-        ("a vase", Source(round=True), GOOD),
-        ("a rabbit", Source(round=True), DOUBTFUL),
-        ("a vase", Source("bottle"), DOUBTFUL),
+        ("a rabbit", SourceAsset(convex=True), GOOD),
+        ("a vase", SourceAsset(round=True), GOOD),
+        ("a rabbit", SourceAsset(round=True), DOUBTFUL),
+        ("a vase", SourceAsset("bottle"), DOUBTFUL),
     ],
 )
-def test_clay_may_swell_and_bend(prompt: str, source: Source, value: str) -> None:
+def test_clay_may_swell_and_bend(prompt: str, source: SourceAsset, value: str) -> None:
     assert of_noun(prompt, judged(0.9), shaped(swollen=True, flatness=0.1), source)["value"] == value
     assert of_noun(prompt, judged(0.9), shaped(flipped_faces=1), source)["value"] == DOUBTFUL
 
@@ -132,12 +132,12 @@ def test_parts_swell_against_the_rest_or_beyond_what_a_target_asks(
     figures: dict[str, float], fitted: bool, swollen: bool
 ) -> None:
     movement = {"held_at_end": 0.3, "rms": 0.2}
-    assert Shape.of(STRUCTURE, figures, movement, fitted=fitted) == Shape(STRUCTURE, swollen, 0.3, 0.2)
+    assert ShapeFigures.of(STRUCTURE, figures, movement, fitted=fitted) == ShapeFigures(STRUCTURE, swollen, 0.3, 0.2)
 
 
 def test_the_reasons_and_the_advice_are_sentences() -> None:
     shape = shaped(asymmetry=0.031, flipped_faces=1200)
-    said = of_noun("an umbrella", judged(0.0, 7, was=7), shape, Source("mug", sure=False))
+    said = of_noun("an umbrella", judged(0.0, 7, was=7), shape, SourceAsset("mug", sure=False))
     assert said["reasons"] == [
         "It looks no more like an umbrella than before (number 7 of 474 nouns, where the source was 7), and most like "
         "a mushroom.",
@@ -157,18 +157,18 @@ def test_the_reasons_and_the_advice_are_sentences() -> None:
 @each_case(
     "prompt, source, likeness, advised",
     [
-        ("a bus", Source("van", growth=(1.0, 1.0, 1.5)), judged(0.2, 2), "longer"),
-        ("a bus", Source("van", growth=(1.5, 1.0, 1.0), long_axis=0), judged(0.2, 2), "longer"),
-        ("a bus", Source("van", growth=(1.0, 1.0, 1.0)), judged(0.2, 2), "longer"),
-        ("a bus", Source("van", growth=(1.0, 0.6, 1.0)), judged(0.2, 2), "shorter"),
-        ("a bus", Source("van", growth=(0.6, 1.0, 1.0)), judged(0.2, 2), "narrower"),
-        ("a rocket", Source("", growth=(1.0, 2.0, 1.0)), judged(0.2, 2), ""),
-        ("a teapot with a long spout", Source("teapot"), judged(1.0, 1, 1.0, 1), "longer spout"),
-        ("a tall twisted vase", Source("vase"), judged(1.0, 1, 1.0, 1), "taller"),
+        ("a bus", SourceAsset("van", growth=(1.0, 1.0, 1.5)), judged(0.2, 2), "longer"),
+        ("a bus", SourceAsset("van", growth=(1.5, 1.0, 1.0), long_axis=0), judged(0.2, 2), "longer"),
+        ("a bus", SourceAsset("van", growth=(1.0, 1.0, 1.0)), judged(0.2, 2), "longer"),
+        ("a bus", SourceAsset("van", growth=(1.0, 0.6, 1.0)), judged(0.2, 2), "shorter"),
+        ("a bus", SourceAsset("van", growth=(0.6, 1.0, 1.0)), judged(0.2, 2), "narrower"),
+        ("a rocket", SourceAsset("", growth=(1.0, 2.0, 1.0)), judged(0.2, 2), ""),
+        ("a teapot with a long spout", SourceAsset("teapot"), judged(1.0, 1, 1.0, 1), "longer spout"),
+        ("a tall twisted vase", SourceAsset("vase"), judged(1.0, 1, 1.0, 1), "taller"),
     ],
 )
 def test_a_change_in_plain_words_is_advised_where_it_does_as_much(
-    prompt: str, source: Source, likeness: dict[str, Any], advised: str
+    prompt: str, source: SourceAsset, likeness: dict[str, Any], advised: str
 ) -> None:
     advice = of_noun(prompt, likeness, WHOLE, source)["advice"]
     changes = [

@@ -11,7 +11,7 @@ import pytest
 from safetensors.numpy import load
 
 from meshdeform.errors import AssetError, AssetFormatError, AssetTooLargeError
-from meshdeform.words import MAX_FACES, MAX_SHAPES, Shape, Source, Word, joined, read_words, write_word
+from meshdeform.words import MAX_FACES, MAX_SHAPES, ShapeSource, Word, WordShape, joined, read_words, write_word
 from meshdeform.words.limits import MAX_WORD_BYTES, MAX_WORDS
 from tests.cases import each_case
 from tests.unit.words.words import BOX, WEDGE, box, word
@@ -34,7 +34,7 @@ def test_a_word_comes_back_from_its_bytes() -> None:
 
 def test_equal_words_have_equal_bytes_in_whatever_order_names_were_given() -> None:
     shape = box()
-    other = Shape(shape.verts, shape.faces, 1 - shape.labels)
+    other = WordShape(shape.verts, shape.faces, 1 - shape.labels)
     one = word("box", shape, parts=("head", "body"), synonyms=("crate-like", "cube"))
     two = word("box", other, parts=("body", "head"), synonyms=("cube", "crate-like", "cube"))
     assert one.data == two.data
@@ -161,13 +161,13 @@ def test_a_word_has_so_many_shapes_and_faces_and_no_more() -> None:
     shape = box(parts=0)
     with pytest.raises(AssetError, match=f"{MAX_SHAPES + 1} shapes"):
         word("box", *[shape] * (MAX_SHAPES + 1))
-    many = Shape(
+    many = WordShape(
         shape.verts, np.tile(shape.faces, (MAX_FACES // 12 + 1, 1)), np.tile(shape.labels, MAX_FACES // 12 + 1)
     )
     with pytest.raises(AssetError, match="faces"):
         word("box", many)
     with pytest.raises(AssetError, match="no shape"):
-        write_word("box", [], [Source("a.glb")])
+        write_word("box", [], [ShapeSource("a.glb")])
 
 
 def test_a_file_of_several_words_has_them_by_the_alphabet() -> None:

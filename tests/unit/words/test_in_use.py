@@ -13,7 +13,7 @@ from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.reading.banks import bank_of, candidate_member
 from meshdeform.vocabulary.grammar import Attribute, noun_of, parse
 from meshdeform.vocabulary.solids import PART_NAMES
-from meshdeform.words import Shape, in_use, like_of, own_word, words_in_use
+from meshdeform.words import WordShape, in_use, like_of, own_word, words_in_use
 from tests.unit.words.words import BOX, WEDGE, box, word
 
 
@@ -82,7 +82,7 @@ def test_parts_change_their_size_and_stay_where_they_are_joined() -> None:
     stem, cap = box(1, 2, 1), box(2, 1, 2)
     verts = np.concatenate([stem.verts, cap.verts + [0, np.ptp(stem.verts[:, 1]) / 2 + np.ptp(cap.verts[:, 1]) / 2, 0]])
     faces = np.concatenate([stem.faces, cap.faces + len(stem.verts)])
-    shape = Shape(verts / 2, faces, np.repeat([0, 1], 12))
+    shape = WordShape(verts / 2, faces, np.repeat([0, 1], 12))
 
     def sides(prompt: str) -> tuple[np.ndarray, np.ndarray]:
         asked = parse(prompt)

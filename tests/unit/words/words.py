@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshdeform.words import Shape, Source, Word, write_word
+from meshdeform.words import ShapeSource, Word, WordShape, write_word
 
 __all__ = ["BOX", "WEDGE", "box", "word"]
 
@@ -13,16 +13,16 @@ _SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], 
 _FACES = np.array([each for a, b, c, d in _SIDES for each in ([a, b, c], [a, c, d])])
 
 
-def box(x: float = 1.0, y: float = 1.0, z: float = 1.0, *, parts: int = 2) -> Shape:
+def box(x: float = 1.0, y: float = 1.0, z: float = 1.0, *, parts: int = 2) -> WordShape:
     """Return a box of these sides; faces on its upper half are of part 0, the others of part 1, or of none."""
     verts = _CORNERS * [x, y, z]
     labels = np.where(verts[_FACES].mean(1)[:, 1] > 0, 0, 1) if parts else np.full(len(_FACES), -1)
-    return Shape(verts / np.linalg.norm(2 * np.array([x, y, z])), _FACES, labels)
+    return WordShape(verts / np.linalg.norm(2 * np.array([x, y, z])), _FACES, labels)
 
 
-def word(noun: str, *shapes: Shape, **more: object) -> Word:
+def word(noun: str, *shapes: WordShape, **more: object) -> Word:
     """Return a word of shapes whose parts are a head and a body."""
-    sources = [Source(f"{number}.glb", licence="CC0") for number in range(len(shapes))]
+    sources = [ShapeSource(f"{number}.glb", licence="CC0") for number in range(len(shapes))]
     return write_word(noun, shapes, sources, **{"parts": ("head", "body"), **more})  # type: ignore[arg-type]
 
 

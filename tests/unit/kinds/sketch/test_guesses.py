@@ -18,7 +18,7 @@ from meshdeform.kinds.sketch.matching import Drawn, distance
 from meshdeform.nouns.forms import drawn
 from meshdeform.vocabulary.nouns import NOUNS
 from meshdeform.words import in_use
-from meshdeform.words.file import Shape, Source, write_word
+from meshdeform.words.file import ShapeSource, WordShape, write_word
 from tests.drawings import drawing_of
 from training.sketch.train import fitted, warped
 
@@ -58,8 +58,8 @@ def test_sliders_follow_the_drawing() -> None:
 def test_a_word_of_ones_own_is_found_by_its_shapes() -> None:
     member = drawn("umbrella", (), np.random.default_rng(5))
     size = float(np.linalg.norm(np.ptp(member.verts, axis=0)))
-    whole = Shape(member.verts / size, member.faces, np.zeros(len(member.faces), np.int64))
-    with in_use([write_word("zorp", [whole], [Source("zorp.glb")], parts=("body",))]):
+    whole = WordShape(member.verts / size, member.faces, np.zeros(len(member.faces), np.int64))
+    with in_use([write_word("zorp", [whole], [ShapeSource("zorp.glb")], parts=("body",))]):
         guesses = guess(drawing_of("zorp"))
         assert "zorp" in [each.noun for each in guesses]
         assert len(guesses[0].glb()) > 1000

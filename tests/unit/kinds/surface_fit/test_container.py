@@ -16,7 +16,7 @@ from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOption
 from meshdeform.kinds.surface_fit.gluing import glue, topology
 from meshdeform.kinds.surface_fit.network import FieldNetwork, rounded, steps_of, whole
 from meshdeform.kinds.surface_fit.reader import read_field
-from meshdeform.kinds.surface_fit.surface_sources import Surface, surface_of
+from meshdeform.kinds.surface_fit.surface_sources import SourceSurface, surface_of
 from training.shapes import grid, torus
 
 
@@ -93,7 +93,7 @@ def test_every_damaged_byte_is_noticed() -> None:
 
 
 @pytest.fixture(scope="module")
-def sphere() -> tuple[Surface, FieldFrame, np.ndarray, np.ndarray]:
+def sphere() -> tuple[SourceSurface, FieldFrame, np.ndarray, np.ndarray]:
     mesh = icosphere(4)
     surface = surface_of(clean(mesh.verts, mesh.faces))
     frame = FieldFrame.around(surface.reference.verts)
@@ -103,7 +103,7 @@ def sphere() -> tuple[Surface, FieldFrame, np.ndarray, np.ndarray]:
 
 
 def test_a_fit_is_folded_only_if_step_after_step_is(
-    sphere: tuple[Surface, FieldFrame, np.ndarray, np.ndarray], monkeypatch: pytest.MonkeyPatch
+    sphere: tuple[SourceSurface, FieldFrame, np.ndarray, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def weighted(turned: int) -> float:
         """Return the loss of normals after a number of steps in which all triangles seem reversed."""
