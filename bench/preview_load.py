@@ -1,11 +1,9 @@
 """Ask a service for previews as many people do, beside jobs: ``python -m bench.preview_load [--people 5] [--every 3]``.
 
 Starts a service with one worker, and posts jobs one after the other, first alone and then while people, each an owner
-with a key, type one prompt after the other for the painted animal with 10,000 faces: `--people 5 --every 3` as five
-type, `--people 40 --every 15` as 40 try something now and then. Each prompt asks for what the page does: a draft, then
-six designs, then the exact shape, until the next prompt. Prints the p50 and p95 of the time to each, of first shapes
-also that of prompts that the next one overtook, what was answered, and how much longer the jobs took. Nouns are drawn
-and the asset is read before.
+with a key, ask for the painted animal with 10,000 faces by one prompt after the other: `--people 5 --every 3` as five
+type, `--people 40 --every 15` as 40 try something now and then. Prints the p50 and p95 of previews, what they were
+answered with, and how much longer the jobs took beside them. Nouns are drawn and the asset is read before.
 """
 
 from __future__ import annotations
@@ -25,16 +23,14 @@ import httpx
 import numpy as np
 
 from bench.live import PROMPTS, asset_of, import_torch, service
-from meshdeform.api.states import MAX_PREVIEWED, JobState
+from meshdeform.api.states import JobState
 from meshdeform.reading.banks import bank_of
 from meshdeform.record.database import Database
 from meshdeform.record.keys import KeyRing
 from meshdeform.runs.kept_readings import samples_in
 from meshdeform.settings import Settings
 
-FACES, TIMEOUT_S, MOMENT_S = 10_000, 300.0, 0.5
-OTHERS = ("cat", "bear", "fox", "wolf", "deer", "goat", "donkey", "hippo", "tiger")
-TYPED = (*PROMPTS, *(f"a {noun}" for noun in OTHERS))
+FACES, TIMEOUT_S = 10_000, 300.0
 
 
 def key_of(folder: Path, owner: str) -> str:
@@ -52,67 +48,28 @@ class Load:
     def __init__(self, url: str, asset: bytes) -> None:
         self._url, self._asset = url, asset
         self._kept = {"sha256": hashlib.sha256(asset).hexdigest()}
-        self.first: list[float] = []
-        self.six: list[float] = []
-        self.exact: list[float] = []
+        self.previews: list[float] = []
         self.answers: Counter[int] = Counter()
-        self.overtaken = 0
 
     def client(self, key: str) -> httpx.AsyncClient:
         """Return a client with a key."""
         return httpx.AsyncClient(base_url=self._url, timeout=TIMEOUT_S, headers={"Authorization": f"Bearer {key}"})
 
-    async def prepare(self, key: str) -> None:
-        """Let a person's process read the asset."""
-        sent = {"asset": ("animal.glb", self._asset), "request": (None, json.dumps({"prompt": "longer legs"}))}
-        async with self.client(key) as http:
-            while (answer := await http.post("/v1/jobs:preview", files=sent)).status_code == 503:
-                pass  # reading it took too long, and is gone on with
-            answer.raise_for_status()
-
     async def person(self, key: str, every_s: float, until: float) -> None:
-        """Type prompts, so many seconds apart in the mean, until a time; the next one ends what the last asked."""
-        prompts: list[str] = []
+        """Ask for previews, so many seconds apart in the mean, until a time."""
         async with self.client(key) as http:
-            await asyncio.sleep(every_s * random.random())
-            while time.monotonic() < until:
-                prompts = prompts or random.sample(TYPED, len(TYPED))  # what was seen is remembered
-                looking = asyncio.create_task(self.look(http, prompts.pop()))
-                await asyncio.wait((looking,), timeout=max(every_s * random.uniform(0.5, 1.5), MOMENT_S))
-                looking.cancel()
-                await asyncio.wait((looking,))
-
-    async def look(self, http: httpx.AsyncClient, prompt: str) -> None:
-        """Ask for what the page does: a draft, six designs, then the exact shape; again after a refusal."""
-        begun, seen = time.perf_counter(), False
-        try:
-            while not await self.ask(http, prompt, 0, "glb", draft=True):
-                pass
-            self.first.append(time.perf_counter() - begun)
-            seen = True
-            for seed in range(MAX_PREVIEWED):
-                while not await self.ask(http, prompt, seed, "positions", draft=True):
-                    pass
-            self.six.append(time.perf_counter() - begun)
-            while not await self.ask(http, prompt, 0, "glb", draft=False):
-                pass
-            self.exact.append(time.perf_counter() - begun)
-        finally:
-            if not seen:
-                self.first.append(time.perf_counter() - begun)
-                self.overtaken += 1
-
-    async def ask(self, http: httpx.AsyncClient, prompt: str, seed: int, form: str, *, draft: bool) -> bool:
-        """Return whether an answer came; wait as long as a refusal says."""
-        document = {"asset": self._kept, "prompt": prompt, "seeds": [seed]}
-        query = {"as": form, "draft": str(draft).lower()}
-        answer = await http.post("/v1/jobs:preview", json=document, params=query)
-        self.answers[answer.status_code] += 1
-        if answer.status_code == 429:
-            await asyncio.sleep(float(answer.headers["retry-after"]))
-        elif answer.status_code != 503:
+            sent = {"asset": ("animal.glb", self._asset), "request": (None, json.dumps({"prompt": "longer legs"}))}
+            while (answer := await http.post("/v1/jobs:preview", files=sent)).status_code in (429, 503):
+                await asyncio.sleep(every_s)  # whoever else reads the asset for the first time
             answer.raise_for_status()
-        return answer.status_code == 200
+            while time.monotonic() < until:
+                await asyncio.sleep(every_s * random.uniform(0.5, 1.5))
+                begun = time.perf_counter()
+                document = {"asset": self._kept, "prompt": random.choice(PROMPTS)}
+                answer = await http.post("/v1/jobs:preview", json=document)
+                self.answers[answer.status_code] += 1
+                if answer.status_code == 200:
+                    self.previews.append(time.perf_counter() - begun)
 
     async def jobs(self, key: str, until: float) -> list[float]:
         """Run one job after the other until a time, and return the seconds of each."""
@@ -133,8 +90,6 @@ class Load:
 
     async def together(self, keys: list[str], every_s: float, seconds: float) -> list[float]:
         """Let people ask and jobs run for so many seconds; return the seconds of the jobs."""
-        for key in keys[1:]:
-            await self.prepare(key)
         until = time.monotonic() + seconds
         people = (self.person(key, every_s, until) for key in keys[1:])
         return (await asyncio.gather(self.jobs(keys[0], until), *people))[0]
@@ -148,7 +103,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     options = parser.parse_args()
     asset = asset_of(FACES)
-    for prompt in TYPED:
+    for prompt in PROMPTS:
         bank_of(prompt.split()[1], samples_in(Settings().cache_folder), ())
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
@@ -159,11 +114,8 @@ def main() -> None:
             asyncio.run(load.jobs(keys[0], 0))
             alone = asyncio.run(load.jobs(keys[0], time.monotonic() + options.seconds / 3))
             beside = asyncio.run(load.together(keys, options.every, options.seconds))
-    for name, seconds in (("first shape", load.first), ("six designs", load.six), ("exact shape", load.exact)):
-        if seconds:
-            p50, p95 = (float(np.percentile(seconds, q)) for q in (50, 95))
-            print(f"{name}: {len(seconds)}, p50 {p50:.2f} s, p95 {p95:.2f} s")
-    print(f"prompts overtaken before their first shape: {load.overtaken}; answers {dict(load.answers)}")
+    p50, p95 = (float(np.percentile(load.previews, q)) for q in (50, 95))
+    print(f"previews: {len(load.previews)}, p50 {p50:.2f} s, p95 {p95:.2f} s; answers {dict(load.answers)}")
     print(
         f"jobs: alone {median(alone):.2f} s, beside {median(beside):.2f} s, {median(beside) / median(alone):.2f} times"
     )

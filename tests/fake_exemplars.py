@@ -48,10 +48,10 @@ class FakeFit:
         *,
         labels: Index | None = None,
         cache: Path | None = None,
-        draft: bool = False,
+        mends: bool = True,
     ) -> None:
         self.verts, self.faces, self.reading, self.wish, self.labels = verts, faces, reading, wish, labels
-        self.cache, self.draft = cache, draft
+        self.cache, self.mends = cache, mends
         self.frame = frame_of(verts, faces, reading)
         self.made.append(self)
 

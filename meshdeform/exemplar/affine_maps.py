@@ -32,7 +32,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.alike import LIMBS
-from meshdeform.exemplar.effort import FULL
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.affine_systems import (
     MH,
@@ -56,7 +55,7 @@ __all__ = [
     "touching",
 ]
 
-_STRAIGHT_FROM = 4
+_ROUNDS, _STRAIGHT_FROM = 14, 4
 _LIMITS, _STIFFNESS = (0.3, 0.06), (0.5, 0.08)
 _POINTWISE, _BACK = 0.2, 0.7
 _STRETCH, _SIMILAR = (0.25, 3.5), 0.15
@@ -149,18 +148,12 @@ def long_axis(places: Floats, root: Floats) -> tuple[Floats, float]:
 
 
 def articulated(
-    source: Cloud,
-    goal: Cloud,
-    names: Sequence[str],
-    partner: Index,
-    ties: Sequence[Tie],
-    manner: PieceMotion,
-    rounds: int = FULL.pieces[1],
+    source: Cloud, goal: Cloud, names: Sequence[str], partner: Index, ties: Sequence[Tie], manner: PieceMotion
 ) -> AffineMaps:
     """Fit the maps of the pieces of a source, `names` (G), to their partners (G,) in the goal, -1 for none."""
     fit = _Articulated(source, goal, names, partner, ties, manner)
-    for number in range(rounds):
-        fit.step(number, number / (rounds - 1))
+    for number in range(_ROUNDS):
+        fit.step(number)
     return fit.result()
 
 
@@ -298,8 +291,9 @@ class _Articulated:
                 feet.append((piece, self._h(sole, np.full(len(sole), piece)), heights))
         return feet
 
-    def step(self, number: int, share: float) -> None:
-        """Move the maps by one round, when a share of all rounds is over."""
+    def step(self, number: int) -> None:
+        """Move the maps by one round."""
+        share = number / (_ROUNDS - 1)
         system = AffineSystem(len(self.names))
         self._add_pairs(system, _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share)
         self._add_goals(system, _STIFFNESS[0] * (_STIFFNESS[1] / _STIFFNESS[0]) ** share, number)

@@ -84,7 +84,7 @@ class Compared:
     """An asset as members are compared with it."""
 
     def __init__(self, source: Shape) -> None:
-        self._source, standing = source, source.labels != GROUND
+        standing = source.labels != GROUND
         self.shape = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing])
         corners = self.shape.verts[self.shape.faces].reshape(-1, 3)
         self.low, self.high = corners.min(0), corners.max(0)
@@ -105,11 +105,6 @@ class Compared:
             chooser = _Chooser(self, wish, cache)
             self._choosers.put(key, chooser)
         return chooser
-
-    @cached_property
-    def is_clay(self) -> bool:
-        """Whether it is a lump."""
-        return is_clay(self._source)
 
     @property
     def has_parts(self) -> bool:
@@ -143,13 +138,7 @@ class _Graded:
 
 
 def exemplars(
-    source: Shape,
-    wish: Wish,
-    count: int,
-    *,
-    cache: Path | None = None,
-    compared: Compared | None = None,
-    quick: bool = False,
+    source: Shape, wish: Wish, count: int, *, cache: Path | None = None, compared: Compared | None = None
 ) -> list[Exemplar]:
     """Return the members of the wished noun to which an asset is fitted best, the best first.
 
@@ -165,17 +154,11 @@ def exemplars(
         A folder in which tables of members are kept (`reading.banks`).
     compared : Compared, optional
         That of the source, which keeps what it has found of a wish for other seeds.
-    quick : bool
-        One is enough, the best by the tables: hardly any are drawn.
     """
-    compared = compared or Compared(source)
-    chooser = compared.chooser(wish, cache)
+    chooser = (compared or Compared(source)).chooser(wish, cache)
     if chooser.few:
         return chooser.drawn([chooser.few[wish.seed % len(chooser.few)]])
-    graded = [one for one in chooser.graded if chooser.is_plain(one.number)] if compared.is_clay else chooser.graded
-    if quick:
-        best = chooser.cell({one.number for one in graded[:count]}, wish.seed) if wish.seed else graded
-        return chooser.drawn(best[:1])
+    graded = [one for one in chooser.graded if chooser.is_plain(one.number)] if is_clay(source) else chooser.graded
     nearest = chooser.drawn(graded[: max(_FINALISTS, 2 * count)])[:count]
     if wish.seed == 0:
         return nearest

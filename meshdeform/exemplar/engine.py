@@ -12,9 +12,6 @@
    which more is left is taken.
 
 With a strength below 1 the asset goes that share of the way, and what breaks on it is mended.
-
-A draft, for whoever looks on, is fitted roughly (`effort`) to the member that the tables have for the best; it does not
-slide, and what the fit broke is left so.
 """
 
 from __future__ import annotations
@@ -29,7 +26,7 @@ import numpy as np
 
 from meshdeform.exemplar.borrowing import with_part_of
 from meshdeform.exemplar.choosing import Exemplar, exemplars
-from meshdeform.exemplar.clay import moulded
+from meshdeform.exemplar.clay import is_clay, moulded
 from meshdeform.exemplar.distances import between, stretch
 from meshdeform.exemplar.known import known_source
 from meshdeform.exemplar.mending import Mended, mended
@@ -98,8 +95,8 @@ class ExemplarFit:
         The part of each face, in place of the reading's.
     cache : Path, optional
         A folder in which tables of members are kept (`reading.banks`).
-    draft : bool
-        Whether a draft will do, which takes a tenth of the time.
+    mends : bool
+        False: what the fit broke is left so, which takes half the time.
     """
 
     result: ExemplarResult
@@ -113,7 +110,7 @@ class ExemplarFit:
         *,
         labels: Index | None = None,
         cache: Path | None = None,
-        draft: bool = False,
+        mends: bool = True,
     ) -> None:
         if labels is None:
             labels = np.full(len(faces), NO_PART, np.int64) if reading is None else reading.labels
@@ -121,38 +118,27 @@ class ExemplarFit:
         noun = "" if reading is None else reading.noun
         faces = np.asarray(faces, np.int64)
         self.source = Shape(noun, self.frame.enter(verts), faces, labels)
-        self._wish, self._cache, self._is_draft = wish, cache, draft
+        self._wish, self._cache, self._mends = wish, cache, mends
         standing = faces[labels != GROUND]
         self._standing = standing if len(standing) else faces
         self._known = known_source(self.source)
-        self._fit = self._known.draft if draft else self._known.fit
+        self._faults, self._fit = self._known.faults, self._known.fit
 
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
-        if self._is_draft:
-            [nearest, *_] = self._chosen()
-            yield Stage("choose", _CHOSEN)
-            self.result = self._drafted(nearest)
-            yield Stage("fit", 1.0, self.frame.leave(self.result.verts))
-            return
         known = self._known_ways
         ways = list[_Way]() if known is None else known
         chosen = self._chosen() if known is None else []
         yield Stage("choose", _CHOSEN)
+        clay = not self._wish.targets and is_clay(self.source)
         for number, exemplar in enumerate(chosen):
-            ways += self._ways(exemplar)
+            ways += [self._moulded(exemplar)] if clay else self._fitted(exemplar)
             share = _CHOSEN + (_FITTED - _CHOSEN) * (number + 1) / len(chosen)
             yield Stage("fit", share, self.frame.leave(min(ways, key=self._merit).verts))
         ways.sort(key=self._merit)
         self._keep(ways)
         self.result = self._mended(ways)
         yield Stage("mend", 1.0, self.frame.leave(self.result.verts))
-
-    def _drafted(self, exemplar: Exemplar) -> ExemplarResult:
-        [way, *_] = self._ways(exemplar)
-        rest = self.source.verts
-        verts = rest + self._wish.strength * (way.verts - rest)
-        return ExemplarResult(verts, way.told, exemplar.distance, float("nan"))
 
     @cached_property
     def _key(self) -> Hashable | None:
@@ -181,8 +167,7 @@ class ExemplarFit:
         if wish.borrowed and wish.noun == self.source.noun and not wish.attributes:
             chosen = [Exemplar(self._standing_shape(), 0.0, 0.0, {"noun": wish.noun, "form": "the asset itself"})]
         else:
-            compared = self._known.compared
-            chosen = exemplars(self.source, wish, _TRIED, cache=self._cache, compared=compared, quick=self._is_draft)
+            chosen = exemplars(self.source, wish, _TRIED, cache=self._cache, compared=self._known.compared)
         return [self._borrowing(one) for one in chosen]
 
     def _standing_shape(self) -> Shape:
@@ -202,10 +187,8 @@ class ExemplarFit:
             told.append({**lender.told, "part": each.part})
         return replace(exemplar, shape=shape, told={**exemplar.told, "borrowed": told}) if told else exemplar
 
-    def _ways(self, exemplar: Exemplar) -> list[_Way]:
-        if not self._wish.targets and self._known.compared.is_clay:
-            return [_Way(moulded(self.source, exemplar.shape), {**exemplar.told, "way": "mould"}, exemplar.shape)]
-        return self._fitted(exemplar)
+    def _moulded(self, exemplar: Exemplar) -> _Way:
+        return _Way(moulded(self.source, exemplar.shape), {**exemplar.told, "way": "mould"}, exemplar.shape)
 
     def _fitted(self, exemplar: Exemplar) -> list[_Way]:
         """Return the ways in which the asset was fitted to an exemplar."""
@@ -232,7 +215,7 @@ class ExemplarFit:
         """Return how far from good a way is."""
         if way.merit is None:
             left = self._distance(way.verts, way.goal)
-            found = self._known.faults.find(way.verts)
+            found = self._faults.find(way.verts)
             faulty = float((found.folded | found.cutting).mean())
             way.merit = left + _STRETCH * stretch(self.source.verts, way.verts, self._standing) + _FAULTS * faulty
         return way.merit
@@ -266,10 +249,14 @@ class ExemplarFit:
     def _gone(self, way: _Way) -> Mended:
         """Return where the asset has gone that way, as far as it is to go."""
         rest = self.source.verts
-        if way.last is not None and way.done is None:
+        if self._mends and way.last is not None and way.done is None:
             way.done = way.last(way.verts)
-        verts = way.verts if way.done is None else way.done
-        return mended(rest, rest + self._wish.strength * (verts - rest), self.source.faces)
+        verts = way.done if self._mends and way.done is not None else way.verts
+        goal = rest + self._wish.strength * (verts - rest)
+        if self._mends:
+            return mended(rest, goal, self.source.faces)
+        found = self._faults.find(goal)
+        return Mended(found.verts, 1.0, int(found.folded.sum()), int(found.cutting.sum()))
 
     def _distance(self, verts: Floats, goal: Shape) -> float:
         """Return the mean distance between the asset and what is seen of a goal."""

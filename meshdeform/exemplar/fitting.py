@@ -18,14 +18,13 @@ from functools import cached_property
 
 import numpy as np
 
-from meshdeform.exemplar.effort import FULL, Effort
 from meshdeform.exemplar.growth import grown
 from meshdeform.exemplar.kinds import is_built, is_tower
 from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, matched
 from meshdeform.exemplar.relaxing import relaxed
 from meshdeform.exemplar.shapes import Shape
-from meshdeform.exemplar.smooth_fit import LIMITS, smooth_fit
+from meshdeform.exemplar.smooth_fit import LEVELS, LIMITS, smooth_fit
 from meshdeform.exemplar.starting import cloud_of, piece_weights, started
 from meshdeform.exemplar.symmetry import evened, is_even
 from meshdeform.nouns.labels import Floats, Index
@@ -34,7 +33,7 @@ from meshdeform.reading.samples import hidden, resampled
 
 __all__ = ["Fitted", "SourceFit", "fit"]
 
-_LIMITS, _REACH = (0.15, 0.05), 3.0
+_LEVELS, _LIMITS, _REACH = ((3, 3), (6, 5), (12, 5)), (0.15, 0.05), 3.0
 _SPROUTING = frozenset(("ear", "nose", "beak", "trunk", "horn", "fin", "tail", "hump", "wing"))
 """Parts that sprout from a surface that lacks them."""
 _MUCH = 2.5
@@ -75,10 +74,10 @@ def fit(source: Shape, goal: Shape, *, landmarks: tuple[Floats, Floats] | None =
 
 
 class SourceFit:
-    """A source that is fitted to several goals; `effort`: what each fit may take."""
+    """A source that is fitted to several goals."""
 
-    def __init__(self, source: Shape, effort: Effort = FULL) -> None:
-        self.source, self._effort, self._standing = source, effort, source.labels != GROUND
+    def __init__(self, source: Shape) -> None:
+        self.source, self._standing = source, source.labels != GROUND
         standing = self._standing
         solids = None if source.solids is None else source.solids[standing]
         self._own = Shape(source.noun, source.verts, source.faces[standing], source.labels[standing], solids)
@@ -90,19 +89,16 @@ class SourceFit:
         own, matching = self._own, matched(self._own, goal)
         planes = self._planes(goal)
         if not (matching.partner >= 0).any():
-            return self._finished(goal, None, {"smooth": _whole(own, goal, planes, landmarks, self._effort)}, planes)
-        cloud = cloud_of(own, matching, self._effort)
+            return self._finished(goal, None, {"smooth": _whole(own, goal, planes, landmarks)}, planes)
+        cloud = cloud_of(own, matching)
         weights = self._piece_weights(matching.source)
-        ways = started(own, goal, matching, cloud, weights, self._effort, mirrored=0 in planes)
+        ways = started(own, goal, matching, cloud, weights, mirrored=0 in planes)
         if "pieces" in ways:
             codes = _Codes.of(own, goal, matching, weights)
-            ways = {
-                "smooth": _smooth(own, goal, matching, codes, ways["pieces"], planes, landmarks, self._effort),
-                **ways,
-            }
+            ways = {"smooth": _smooth(own, goal, matching, codes, ways["pieces"], planes, landmarks), **ways}
         if is_tower(goal.noun):
             near = next(ways[name] for name in ("outline", "axes", "smooth") if name in ways)
-            ways = {"whole": _whole(own.moved(near), goal, planes, landmarks, self._effort, _WHOLE_LIMITS), **ways}
+            ways = {"whole": _whole(own.moved(near), goal, planes, landmarks, _WHOLE_LIMITS), **ways}
         return self._finished(goal, matching, ways, planes)
 
     def _planes(self, goal: Shape) -> tuple[int, ...]:
@@ -198,7 +194,6 @@ def _smooth(
     first: Floats,
     planes: tuple[int, ...],
     landmarks: tuple[Floats, Floats] | None,
-    effort: Effort,
 ) -> Floats:
     """Fit like pieces to like ones smoothly, then let grow what smooth maps do not give."""
     kept = (codes.goal >= 0) & ~np.isin(codes.goal, list(codes.sprouting))
@@ -211,11 +206,10 @@ def _smooth(
         goal.faces[kept],
         codes.goal[kept],
         planes=planes,
-        levels=effort.levels,
+        levels=_LEVELS,
         limits=_LIMITS,
         reach=np.where(grows[kept], _REACH, 1.0),
         landmarks=landmarks,
-        spent=effort.smooth,
     )
     if not codes.sprouting and not codes.much:
         return smooth
@@ -230,7 +224,6 @@ def _smooth(
         parents=codes.sprouting,
         much=codes.much,
         before=first,
-        effort=effort,
     )
 
 
@@ -239,7 +232,6 @@ def _whole(
     goal: Shape,
     planes: tuple[int, ...],
     landmarks: tuple[Floats, Floats] | None,
-    effort: Effort,
     near: tuple[float, float] | None = None,
 ) -> Floats:
     """Fit a source smoothly, all to all; `near`: the limits for one that lies near already, and may lose its edges."""
@@ -254,8 +246,7 @@ def _whole(
         goal_codes,
         planes=planes,
         built=built,
-        levels=effort.whole,
+        levels=LEVELS,
         limits=near or LIMITS,
         landmarks=landmarks,
-        spent=effort.smooth,
     )

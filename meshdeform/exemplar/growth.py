@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from meshdeform.exemplar.effort import FULL, Effort
 from meshdeform.exemplar.sprouts import GoalPart, Ground, limb_of, seat_of, sprouted
 from meshdeform.exemplar.surface_fit import FitSchedule, SurfaceGoal, surface_fit
 from meshdeform.nouns.labels import Floats, Index
@@ -19,7 +18,8 @@ from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["grown"]
 
-_STIFFNESS, _LIMITS, _SLIDING, _HELD = (3.0, 0.1), (0.2, 0.04), (1.0, 0.1), 0.02
+_MANNER = FitSchedule(samples=3000, rounds=8, stiffness=(3.0, 0.1), limits=(0.2, 0.04), sliding=(1.0, 0.1), held=0.02)
+_LIMB_SAMPLES = 6000
 _OTHERS = 0.3
 
 
@@ -34,7 +34,6 @@ def grown(
     parents: Mapping[int, int],
     much: Collection[int] = (),
     before: Floats | None = None,
-    effort: Effort = FULL,
 ) -> Floats:
     """Return the vertices (V, 3) of a surface whose parts have grown as those of its goal.
 
@@ -50,10 +49,8 @@ def grown(
         Parts of both that must grow much.
     before : array (V, 3) float64, optional
         The surface before its last fit, of which what stuck out may have been flattened.
-    effort : Effort
-        What it may take.
     """
-    goal = _Goal(goal_verts, goal_faces, goal_codes, effort.limbs)
+    goal = _Goal(goal_verts, goal_faces, goal_codes)
     limbs = {code: limb for code in sorted(parents) if (limb := goal.limb(code)) is not None}
     ground = Ground.of(verts, faces)
     start, codes = _sprout(
@@ -65,19 +62,18 @@ def grown(
         return verts.copy()
     fitted = growing | _beside(faces, codes, growing, len(verts))
     codes = np.where(np.isin(codes, list(fitted)), codes, -1)
-    manner = FitSchedule(*effort.grown, stiffness=_STIFFNESS, limits=_LIMITS, sliding=_SLIDING, held=_HELD)
-    return surface_fit(verts, faces, codes, goal.of(fitted, growing), manner, start=start)
+    return surface_fit(verts, faces, codes, goal.of(fitted, growing), _MANNER, start=start)
 
 
 class _Goal:
     """What is seen of the goal: samples with their parts."""
 
-    def __init__(self, verts: Floats, faces: Index, codes: Index, count: int) -> None:
-        samples = spread(verts, faces, count, 4)
+    def __init__(self, verts: Floats, faces: Index, codes: Index) -> None:
+        samples = spread(verts, faces, _LIMB_SAMPLES, 4)
         self._all, self._codes = samples, codes[samples.faces]
         self._inside = hidden(samples, self._codes)
         self.samples, self.codes = samples.rows(~self._inside), self._codes[~self._inside]
-        self.area = float(_areas(verts, faces).sum()) / count
+        self.area = float(_areas(verts, faces).sum()) / _LIMB_SAMPLES
         """Of the surface that each sample stands for."""
 
     def limb(self, code: int) -> GoalPart | None:

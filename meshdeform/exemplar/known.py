@@ -6,7 +6,6 @@ import hashlib
 from functools import cached_property
 
 from meshdeform.exemplar.choosing import Compared
-from meshdeform.exemplar.effort import DRAFT
 from meshdeform.exemplar.faults import Faults
 from meshdeform.exemplar.fitting import SourceFit
 from meshdeform.exemplar.shapes import Shape
@@ -38,11 +37,6 @@ class KnownSource:
     def fit(self) -> SourceFit:
         """What fits it to goals."""
         return SourceFit(self.source)
-
-    @cached_property
-    def draft(self) -> SourceFit:
-        """What fits it to goals roughly."""
-        return SourceFit(self.source, DRAFT)
 
     @cached_property
     def compared(self) -> Compared:

@@ -91,8 +91,7 @@ class ExemplarResult:
 
     `verts` (V, 3) float64 in the frame; `member`: what tells the exemplar again (its noun, form, number, attributes, or
     the place of a target); `distance_before` and `distance`: mean distance between asset and exemplar, a share of the
-    diagonal, at the start and at the end, of a draft not a
-    number; `pairs`: parts of the asset and of the exemplar that went to each other;
+    diagonal, at the start and at the end; `pairs`: parts of the asset and of the exemplar that went to each other;
     `left_over` and `missing`: parts that only the asset, only the exemplar has; `kept`: share of the fitted
     displacement that was left when folds and cuts were mended; `flipped` and `cut`: faces newly turned over and newly
     cutting others; `stretch`: mean absolute logarithm of the stretches of the surface.

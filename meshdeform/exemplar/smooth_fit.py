@@ -41,16 +41,18 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.conjugate_gradients import conjugate_gradients
-from meshdeform.exemplar.effort import FULL
 from meshdeform.exemplar.splines import SplineGrid, Terms
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
 
-__all__ = ["LIMITS", "Pull", "PullRows", "smooth_fit"]
+__all__ = ["LEVELS", "LIMITS", "Pull", "PullRows", "smooth_fit"]
 
+LEVELS = ((3, 6), (6, 6), (12, 5))
+"""Intervals along the longest side and rounds of each level."""
 LIMITS = (0.5, 0.2)
 """Greatest length of a pair in the first and in the last round, a share of the diagonal."""
 
+_SAMPLES, _JACOBIANS = 1200, 400
 _SEED = 0
 """Of the samples of both surfaces, so that equal ones have equal samples and nothing moves."""
 _NORMAL, _COSINE = 0.1, 0.1
@@ -102,12 +104,11 @@ def smooth_fit(
     *,
     planes: Collection[int] = (0,),
     built: bool = False,
-    levels: Sequence[tuple[int, int]] = FULL.whole,
+    levels: Sequence[tuple[int, int]] = LEVELS,
     limits: tuple[float, float] = LIMITS,
     reach: Floats | None = None,
     landmarks: tuple[Floats, Floats] | None = None,
     outlines: Pull | None = None,
-    spent: tuple[int, int] = FULL.smooth,
 ) -> Floats:
     """Return the vertices (V, 3) of a surface fitted to another one.
 
@@ -131,13 +132,11 @@ def smooth_fit(
         Places of the surface and their goals.
     outlines : Pull, optional
         What pulls besides.
-    spent : (int, int)
-        Samples of both surfaces, and Jacobians.
     """
     if not len(faces) or (not len(goal_faces) and landmarks is None and outlines is None):
         return verts.copy()
-    goal = _Goal(goal_verts, goal_faces, goal_codes, reach, spent[0])
-    fit = _Fit(verts, faces, codes, goal, frozenset(planes), built, spent)
+    goal = _Goal(goal_verts, goal_faces, goal_codes, reach)
+    fit = _Fit(verts, faces, codes, goal, frozenset(planes), built)
     pulls: list[Pull] = []
     if landmarks is not None and len(landmarks[0]):
         pulls.append(_Landmarks(*landmarks))
@@ -150,15 +149,15 @@ def smooth_fit(
 class _Goal:
     """Samples of the goal with their normals, codes and factors of the limit."""
 
-    def __init__(self, verts: Floats, faces: Index, codes: Index, reach: Floats | None, count: int) -> None:
+    def __init__(self, verts: Floats, faces: Index, codes: Index, reach: Floats | None) -> None:
         if not len(faces):
             self.places, self.normals = np.zeros((0, 3)), np.zeros((0, 3))
             self.codes, self.reach, self.middle = np.zeros(0, np.int64), np.zeros(0), np.zeros(3)
             return
-        samples = spread(verts, faces, count, _SEED)
+        samples = spread(verts, faces, _SAMPLES, _SEED)
         self.places, self.normals = samples.places, samples.normals
         self.codes = codes[samples.faces]
-        self.reach = np.ones(count) if reach is None else reach[samples.faces]
+        self.reach = np.ones(_SAMPLES) if reach is None else reach[samples.faces]
         used = verts[np.unique(faces)]
         self.middle = (used.min(0) + used.max(0)) / 2
 
@@ -279,25 +278,17 @@ class _Fit:
     """A surface on its way to a goal: its samples, and the levels gone so far."""
 
     def __init__(
-        self,
-        verts: Floats,
-        faces: Index,
-        codes: Index,
-        goal: _Goal,
-        planes: frozenset[int],
-        built: bool,
-        spent: tuple[int, int],
+        self, verts: Floats, faces: Index, codes: Index, goal: _Goal, planes: frozenset[int], built: bool
     ) -> None:
-        count, self._count = spent
         used = verts[np.unique(faces)]
         low, high = used.min(0), used.max(0)
         margin = _MARGIN * float((high - low).max())
         self._low, self._high, self._planes, self._built = low - margin, high + margin, planes, built
         self._diagonal = max(float(np.linalg.norm(high - low)), _TINY)
-        samples = spread(verts, faces, count, _SEED)
+        samples = spread(verts, faces, _SAMPLES, _SEED)
         self._rest, self._rest_normals = samples.places, samples.normals
         self._codes = codes[samples.faces]
-        self._chosen = np.random.default_rng(5).permutation(count)[: self._count]
+        self._chosen = np.random.default_rng(5).permutation(_SAMPLES)[:_JACOBIANS]
         rest = np.hstack([self._rest / self._diagonal, _NORMAL * self._rest_normals])
         self._owner = cKDTree(rest[self._chosen]).query(rest)[1]
         goal.centre((low + high) / 2, planes)
@@ -305,8 +296,8 @@ class _Fit:
         self._goal_features = self._features(goal.places, goal.normals, goal.codes)
         self._goal_tree = cKDTree(self._goal_features)
         self._places, self._start = self._rest, self._rest
-        self._jacobians = self._start_jacobians = np.tile(np.eye(3), (self._count, 1, 1))
-        self._stiffer = np.ones(self._count)
+        self._jacobians = self._start_jacobians = np.tile(np.eye(3), (_JACOBIANS, 1, 1))
+        self._stiffer = np.ones(_JACOBIANS)
         self._passed: list[tuple[SplineGrid, Floats]] = []
 
     def _features(self, places: Floats, normals: Floats, codes: Index) -> Floats:
@@ -393,9 +384,9 @@ class _Fit:
 
     def _add_jacobians(self, system: _System, level: _Level, share: float) -> None:
         """Add that Jacobians stay near good ones, and of what is built, that level and upright faces stay so."""
-        unit = self._diagonal**2 / self._count
+        unit = self._diagonal**2 / _JACOBIANS
         stiffness = _between(_STIFFNESS, share) * unit
-        weights = np.broadcast_to(stiffness * self._stiffer, (3, 3, self._count))
+        weights = np.broadcast_to(stiffness * self._stiffer, (3, 3, _JACOBIANS))
         goals = (_good(self._jacobians) - self._jacobians).transpose(1, 2, 0)
         if self._built:
             upward = np.abs(self._rest_normals[self._chosen, 1])

@@ -17,7 +17,6 @@ import numpy as np
 from meshdeform.exemplar.affine_maps import AffineMaps, Cloud, PieceMotion, articulated, touching
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.blending import blend_weights, blended
-from meshdeform.exemplar.effort import Effort
 from meshdeform.exemplar.kinds import is_boxed, is_built, is_living, is_turned
 from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, neighbours
 from meshdeform.exemplar.profiles import outlined
@@ -29,7 +28,7 @@ from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["cloud_of", "piece_weights", "started"]
 
-_OUTLINE_SAMPLES = 6000
+_SAMPLES, _OUTLINE_SAMPLES = 2200, 6000
 _WHOLE = 0.85
 """Share of the samples of both that is to be of matched pieces for their heights to count."""
 _ALIKE = 0.012
@@ -37,14 +36,14 @@ _ROUND = "wheel"
 _ON_GROUND = 0.02
 
 
-def cloud_of(own: Shape, matching: Matching, effort: Effort) -> Cloud:
+def cloud_of(own: Shape, matching: Matching) -> Cloud:
     """Return samples of the pieces of a source."""
-    return _seen(own, matching.source, effort)
+    return _seen(own, matching.source)
 
 
-def _seen(shape: Shape, pieces: Pieces, effort: Effort) -> Cloud:
+def _seen(shape: Shape, pieces: Pieces) -> Cloud:
     """Return samples of pieces that are not inside others of a shape's solids: equal shapes have equal ones."""
-    samples = spread(shape.verts, shape.faces, effort.pieces[0], 1)
+    samples = spread(shape.verts, shape.faces, _SAMPLES, 1)
     if shape.solids is not None:
         samples = samples.rows(~hidden(samples, shape.solids[samples.faces]))
     return Cloud(samples.places, samples.normals, pieces.of_face[samples.faces]).known()
@@ -57,7 +56,7 @@ def piece_weights(own: Shape, pieces: Pieces) -> Floats:
 
 
 def started(
-    own: Shape, goal: Shape, matching: Matching, cloud: Cloud, weights: Floats, effort: Effort, *, mirrored: bool
+    own: Shape, goal: Shape, matching: Matching, cloud: Cloud, weights: Floats, *, mirrored: bool
 ) -> dict[str, Floats]:
     """Return ways to bring a source near its goal: vertices (V, 3) by `axes`, `side` or `pieces`, and by the `outline`.
 
@@ -70,9 +69,9 @@ def started(
         mirrored=mirrored,
     )
     ties = touching(cloud, len(matching.source), _borders(own, matching))
-    goal_cloud = _seen(goal, matching.goal, effort)
+    goal_cloud = _seen(goal, matching.goal)
     names = matching.source.names
-    maps = articulated(cloud, goal_cloud, names, matching.partner, ties, manner, effort.pieces[1])
+    maps = articulated(cloud, goal_cloud, names, matching.partner, ties, manner)
     ways = {}
     if all(map(is_built, nouns)):
         wheels = [_faces_of(pieces, _ROUND) for pieces in (matching.source, matching.goal)]

@@ -139,13 +139,12 @@ def _targets(facts: AssetFacts, job_input: RunInput, frame: CameraFrame) -> dict
 
 
 class ExemplarRun(JobRun):
-    """Fits in progress, created by `start_exemplar`; `is_draft`: whether they are rough ones."""
+    """Fits in progress, created by `start_exemplar`."""
 
     def __init__(self, facts: ExemplarFacts, body: Body, job_input: RunInput, log: RunLog) -> None:
         self._labels = ReadParts(body).labels
         whole = FitSurface(body.points, body.faces, self._labels)
-        self.is_draft = job_input.draft
-        self._fitted = in_place_of(whole) if self.is_draft else whole
+        self._fitted = in_place_of(whole) if job_input.draft else whole
         self._wishes = _wishes(facts, self._fitted)
         super().__init__(STEPS * len(self._wishes), 0, log)
         self._facts, self._body, self._cache = facts, body, job_input.readings.samples
@@ -160,7 +159,7 @@ class ExemplarRun(JobRun):
         for number, (prompt, wish) in enumerate(self._wishes):
             own, reading = self._fitted, self._facts.reading
             fit = ExemplarFit(
-                own.points, own.faces, reading, wish, labels=own.labels, cache=self._cache, draft=self.is_draft
+                own.points, own.faces, reading, wish, labels=own.labels, cache=self._cache, mends=not self.is_draft
             )
             seconds: dict[str, float] = {}
             began = time.perf_counter()
@@ -209,6 +208,11 @@ class ExemplarRun(JobRun):
         """Sentences about words that were read otherwise, and about what did not follow the shape."""
         notes = [note for prompt, _ in self._wishes if prompt for note in parse(prompt).notes]
         return [*notes, *rig_warnings(self._facts.asset, self._facts.request.output.rig)]
+
+    @property
+    def is_draft(self) -> bool:
+        """Whether a simplified surface is fitted in place of the asset's."""
+        return self._fitted.binding is not None
 
     @property
     def members(self) -> list[dict[str, Any]]:

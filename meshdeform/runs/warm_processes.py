@@ -1,8 +1,8 @@
 """Keep child processes that have imported what an answer takes, and remember what they read. Torch-free, numpy-free.
 
 One child imports and does nothing else; whoever asks has a copy of it (`os.fork`), which no other owner's files reach.
-A copy has no secrets in its environment, bounded memory, and less of the processor than whatever else wants it, from a
-task with `nice` on even less, by so much. It ends with the socket by which it is asked. Needs a system with `fork`.
+A copy has no secrets in its environment, bounded memory, and less of the processor than whatever else wants it. It ends
+with the socket by which it is asked. Needs a system with `fork`.
 """
 
 from __future__ import annotations
@@ -307,13 +307,9 @@ def _serve(connection: socket.socket, answer: Callable[[dict[str, Any], Callable
         os._exit(0)
 
     threading.Thread(target=receive, daemon=True).start()
-    nice = 0
     while True:
         question = questions.get()
         stopped = question.stop.is_set
-        if (more := question.task.get("nice", 0)) > nice:
-            os.nice(more - nice)
-            nice = more
         verdict = {"stopped": True} if stopped() else verdict_of(answer, question.task, stopped)
         question.over.set()
         connection.sendall(json.dumps(verdict).encode() + b"\n")

@@ -165,69 +165,67 @@ class FairSlots:
     """A number of slots on one event loop.
 
     One owner may hold `per_owner` of them; the others stay free for other owners. A request waits `wait_s` seconds for
-    a slot; the purpose, as in "files are being received", is for the error. Urgent requests are first, of any owner.
+    a slot; the purpose, as in "files are being received", is for the error.
     """
 
     def __init__(self, total: int, per_owner: int, *, wait_s: float, purpose: str) -> None:
         self.total, self.per_owner, self.wait_s = total, per_owner, wait_s
         self._purpose = purpose
         self._held: Counter[str] = Counter()
-        self._waiting: dict[bool, OrderedDict[str, deque[anyio.Event]]] = {True: OrderedDict(), False: OrderedDict()}
+        self._waiting: OrderedDict[str, deque[anyio.Event]] = OrderedDict()
 
     @asynccontextmanager
-    async def slot(
-        self, owner_id: str, *, soon_s: float | None = None, most: int = 0, urgent: bool = False
-    ) -> AsyncIterator[None]:
+    async def slot(self, owner_id: str, *, soon_s: float | None = None, most: int = 0) -> AsyncIterator[None]:
         """Hold a slot while the block runs, after waiting for a turn; `UnavailableError`: none became free in time.
 
         `soon_s`: the most seconds to wait, after which, or if `most` of the owner's wait already, it is `LimitError`.
         """
         if soon_s is None:
-            await self._acquire(owner_id, self.wait_s, urgent=urgent)
+            await self._acquire(owner_id, self.wait_s)
         else:
-            await self._acquire_soon(owner_id, soon_s, most, urgent=urgent)
+            await self._acquire_soon(owner_id, soon_s, most)
         try:
             yield
         finally:
             self._release(owner_id)
 
-    async def _acquire_soon(self, owner_id: str, wait_s: float, most: int, *, urgent: bool) -> None:
+    async def _acquire_soon(self, owner_id: str, wait_s: float, most: int) -> None:
         too_many = f"Too many {self._purpose} at the same time."
-        if sum(len(waiting.get(owner_id, ())) for waiting in self._waiting.values()) >= most:
+        if len(self._waiting.get(owner_id, ())) >= most:
             raise LimitError(too_many, retry_after_s=math.ceil(wait_s))
         try:
-            await self._acquire(owner_id, wait_s, urgent=urgent)
+            await self._acquire(owner_id, wait_s)
         except UnavailableError as error:
             raise LimitError(error.detail, retry_after_s=math.ceil(wait_s)) from error
 
-    async def _acquire(self, owner_id: str, wait_s: float, *, urgent: bool) -> None:
+    async def _acquire(self, owner_id: str, wait_s: float) -> None:
         turn = anyio.Event()
-        self._waiting[urgent].setdefault(owner_id, deque()).append(turn)
+        self._waiting.setdefault(owner_id, deque()).append(turn)
         self._grant()
         try:
             with anyio.move_on_after(wait_s):
                 await turn.wait()
                 return
         except BaseException:
-            self._leave(owner_id, turn, urgent=urgent)
+            self._leave(owner_id, turn)
             raise
         if not turn.is_set():
-            self._leave(owner_id, turn, urgent=urgent)
+            self._leave(owner_id, turn)
             raise UnavailableError(
                 f"Too many {self._purpose} at the same time: {self._held[owner_id]} of yours, "
                 f"{self._held.total()} altogether.",
                 advice="Try again in a moment.",
             )
 
-    def _leave(self, owner_id: str, turn: anyio.Event, *, urgent: bool) -> None:
+    def _leave(self, owner_id: str, turn: anyio.Event) -> None:
         """Give up waiting, or give the slot back if it was granted in the same moment."""
         if turn.is_set():
             self._release(owner_id)
             return
-        queue = self._waiting[urgent][owner_id]
+        queue = self._waiting[owner_id]
         queue.remove(turn)
         if not queue:
-            del self._waiting[urgent][owner_id]
+            del self._waiting[owner_id]
 
     def _release(self, owner_id: str) -> None:
         self._held[owner_id] -= 1
@@ -238,14 +236,13 @@ class FairSlots:
     def _grant(self) -> None:
         """Give free slots to those who wait, one owner after the other."""
         while self._held.total() < self.total:
-            turns = ((waiting, each) for waiting in (self._waiting[True], self._waiting[False]) for each in waiting)
-            waiting, owner_id = next((turn for turn in turns if self._held[turn[1]] < self.per_owner), (None, ""))
-            if waiting is None:
+            owner_id = next((each for each in self._waiting if self._held[each] < self.per_owner), None)
+            if owner_id is None:
                 return
-            queue = waiting[owner_id]
+            queue = self._waiting[owner_id]
             queue.popleft().set()
             self._held[owner_id] += 1
             if queue:
-                waiting.move_to_end(owner_id)
+                self._waiting.move_to_end(owner_id)
             else:
-                del waiting[owner_id]
+                del self._waiting[owner_id]

@@ -103,7 +103,7 @@ async def preview_job(
     draft: Annotated[
         bool,
         Query(
-            description="Whether a draft will do: a rough fit, of a large asset by a simplified surface, which it "
+            description="Whether of a large asset a draft will do: a simplified surface is fitted, which the asset "
             "follows, with the same vertices in the same order. `Meshdeform-Draft` says whether it is one.",
             examples=[True],
         ),

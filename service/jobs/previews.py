@@ -1,15 +1,9 @@
-"""Make previews: what jobs would make of an asset, within seconds, in a process of its own; nothing is recorded.
-
-What takes a moment has turns and a process of its own: drafts, and changes in plain words, of an asset that was read.
-Of these, the shape that a request itself has is urgent, and comes before other seeds of it. Shapes that drafts stand
-for wait for each other, and get of the processor what is left.
-"""
+"""Make previews: what jobs would make of an asset, within seconds, in a process of its own; nothing is recorded."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from contextlib import AbstractAsyncContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -26,6 +20,7 @@ from meshdeform.runs.changes import asked_changes, is_change
 from meshdeform.runs.kept_readings import FolderReadings, key_of
 from meshdeform.runs.warm_processes import Asked, StoppedError
 from meshdeform.words import in_use
+from service.http.bodies import ReceivedFile
 from service.http.callers import while_waited_for
 from service.jobs.documents import PreviewDocument
 from service.jobs.intake import Submission, check_files, check_params, ready
@@ -33,10 +28,8 @@ from service.state import AppState
 
 As = Literal["positions", "glb"]
 _ADVICE = "Send the job."
-_SOON_S, _LATE_S, _MOST_WAITING = 10.0, PREVIEW_S, 2
-"""How long what takes a moment waits for its turn, how long others do, and how many of one owner."""
-_YIELDING = 5
-"""By how much nicer the process is that makes the others."""
+_SOON_S, _MOST_WAITING = 10.0, 2
+"""How long a preview waits for its turn, and how many of one owner do."""
 
 
 @dataclass(frozen=True)
@@ -51,45 +44,23 @@ class Preview:
 async def preview(
     app: AppState, request: Request, owner_id: str, submission: Submission, form: As, *, draft: bool
 ) -> Preview:
-    """Make a preview in the folder of the submission; `draft`: a draft will do.
+    """Make a preview in the folder of the submission; `draft`: of a large asset a draft will do.
 
     Raises what a job's check and its run do, `LimitError` where too many are asked for, and UnavailableError where it
     takes too long. It ends when the caller goes.
     """
-    question = await app.take_in(owner_id, _question, app, owner_id, submission, form, draft)
+    task, asset = await app.take_in(owner_id, _task, app, owner_id, submission, form)
+    task["draft"] = draft
     app.previews.prepare()
-    async with while_waited_for(request) as asked, _turn(app, owner_id, question):
-        found = await to_thread.run_sync(_answered, app, question, asked)
-    return Preview(Path(question.task["result"]), question.asset, found["draft"])
+    async with while_waited_for(request) as asked, app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
+        found = await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
+    return Preview(Path(task["result"]), asset[0].sha256, found["draft"])
 
 
-@dataclass(frozen=True)
-class _Question:
-    """What a process is asked, and how long that may take.
-
-    `task`: the process's; `asset`: its SHA-256; `owner`: the name of the process; `quick`: whether it takes a moment,
-    once the asset is read; `own`: whether the shape is that of the request, not of other seeds; `readings` and `key`:
-    where its reading is, `known` if it is known.
-    """
-
-    task: dict[str, Any]
-    asset: str
-    owner: str
-    quick: bool
-    own: bool
-    readings: FolderReadings
-    key: str
-    known: bytes | None
-
-
-def _turn(app: AppState, owner_id: str, question: _Question) -> AbstractAsyncContextManager[None]:
-    if question.quick and question.known is not None:
-        return app.drafting.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING, urgent=question.own)
-    return app.fitting.slot(owner_id, soon_s=_LATE_S, most=_MOST_WAITING, urgent=question.quick)
-
-
-def _question(app: AppState, owner_id: str, submission: Submission, form: As, draft: bool) -> _Question:
-    """Check a request, and return what the process that makes its preview is asked."""
+def _task(
+    app: AppState, owner_id: str, submission: Submission, form: As
+) -> tuple[dict[str, Any], tuple[ReceivedFile, ResolvedParams]]:
+    """Check a request, and return the task of the process that makes its preview, its asset and its parameters."""
     document = submission.document
     assert isinstance(document, PreviewDocument)
     submission, words = ready(app, owner_id, submission)
@@ -97,16 +68,14 @@ def _question(app: AppState, owner_id: str, submission: Submission, form: As, dr
         params = check_params(submission.document, app.settings, files=submission.names)
         if not isinstance(params, ResolvedParams):
             raise ParameterError("Jobs of this kind have no preview.", advice=_ADVICE)
-        is_change = _refuse_slow(submission.document, params)
+        _refuse_slow(submission.document, params)
         files = submission.fetch_all(app, owner_id)
         check_files(app, owner_id, submission.document, params, files)
     seeds = list(dict.fromkeys(document.seeds)) or [params.seed]
     if form == "glb" and len(seeds) > 1:
         raise ParameterError.at(["seeds"], "A GLB has one shape.", "Give one seed, or ask for positions.")
-    asset, limits, quick = files["asset"], app.assets.limits, draft or is_change
+    asset, limits = files["asset"], app.assets.limits
     app.kept_assets.keep(owner_id, asset)
-    folder = app.workspace.folder / f"readings-{hashlib.sha256(owner_id.encode()).hexdigest()[:16]}"
-    folder.mkdir(exist_ok=True)
     request = submission.document.model_dump(
         mode="json", exclude_unset=True, exclude={*PreviewDocument.model_fields} - {*JobRequest.model_fields}
     )
@@ -124,24 +93,15 @@ def _question(app: AppState, owner_id: str, submission: Submission, form: As, dr
         "default_model": app.settings.model,
         "samples": None if samples is None else str(samples.absolute()),
         "result": str(submission.folder.absolute() / "preview"),
-        "readings": str(folder.absolute()),
-        "draft": draft,
-        **({} if quick else {"nice": _YIELDING}),
     }
-    key, here = key_of(asset.sha256, Path(asset.filename).suffix, params), FolderReadings(folder)
-    known = here.get(key)
-    if known is None and (known := app.readings.get(key)) is not None:
-        here.put(key, known)
-    name = f"{owner_id}, drafts" if quick else owner_id
-    return _Question(task, asset.sha256, name, quick, seeds == [params.seed], here, key, known)
+    return task, (asset, params)
 
 
-def _refuse_slow(request: JobRequest, params: ResolvedParams) -> bool:
-    """Return whether a change in plain words is asked for; refuse what an optimiser makes, which takes long."""
+def _refuse_slow(request: JobRequest, params: ResolvedParams) -> None:
+    """Refuse what an optimiser makes, which takes longer than anybody looks on."""
     sentence = asked_changes(request.prompt, params)
-    changes = sentence is not None and is_change(sentence)
-    if params.guidance is GuidanceKind.EXEMPLAR or changes:
-        return changes
+    if params.guidance is GuidanceKind.EXEMPLAR or (sentence is not None and is_change(sentence)):
+        return
     raise ParameterError.at(
         ["params", "guidance", "kind"],
         f"`{params.guidance}` guidance has no preview: its jobs take longer.",
@@ -149,16 +109,28 @@ def _refuse_slow(request: JobRequest, params: ResolvedParams) -> bool:
     )
 
 
-def _answered(app: AppState, question: _Question, asked: Asked) -> dict[str, Any]:
+def _answered(
+    app: AppState, owner_id: str, task: dict[str, Any], asset: tuple[ReceivedFile, ResolvedParams], asked: Asked
+) -> dict[str, Any]:
     """Let a process of the owner carry out the task, with the reading of the asset that is kept; keep a new one."""
+    folder = app.workspace.folder / f"readings-{hashlib.sha256(owner_id.encode()).hexdigest()[:16]}"
+    folder.mkdir(exist_ok=True)
+    task = {**task, "readings": str(folder.absolute())}
+    file, params = asset
+    key = key_of(file.sha256, Path(file.filename).suffix, params)
+    here = FolderReadings(folder)
+    known = here.get(key)
+    if known is None and (kept := app.readings.get(key)) is not None:
+        here.put(key, kept)
+        known = kept
     try:
-        verdict = app.previews.ask(question.owner, question.task, PREVIEW_S, asked)
+        verdict = app.previews.ask(owner_id, task, PREVIEW_S, asked)
     except StoppedError:
         return {}
     except TimeoutError as error:
         raise UnavailableError(f"A preview of this takes longer than {PREVIEW_S:g} s.", advice=_ADVICE) from error
-    if (made := question.readings.get(question.key)) is not None and made != question.known:
-        app.readings.put(question.key, made)
+    if (made := here.get(key)) is not None and made != known:
+        app.readings.put(key, made)
     if verdict is None:
         raise UnavailableError("The process that made the preview has ended.", advice=_ADVICE)
     if not verdict["ok"]:

@@ -212,15 +212,12 @@ def test_only_what_takes_seconds_has_a_preview_and_a_file_has_one_shape(two: tup
     assert problem["errors"][0]["loc"] == ["seeds"]
 
 
-def test_a_draft_has_the_same_vertices_near_where_they_will_be(
+def test_of_a_large_asset_a_draft_has_the_same_vertices_near_where_they_will_be(
     two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a large asset a simplified surface is fitted."""
     ann, _ = two
     asset = two_nodes("Plinth", "Head")
-    assert preview(ann, asset, draft=True).headers["meshdeform-draft"] == "true"
-    (fit,) = fake_exemplars.FakeFit.made
-    assert (len(fit.faces) > 200, fit.draft) == (True, True)
+    assert preview(ann, asset, draft=True).headers["meshdeform-draft"] == "false"  # it is not large
     monkeypatch.setattr(drafts, "_LARGE", 100)
     monkeypatch.setattr(drafts, "_FACES", 100)
     monkeypatch.setattr(preview_work, "_recent", Recent(8, 2**20))
@@ -229,10 +226,10 @@ def test_a_draft_has_the_same_vertices_near_where_they_will_be(
     first, glb = shapes(answer), places(preview(ann, asset, form="glb", draft=True).content)
     assert (answer.headers["meshdeform-draft"], first.draft) == ("true", True)
     (fit,) = fake_exemplars.FakeFit.made
-    assert (len(fit.faces) < 200, 0 if fit.labels is None else len(fit.labels), fit.draft) == (
+    assert (len(fit.faces) < 200, 0 if fit.labels is None else len(fit.labels), fit.mends) == (
         True,
         len(fit.faces),
-        True,
+        False,
     )
     exact = preview(ann, asset)
     assert (exact.headers["meshdeform-draft"], shapes(exact).draft) == ("false", False)
@@ -267,7 +264,6 @@ def test_more_previews_than_there_may_be_are_refused_until_there_is_room(
     ann, bob = two
     holding = Holding(monkeypatch)
     monkeypatch.setattr(previews, "_SOON_S", 0.05)
-    monkeypatch.setattr(previews, "_LATE_S", 0.05)
     threads = [threading.Thread(target=preview, args=(each,)) for each in two]
     for number, thread in enumerate(threads):
         thread.start()

@@ -25,13 +25,13 @@ export interface SubmitOptions {
 export interface PreviewOptions extends Omit<SubmitOptions, "idempotencyKey"> {
   /** `positions` (the default) of all seeds, for `readPreview`; or `glb`: the `result.glb` of one seed. */
   as?: "positions" | "glb";
-  /** Whether a draft will do, a rough fit; `draft` of the answer says whether it is one. */
+  /** Whether of a large asset a draft will do; `draft` of the answer says whether it is one. */
   draft?: boolean;
 }
 
 export interface Preview {
   data: ArrayBuffer;
-  /** Whether it is a rough fit. */
+  /** Whether a simplified surface was fitted in place of a large asset's. */
   draft: boolean;
   /** SHA-256 of the asset, by which the next preview can name it: `{ sha256 }`. */
   asset: string;

@@ -27,7 +27,7 @@ export interface PreviewShapes {
   change: boolean;
   /** What the asset was read as, as in a report. */
   reading: Record<string, unknown> | null;
-  /** Whether it is a rough fit. */
+  /** Whether a simplified surface was fitted in place of a large asset's, which followed it. */
   draft: boolean;
   shapes: PreviewShape[];
 }

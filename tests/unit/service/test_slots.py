@@ -38,7 +38,7 @@ class Crowd:
         await settle()
 
     async def _hold(self, name: str) -> None:
-        async with self.slots.slot(name[0], urgent=name.endswith("!")):
+        async with self.slots.slot(name[0]):
             self.granted.append(name)
             await self.ends[name].wait()
 
@@ -86,18 +86,6 @@ def test_an_owner_never_takes_every_slot_and_owners_take_turns() -> None:
     asyncio.run(story())
 
 
-def test_what_is_urgent_comes_first_whoever_asks() -> None:
-    async def story() -> None:
-        crowd = Crowd(FairSlots(1, 1, wait_s=60, purpose="previews are being made"))
-        await crowd.come("a1", "b1", "a2", "c1!", "a3!")
-        for name in ("a1", "c1!", "a3!", "b1"):
-            await crowd.go(name)
-        assert crowd.granted == ["a1", "c1!", "a3!", "b1", "a2"]
-        await crowd.go("a2")
-
-    asyncio.run(story())
-
-
 def test_who_stops_waiting_takes_no_slot_along() -> None:
     async def story() -> None:
         slots = FairSlots(1, 1, wait_s=60, purpose="files are being checked")
@@ -113,7 +101,7 @@ def test_who_stops_waiting_takes_no_slot_along() -> None:
         await crowd.come("c1")
         assert crowd.granted[-1] == "c1"
         await crowd.go("c1")
-        assert not any(slots._waiting.values())
+        assert not slots._waiting
         assert not slots._held
 
     asyncio.run(story())
@@ -128,7 +116,7 @@ def test_waiting_ends_with_an_error_that_says_why() -> None:
                     pass
             async with slots.slot("bob"):
                 pass
-        assert not any(slots._waiting.values())
+        assert not slots._waiting
 
     asyncio.run(story())
 

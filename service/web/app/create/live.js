@@ -46,7 +46,7 @@ export class Live {
    * @param {import("../viewer-box.js").ViewerBox} box
    * @param {import("../scope.js").Scope} scope
    * @param {object} does
-   * @param {(form: "glb" | "positions", seed: number, signal: AbortSignal, draft: boolean) => Promise<{data: ArrayBuffer, draft?: boolean}>} does.ask The server, about the form, at full strength. `draft`: whether a draft will do, and whether it is one.
+   * @param {(form: "glb" | "positions", seed: number, signal: AbortSignal, draft: boolean) => Promise<{data: ArrayBuffer, draft?: boolean}>} does.ask The server, about the form, at full strength. `draft`: whether of a large asset a draft will do, and whether it is one.
    * @param {(seed: number) => void} does.take A design.
    * @param {() => void} does.reshaped What is shown has another shape.
    * @param {(shape: Shape | null) => void} does.shown A shape is shown as it is; null: the asset alone.
@@ -193,7 +193,7 @@ export class Live {
     }
   }
 
-  /** Show what the server makes of a goal. @param {string} goal @param {number} seed @param {AbortSignal} signal @param {boolean} fast Whether a draft will do. @returns {Promise<boolean>} whether it is one */
+  /** Show what the server makes of a goal. @param {string} goal @param {number} seed @param {AbortSignal} signal @param {boolean} fast Whether of a large asset a draft will do. @returns {Promise<boolean>} whether it is one */
   async _make(goal, seed, signal, fast) {
     const { data, draft = false } = await this.does.ask("glb", seed, signal, fast);
     const shape = { key: shapeKey(goal, seed), label: this.does.label(), load: async () => data, strength: 1, tag: draft ? "Draft" : "Preview", warnings: this.of === goal ? this.warnings.get(seed) : [] };
