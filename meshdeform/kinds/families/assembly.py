@@ -18,7 +18,7 @@ from meshdeform.assets import Asset
 from meshdeform.assets.assemble import AssetPart
 from meshdeform.assets.family_file import FamilyFile
 from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, depth_beyond, turned
-from meshdeform.kinds.families.placing import Joint, Placing, axis_fit
+from meshdeform.kinds.families.placing import PartJoint, Placing, axis_fit
 from meshdeform.kinds.families.sampling import Drawn
 
 _Floats = NDArray[np.float64]
@@ -85,7 +85,7 @@ class _Site:
 
     neighbour: int
     contact: Contact
-    joint: Joint
+    joint: PartJoint
     met: int = -1  # the part that it meets here
 
 
@@ -298,7 +298,7 @@ def _site(each: PlacedPart, neighbour: int, contact: Contact) -> _Site:
     points = each.placing.roughly(contact.points)
     centre = points.mean(0)
     radius = float(np.linalg.norm(points - centre, axis=1).max())
-    return _Site(neighbour, contact, Joint(centre, radius, int(contact.patches[0])))
+    return _Site(neighbour, contact, PartJoint(centre, radius, int(contact.patches[0])))
 
 
 def _way(each: PlacedPart, site: _Site, standing: _Standing) -> tuple[_Floats, float]:

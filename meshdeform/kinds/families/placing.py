@@ -35,7 +35,7 @@ def axis_fit(source: _Floats, target: _Floats) -> tuple[_Floats, _Floats]:
 
 
 @dataclass
-class Joint:
+class PartJoint:
     """A place of a part that goes where it meets a neighbour, after the rough fit."""
 
     centre: _Floats  # (3,) float64
@@ -50,7 +50,7 @@ class Placing:
 
     scale: _Floats
     shift: _Floats
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[PartJoint] = field(default_factory=list)
 
     def roughly(self, points: _Floats) -> _Floats:
         """Return points (P, 3) of the member after the rough fit."""

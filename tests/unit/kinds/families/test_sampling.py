@@ -13,7 +13,7 @@ from meshdeform.kinds.families.assembly import sewn
 from meshdeform.kinds.families.boundary import without_strays
 from meshdeform.kinds.families.cut import shortened
 from meshdeform.kinds.families.machine import BetaMachine
-from meshdeform.kinds.families.placing import Joint, Placing, axis_fit
+from meshdeform.kinds.families.placing import PartJoint, Placing, axis_fit
 from meshdeform.kinds.families.sampling import FreeEnergy, between, completed, like_parts, sampled, to_machine
 
 
@@ -149,7 +149,7 @@ def test_what_is_at_a_joint_goes_with_it_and_the_rest_follows_smoothly():
     scale, shift = axis_fit(source, source)
     assert (scale == 1).all()
     assert not shift.any()
-    joints = [Joint(np.zeros(3), 0.1, 0, np.array([0.2, 0, 0])), Joint(np.array([0, 1.0, 0]), 0.1, 0)]
+    joints = [PartJoint(np.zeros(3), 0.1, 0, np.array([0.2, 0, 0])), PartJoint(np.array([0, 1.0, 0]), 0.1, 0)]
     placing = Placing(np.ones(3), np.zeros(3), joints)
     line = np.array([[0, 0.05, 0], [0, 0.25, 0], [0, 0.5, 0], [0, 0.75, 0], [0, 0.95, 0]])
     ways = placing.moved(line, np.zeros(5, np.int64))
