@@ -1,8 +1,8 @@
 """Count the house: ``python -m bench.house [--write]``.
 
 Lines of the product's Python, of the families of shapes with their tables, of what trains and measures, of the page, of
-tests and of benchmarks; words of documents, those that people wrote and those made from the code; parameters of
-`text_deform`. Libraries of others and generated files
+tests and of benchmarks; words of documents, those that people wrote and those made from the code; what makes code hard
+to read (`code_shape.py`); parameters of `text_deform`. Libraries of others and generated files
 (`_OF_OTHERS`) are left out. ``bench/house.json`` holds the counts: a change that adds more than `ROOM` lines or a
 parameter changes that file as well, so that it is seen (`tests/unit/test_house.py`), and says who uses it.
 """
@@ -15,6 +15,7 @@ import re
 import subprocess
 from pathlib import Path
 
+from bench.code_shape import counted
 from meshdeform.requests.groups import PLACES
 
 __all__ = ["EXPECTED", "ROOM", "counts"]
@@ -37,6 +38,7 @@ _FOLDERS = {
     "tests": (["tests", ":(glob)integrations/*/tests/**"], (".py",)),
     "bench": (["bench"], (".py",)),
 }
+_CODE = ["meshdeform", "service", "worker"]
 _OF_OTHERS = ("service/web/vendor/", "service/web/client/", "meshdeform/client/sync/")
 """Libraries, and what is generated: the page's client of `clients/typescript`, and the client for threads, of
 `meshdeform/client/asynchronous`."""
@@ -53,6 +55,7 @@ def counts() -> dict[str, int]:
     written = sum(len(_written(path).split()) for path in pages)
     return {
         **lines,
+        **counted({path: _text(path) for path in _files(_CODE) if path.endswith(".py")}),
         "document_words": written,
         "generated_document_words": words - written,
         "parameters": len(PLACES),

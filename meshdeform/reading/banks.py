@@ -66,6 +66,10 @@ Bytes = NDArray[np.uint8]
 Attributes = tuple[Attribute, ...] | None
 """Those that members are to have; None where they have random ones."""
 _SMALL = ("labels", "limbs")
+_SHAPES = {
+    "places": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,),
+    "limbs": (SAMPLES,),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -85,10 +89,6 @@ class Bank:
 
     def __len__(self) -> int:
         return len(self.places)
-
-
-_SHAPES = {"places": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,)}
-_SHAPES["limbs"] = _SHAPES["labels"]
 
 
 def members_of(noun: str, attributes: Attributes) -> int:

@@ -165,6 +165,16 @@ def _source(
     return clean(asset.surface.positions, asset.surface.triangles), asset
 
 
+def _said_of_size(faces: int, size: int) -> list[str]:
+    """Return a warning if a mesh takes fewer bytes otherwise than the field."""
+    if faces >= size:
+        return []
+    return [
+        f"The asset has {faces} triangles. Compressed by Draco it takes about a byte for each, less than this field "
+        f"({size} bytes), and keeps them all: as a file it is the better choice."
+    ]
+
+
 def _warnings(level: dict[str, Any], cleaned: dict[str, int]) -> list[str]:
     """Return what must be said of a result."""
     warnings, distance = [], level["distance"]
@@ -268,12 +278,8 @@ class SurfaceFitRun(JobRun):
                 level["distance"] = distances(self._surface, points, triangles)
             compared = Reference(self._surface).compare(mesh, verts)
         self._facts["warnings"] += _warnings(levels[-1], self._surface.reference.cleaned)
-        count = len(self._surface.reference.faces)
-        if self._surface.kind == "mesh" and count < len(data):
-            self._facts["warnings"].append(
-                f"The asset has {count} triangles. Compressed by Draco it takes about a byte for each, less than "
-                f"this field ({len(data)} bytes), and keeps them all: as a file it is the better choice."
-            )
+        if self._surface.kind == "mesh":
+            self._facts["warnings"] += _said_of_size(len(self._surface.reference.faces), len(data))
         with self.log.phase("draw"):
             artifacts["preview.png"] = ArtifactData(self._picture(artifacts, coloured=colours is not None), "image/png")
         report = self._report(data, levels, mesh, {"scalars": learned, **compared})

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.drawing import read_drawing
 from meshdeform.kinds.sketch.lines import BEND, View, line_pictures
 from meshdeform.kinds.sketch.looking import Projection, Singles, inked, read_projection
-from meshdeform.kinds.sketch.matching import Drawn, distance
+from meshdeform.kinds.sketch.matching import DrawnLines, distance
 from meshdeform.kinds.sketch.shapes import known_noun, nouns, shape, shape_glb, sliders_of
 from meshdeform.requests.sketches import Number, Value
 from meshdeform.words.in_use import own_word
@@ -140,11 +140,11 @@ class _Search:
 
     def __init__(self, picture: Singles, noun: str) -> None:
         self._noun = noun
-        self._drawing = [Drawn(each) for each in (picture, picture[:, ::-1])]
+        self._drawing = [DrawnLines(each) for each in (picture, picture[:, ::-1])]
 
     def _graded(self, values: dict[str, Value], views: Sequence[View], mirrored: Sequence[bool]) -> Iterator[_Found]:
         for view, page in _drawn(self._noun, values, views):
-            lines = Drawn(((page & ~np.uint8(BEND)) > 0).astype(np.float32))
+            lines = DrawnLines(((page & ~np.uint8(BEND)) > 0).astype(np.float32))
             for each in mirrored:
                 yield _Found(values, view, each, distance(self._drawing[each], lines))
 

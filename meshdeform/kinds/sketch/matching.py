@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from meshdeform.kinds.sketch.looking import Singles
 
-__all__ = ["Drawn", "distance"]
+__all__ = ["DrawnLines", "distance"]
 
 _WAYS = 4
 _FAR = 0.12
@@ -19,7 +19,7 @@ _FAR = 0.12
 _INK, _BLUR = 0.4, 1.2
 
 
-class Drawn:
+class DrawnLines:
     """The lines of a picture (S, S): their points, and how far each place is from them."""
 
     def __init__(self, picture: Singles) -> None:
@@ -39,7 +39,7 @@ class Drawn:
             np.minimum(distance_transform_edt(~each) / side, _FAR) if each.any() else far for each in alike
         ]
 
-    def from_points(self, other: Drawn) -> float:
+    def from_points(self, other: DrawnLines) -> float:
         """Return the mean distance of another's points from these lines, as a share of the page."""
         rows, columns = other.points.T
         plain = self._near[rows, columns]
@@ -47,6 +47,6 @@ class Drawn:
         return float((plain + alike).mean() / 2) if len(rows) else _FAR
 
 
-def distance(one: Drawn, other: Drawn) -> float:
+def distance(one: DrawnLines, other: DrawnLines) -> float:
     """Return how far the lines of two pictures are from each other, as a share of the page; 0 where they agree."""
     return (one.from_points(other) + other.from_points(one)) / 2

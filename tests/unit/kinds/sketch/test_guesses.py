@@ -14,7 +14,7 @@ from meshdeform.errors import ModelError, ParameterError
 from meshdeform.kinds.sketch.guessing import guess, is_unsure
 from meshdeform.kinds.sketch.lines import View
 from meshdeform.kinds.sketch.looking import WEIGHTS, Projection, read_projection
-from meshdeform.kinds.sketch.matching import Drawn, distance
+from meshdeform.kinds.sketch.matching import DrawnLines, distance
 from meshdeform.nouns.forms import drawn
 from meshdeform.vocabulary.nouns import NOUNS
 from meshdeform.words import in_use
@@ -66,7 +66,7 @@ def test_a_word_of_ones_own_is_found_by_its_shapes() -> None:
 
 
 def test_lines_are_nearer_to_themselves_than_to_others() -> None:
-    one, other = (Drawn(read_drawing(drawing_of(noun))) for noun in ("giraffe", "car"))
+    one, other = (DrawnLines(read_drawing(drawing_of(noun))) for noun in ("giraffe", "car"))
     assert distance(one, one) == 0
     assert distance(one, other) == pytest.approx(distance(other, one))
     assert 0.01 < distance(one, other) < 0.12
