@@ -93,7 +93,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.locator(".many-card").nth(5).wait_for()
     yield "many"
     page.goto("/#/examples/kept-foot")
-    page.locator(".shape img").first.wait_for()
+    page.locator(".shape").first.wait_for()
     open_more(page)
     page.get_by_role("list", name="Regions").get_by_role("listitem").wait_for()
     yield "example"

@@ -40,12 +40,12 @@ def pair(service: Service, small_sphere: Path) -> tuple[str, str]:
 
 
 def test_two_jobs_of_the_list_are_compared(page: Page, service: Service, pair: tuple[str, str]) -> None:
-    page.goto("/#/groups/pair")
-    expect(page.locator(".card")).to_have_count(2)
+    page.goto("/#/jobs")
     page.get_by_role("button", name="Select", exact=True).click()
     compare = page.get_by_role("button", name="Compare", exact=True)
     expect(compare).to_be_disabled()
-    page.get_by_role("button", name="Select all finished").click()
+    for job in pair:
+        page.locator(".card", has=page.locator(f'a[href="#/jobs/{job}"]')).get_by_role("checkbox").check()
     compare.click()
     page.wait_for_url(f"**/#/compare/{pair[0]}/{pair[1]}")
     # The newer one is shown, with the older one as before.

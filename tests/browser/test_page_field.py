@@ -67,7 +67,7 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     page.goto("/")
     page.get_by_role("navigation", name="Kind of job").get_by_role("link", name="Fit a surface").click()
     steps = page.get_by_label("Steps", exact=True)
-    expect(steps).to_have_attribute("placeholder", "1500")
+    expect(steps).to_have_attribute("placeholder", "600")
     points = icosphere(2).verts
     cloud, bare = tmp_path / "cloud.ply", tmp_path / "bare.xyz"
     cloud.write_bytes(ball_of_points())
