@@ -93,7 +93,7 @@ def views(page: Page, finished: str) -> Iterator[str]:
     page.locator(".many-card").nth(5).wait_for()
     yield "many"
     page.goto("/#/examples/kept-foot")
-    page.locator(".shape").first.wait_for()
+    expect(page.get_by_label("Prompt", exact=True)).not_to_have_value("")
     open_more(page)
     page.get_by_role("list", name="Regions").get_by_role("listitem").wait_for()
     yield "example"
@@ -256,6 +256,7 @@ def test_nothing_is_wider_than_a_phone(
     with watched(browser, str(service.http.base_url).rstrip("/"), request, tmp_path, **PHONE) as (page, _):
         for view in views(page, finished):
             if view == "form":
+                expect(page.get_by_text("No 3D view")).to_be_visible()
                 prompt = page.get_by_label("Prompt", exact=True)
                 page.evaluate("() => scrollTo(0, 0)")
                 below = prompt.bounding_box()

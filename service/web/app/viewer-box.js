@@ -46,10 +46,15 @@ export class ViewerBox {
       if (this.scope.over) return;
       this.viewer = new MeshViewer(this.canvas, { label: this.label });
     } catch (error) {
-      console.warn(error);
-      this.failed = true;
-      this.say("No 3D view", "WebGL is missing or switched off in this browser. Everything else works.", "info");
+      this._fail(error);
     }
+  }
+
+  /** @param {unknown} error Why nothing can be shown in this browser. */
+  _fail(error) {
+    console.warn(error);
+    this.failed = true;
+    this.say("No 3D view", "WebGL is missing or switched off in this browser. Everything else works.", "info");
   }
 
   /**
@@ -75,6 +80,10 @@ export class ViewerBox {
     } catch (error) {
       // Another file took its place meanwhile: that one is shown.
       if (this.scope.over || isAbort(error)) return null;
+      if (error instanceof Error && error.name === "NoWebGL") {
+        this._fail(error);
+        return null;
+      }
       console.warn(error);
       this.viewer?.clear();
       if (error instanceof Error && error.name === "NoTriangles") {

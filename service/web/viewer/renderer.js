@@ -44,7 +44,7 @@ export class SharedRenderer extends EventTarget {
     const canvas = document.createElement("canvas");
     const attributes = { alpha: true, antialias: true, depth: true, stencil: false, premultipliedAlpha: true };
     const context = /** @type {WebGL2RenderingContext | null} */ (canvas.getContext("webgl2", attributes));
-    if (!context) throw new Error(NO_WEBGL);
+    if (!context) throw Object.assign(new Error(NO_WEBGL), { name: "NoWebGL" });
     this.canvas = canvas;
     this.gl = new WebGLRenderer({ canvas, context, ...attributes });
     this.gl.setPixelRatio(1);
