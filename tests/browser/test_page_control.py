@@ -143,7 +143,7 @@ def test_a_part_is_kept_by_the_keyboard_alone(page: Page, watch: Watch, service:
     expect(keeps).to_be_focused()
     rows = page.get_by_role("list", name="Regions").get_by_role("listitem")
     open_more(page)
-    page.get_by_text("Control", exact=True).click()
+    page.locator("summary").filter(has_text="Control").click()
     expect(page.get_by_role("group", name="Tool")).to_be_hidden()
     expect(rows).to_have_text(re.compile("The head"))
     page.get_by_label("Prompt", exact=True).fill("a tall vase")
