@@ -14,6 +14,7 @@ __all__ = [
     "BUILTIN_MODEL",
     "METRES",
     "RETIRED_KINDS",
+    "RETIRED_PARAMS",
     "RETIRED_PARTS",
     "AlignMode",
     "AppearanceMode",
@@ -49,6 +50,12 @@ _WEIGHTS_SUFFIX = ".safetensors"
 
 RETIRED_KINDS = frozenset({"prior_teach"})
 """Kinds of job that are no longer made. Those in the record are shown, and end without a run."""
+
+RETIRED_PARAMS = {
+    "surface_fit": frozenset({"batch_faces", "learning_rate", "normal_weight"}),
+    "family_synthesize": frozenset({"max_defect"}),
+}
+"""Parameters that are gone, by the kind of job. Stored requests may name them; what they set is not there any more."""
 
 RETIRED_PARTS = frozenset({"meshes", "weights"})
 """Parts of jobs that taught the builtin prior, or used what it was taught."""

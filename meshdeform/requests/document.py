@@ -28,6 +28,7 @@ from meshdeform.errors import KindRetiredError, ParameterError, UnreadableJobErr
 from meshdeform.requests.choices import (
     BUILTIN_MODEL,
     RETIRED_KINDS,
+    RETIRED_PARAMS,
     AppearanceMode,
     Carrier,
     Easing,
@@ -378,6 +379,8 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     _refuse_retired(kind)
     if kind == JobKind.TEXT_DEFORM:
         params = _with_guidance_of_its_time(params)
+    if isinstance(params, Mapping) and isinstance(kind, str) and kind in RETIRED_PARAMS:
+        params = {name: value for name, value in params.items() if name not in RETIRED_PARAMS[kind]}
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
     if model is None:
         raise UnreadableJobError(f"The stored request cannot be read here: there is no kind of job {kind!r}.")

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from meshdeform.errors import ParameterError, UnreadableJobError
-from meshdeform.requests.choices import RigMode
+from meshdeform.requests.choices import RETIRED_PARAMS, RigMode
 from meshdeform.requests.document import (
     PARAMS_OF_KIND,
     DeformParams,
@@ -222,6 +222,14 @@ def test_what_is_not_understood_is_said_with_its_place(params: Any, reason: str)
     with pytest.raises(UnreadableJobError) as refused:
         read_stored({"prompt": "a vase", "params": params})
     assert reason in refused.value.detail
+
+
+@each_case("kind, name", [(kind, name) for kind, names in RETIRED_PARAMS.items() for name in names])
+def test_a_stored_request_is_read_without_parameters_that_are_gone(kind: str, name: str) -> None:
+    stored = read_stored({"kind": kind, "params": {name: 0.5, "seed": 7}})
+    assert stored.model_dump(exclude_unset=True)["params"] == {"seed": 7}
+    with pytest.raises(ValidationError):  # a new one is refused
+        JobRequest.model_validate({"kind": kind, "params": {name: 0.5}})
 
 
 def test_the_rig_follows_unless_a_request_says_otherwise_or_is_older_than_that() -> None:
