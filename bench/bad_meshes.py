@@ -26,8 +26,9 @@ from meshdeform.geometry.junctions import opened
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import WeldedMesh, weld
+from meshdeform.kinds.surface_fit import run as surface_fit
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs import surface_fit, text_deform
+from meshdeform.runs import text_deform
 from meshdeform.runs.base import job_input
 
 __all__ = ["WAYS", "problems", "torn"]

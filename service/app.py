@@ -13,6 +13,7 @@ from fastapi import FastAPI
 from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.record.reconciler import Reconciler
+from meshdeform.requests.kind_folders import brought
 from meshdeform.serving.access import check_origins
 from meshdeform.settings import Settings
 from meshdeform.support.telemetry import start_tracing, stop_tracing
@@ -32,7 +33,6 @@ from service.jobs.arrivals import give_up_late
 from service.operations import routes as operation_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
-from service.sketches import routes as sketch_routes
 from service.state import AppState
 from service.uploads import routes as upload_routes
 from service.webhooks import routes as webhook_routes
@@ -77,7 +77,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(webhook_routes.router, responses=refusals)
     app.include_router(upload_routes.router, responses=refusals)
     app.include_router(upload_routes.content)
-    app.include_router(sketch_routes.router, responses=refusals)
+    for brings in brought("routes"):
+        for router in brings.ROUTERS:
+            app.include_router(router, responses=refusals)
     app.include_router(word_routes.router, responses=refusals)
     app.include_router(operation_routes.router, responses=refusals)
     app.include_router(operation_routes.health)

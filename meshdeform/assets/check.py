@@ -12,12 +12,13 @@ import json
 import mmap
 import os
 import signal
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.archive import ZIP_MAGIC
-from meshdeform.assets.inspect import FORMATS, AssetSummary, PictureSummary, inspect_asset, surface_format
+from meshdeform.assets.inspect import FORMATS, SURFACES, AssetSummary, PictureSummary, inspect_asset
 from meshdeform.assets.limits import Limits, bound_resources, error_from, error_to_json, run_child
 from meshdeform.errors import (
     AssetEmptyError,
@@ -27,6 +28,7 @@ from meshdeform.errors import (
     DependencyError,
 )
 from meshdeform.geometry import COLLAPSED_SHAPE
+from meshdeform.requests.kind_folders import merged
 from meshdeform.support.recent import Recent
 
 if TYPE_CHECKING:
@@ -38,12 +40,9 @@ MAX_SKIPPED = 100
 MAX_PARTS = 200
 """How many nodes and materials a summary lists."""
 
-FileContent = Literal["mesh", "silhouette", "surface", "collection", "family", "scalars", "words"]
-"""Contents of a file: an asset, a picture with a silhouette, an asset or another description of a surface, many assets
-in a ZIP, a fitted family, values at points, or words of somebody's own."""
-
-SURFACE_FORMATS = frozenset({"npz", "safetensors", "xyz"})
-"""File extensions of surfaces without triangles; points may also be in a PLY."""
+FileContent = str
+"""Content of a file: `mesh` (an asset), `silhouette` (a picture with one), `collection` (many assets in a ZIP), `words`
+(of somebody's own), or what the kinds of job read besides (`contents.py` of their folders)."""
 
 _REMEMBERED = 512
 
@@ -89,7 +88,7 @@ def check_asset_subprocess(
 def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
     # The name may contain characters that a command line cannot pass; the child only needs a known extension.
     ending = filename.lower().rpartition(".")[2] if "." in filename else None
-    known = FORMATS | SURFACE_FORMATS
+    known = FORMATS | SURFACES.keys()
     name = "asset" if ending is None else f"asset.{ending if ending in known else 'other'}"
     return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), "--content", content]
 
@@ -114,7 +113,7 @@ class CheckedAssets:
         """
         # Some formats are recognised only by the file's extension.
         suffix = PurePath(filename).suffix.lower()
-        known = (owner_id, sha256, {"mesh": suffix, "surface": f"surface{suffix}"}.get(content, content))
+        known = (owner_id, sha256, content + suffix)
         summary = self._passed.get(known)
         if summary is None:
             summary = check_asset_subprocess(path, filename, self.limits, content=content)
@@ -152,18 +151,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("path", type=Path)
     parser.add_argument("--filename", default="", help="the name that the user gave the file")
     parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
-    parser.add_argument(
-        "--content", default="mesh", help=f"what the file should be: {', '.join(get_args(FileContent))}"
-    )
+    parser.add_argument("--content", default="mesh", help="what the file should be")
     options = parser.parse_args(arguments)
-    decode = {
-        "silhouette": _read_picture,
-        "surface": _decode_surface,
-        "collection": _read_collection,
-        "family": _read_family,
-        "scalars": _read_scalars,
-        "words": _read_words,
-    }.get(options.content, _decode)
+    decode = _reader_of(options.content)
     try:
         verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
     except (AssetError, DependencyError) as error:
@@ -174,7 +164,15 @@ def main(arguments: list[str] | None = None) -> int:
     return 0 if verdict["ok"] else 1
 
 
-def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
+def _reader_of(content: FileContent) -> Callable[[Path, str, Limits], dict[str, Any]]:
+    """Return the function that checks a file."""
+    own = {"mesh": decode_mesh, "silhouette": _read_picture, "collection": _read_collection, "words": _read_words}
+    read: Callable[[Path, str, Limits], dict[str, Any]] = own.get(content) or merged("contents", "READERS")[content]
+    return read
+
+
+def decode_mesh(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
+    """Check a mesh completely and return its summary; for the child process, whose resources it bounds."""
     with path.open("rb") as file:
         packed = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC  # it may unpack to as much as a file may have
     bound_resources(limits.max_memory_bytes if packed else limits.memory_bytes(path.stat().st_size), limits.max_check_s)
@@ -191,20 +189,6 @@ def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     return asdict(replace(summary, skipped=skipped, **parts))
 
 
-def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
-    """Check a surface without triangles, or a mesh if it is none."""
-    with path.open("rb") as file:
-        if surface_format(file.read(65_536), filename) is None:
-            return _decode(path, filename, limits)
-    from meshdeform.assets.surface_files import read_surface_file, summary_of
-
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    limits.check_bytes(path.stat().st_size)
-    surface = read_surface_file(path.read_bytes(), filename, limits)
-    assert surface is not None
-    return asdict(summary_of(surface, filename))
-
-
 def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
     from meshdeform.assets.silhouette import read_silhouette
@@ -212,29 +196,11 @@ def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     return asdict(read_silhouette(path.read_bytes()).summary)
 
 
-def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    limits.check_bytes(path.stat().st_size)
-    from meshdeform.assets.scalar_files import read_scalar_file, summary_of_scalars
-
-    return asdict(summary_of_scalars(read_scalar_file(path.read_bytes())))
-
-
 def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
     bound_resources(limits.max_memory_bytes, limits.max_check_s)
     from meshdeform.assets.collection import inspect_collection
 
     return asdict(inspect_collection(path.read_bytes(), limits))
-
-
-def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    limits.check_bytes(path.stat().st_size)
-    from meshdeform.assets.family_file import read_family
-
-    family = read_family(path.read_bytes(), limits)
-    triangles = sum(len(segments) for segments in family.segments)
-    return asdict(AssetSummary("safetensors", 0, triangles, meshes=len(family.names)))
 
 
 def _read_words(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:

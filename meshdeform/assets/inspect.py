@@ -84,7 +84,8 @@ FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", "3mf", *CONVERTE
 """File extensions that `asset_format` distinguishes."""
 
 ZIPS = frozenset({"zip", "3mf"})
-_SURFACES = {"xyz": "points", "npz": "grid", "safetensors": "network"}
+SURFACES = {"xyz": "points", "npz": "grid", "safetensors": "network"}
+"""Surfaces without triangles by their file extensions; points may also be in a PLY."""
 
 
 @dataclass(frozen=True)
@@ -581,8 +582,8 @@ def asset_format(data: Data, filename: str) -> str:
     if head.startswith((b"ply\n", b"ply\r")):
         return "ply"
     refuse_other_format(head, ending)
-    if ending in _SURFACES:  # an NPZ is a ZIP
-        raise no_triangles(_SURFACES[ending])
+    if ending in SURFACES:  # an NPZ is a ZIP
+        raise no_triangles(SURFACES[ending])
     if head.startswith(ZIP_MAGIC):
         return "3mf" if ending == "3mf" else "zip"
     if ending == "gltf" or (not ending and head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")):
@@ -600,8 +601,8 @@ def surface_format(head: bytes, filename: str) -> str | None:
     `head`: the first 64 KiB.
     """
     ending = filename.lower().rpartition(".")[2] if "." in filename else ""
-    if ending in _SURFACES:
-        return _SURFACES[ending]
+    if ending in SURFACES:
+        return SURFACES[ending]
     if head.startswith((b"ply\n", b"ply\r")):
         header = head.partition(b"end_header")[0]
         counts = [

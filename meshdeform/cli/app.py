@@ -23,15 +23,14 @@ from meshdeform.cli.form import form_command
 from meshdeform.cli.help import commands_by_panel
 from meshdeform.cli.inspect import inspect
 from meshdeform.cli.jobs import branch, cancel, delete, fetch, jobs, retry, wait, watch
-from meshdeform.cli.kinds import family_fit, family_synthesize, surface_fit, unfold
 from meshdeform.cli.models import models
 from meshdeform.cli.options import JsonOption
 from meshdeform.cli.output import emit
 from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
-from meshdeform.cli.sketch import sketch
 from meshdeform.cli.words import words
+from meshdeform.requests.kind_folders import brought
 from meshdeform.support.threads import limit_waiting, quick_end
 
 # From the click that typer uses, which may be a copy of its own.
@@ -142,8 +141,9 @@ def _options(
 
 for _panel, _commands in {
     _MACHINE: (
-        *(run, batch, apply, convert, family_fit, family_synthesize, inspect, animate, surface_fit),
-        *(unfold, sketch, models, doctor, version),
+        *(run, batch, apply, convert, animate),
+        *(command for module in brought("commands") for command in module.COMMANDS),
+        *(inspect, models, doctor, version),
     ),
     _CLIENT: (watch, wait, fetch, cancel, retry, branch, delete, jobs, mcp),
     _SERVICE: (serve, api, worker),

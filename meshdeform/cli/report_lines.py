@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from meshdeform.cli.output import emit
+from meshdeform.requests.choices import JobKind
+from meshdeform.requests.kind_folders import merged
 from meshdeform.verdicts import Verdict, read_verdict
 
 if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
     from meshdeform.cli.options import Printed
 
-_APART = 0.01
-"""From this share of a shape's diagonal on, a gap between its parts is seen."""
 _DRAWN = "animation"
 """The name of what a command draws beside the artifacts of a run."""
 _FILES = {
@@ -31,7 +31,7 @@ _FILES = {
 
 def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
     """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""
-    summarise, lines = _KINDS[kind]
+    summarise, lines = {JobKind.TEXT_DEFORM: (_deformation, _deformation_lines), **merged("commands", "PRINTED")}[kind]
     summary = summarise(run, {name: path for name, path in files.items() if name in run.artifacts or name == _DRAWN})
     if printed.as_json:
         emit(summary)
@@ -88,40 +88,8 @@ def _deformation_lines(summary: Mapping[str, Any]) -> Iterator[str]:
     yield from (line(summary[name]) for name, line in more.items() if summary[name] is not None)
 
 
-def _surface(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
-    report, names = run.report, {"surface.ndf": "result", "report.json": "report", "preview.png": "preview"}
-    best = report["levels"][-1]
-    return {
-        **{names.get(name, name): str(path) for name, path in files.items()},
-        "bytes": len(run.artifacts["surface.ndf"]),
-        "level": best["level"],
-        "faces": best["faces"],
-        "distance": best["distance"]["mean"],
-        "eigenvalue_error": report["eigenvalues"]["mean_relative_error"],
-        "geodesic_error": report["geodesics"]["mean_relative_error"],
-        "steps": run.steps,
-        "warnings": report["input"]["warnings"],
-    }
-
-
-def _surface_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    yield f"Field      {summary['result']} ({summary['bytes']} bytes)"
-    if mesh := summary.get(f"level_{summary['level']}.glb"):
-        yield f"Mesh       {mesh}"
-    yield f"Report     {summary['report']}"
-    yield f"Picture    {summary['preview']}"
-    eigenvalues, geodesics = (
-        # Where parts leave nothing to compare there is no error.
-        "an unknown share" if summary[name] is None else f"{summary[name]:.2%}"
-        for name in ("eigenvalue_error", "geodesic_error")
-    )
-    yield (
-        f"Level {summary['level']}: {summary['faces']} faces, distance {summary['distance']:.3%} of the diagonal, "
-        f"eigenvalues off by {eigenvalues}, geodesics by {geodesics}."
-    )
-
-
-def _folder(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
+def folder_summary(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
+    """Return the summary of a run all of whose artifacts are in a folder, with what its report has of these members."""
     printed = ("parts", "accuracy", "classes", "strangers", "shapes", "nearest_members", "warnings")
     return {
         "folder": str(next(iter(files.values())).parent),
@@ -130,29 +98,6 @@ def _folder(run: FinishedRun, files: Mapping[str, Path]) -> dict[str, Any]:
         "resumed": run.resumed_from is not None,
         **{name: run.report[name] for name in printed if name in run.report},
     }
-
-
-def _family_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    yield f"Folder     {summary['folder']}"
-    yield f"Files      {', '.join(summary['files'])}"
-    yield f"Parts      {', '.join(summary['parts'])}"
-    if accuracy := summary["accuracy"]:
-        yield f"Accuracy   {accuracy['parts']:.1%} of the surface of {accuracy['held_out']} held-out assets"
-    if summary["classes"]:
-        yield f"Classes    {summary['classes']['nearest_neighbour']:.1%} have a nearest neighbour of their class"
-
-
-def _shape_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    yield f"Folder     {summary['folder']}"
-    yield f"Files      {', '.join(summary['files'])}"
-    for shape in summary["shapes"]:
-        parts = ", ".join(f"{each['part']} of {each['member']}" for each in shape["parts"])
-        loose, gap = shape["loose"], max((each["gap"] for each in shape["parts"]), default=0)
-        apart = [f"loose: {', '.join(loose)}"] * bool(loose) + [f"parts up to {gap:.1%} apart"] * (gap > _APART)
-        phrases = [parts, *apart, f"most like {shape['nearest_members'][0]['name']}"]
-        yield f"{shape['name']}  {'; '.join(phrases)}"
-    for each in summary["nearest_members"] or ():
-        yield f"{each['distance']:9.3f}  {each['name']}"
 
 
 def fit_line(fit: Mapping[str, Any]) -> str:
@@ -292,11 +237,3 @@ def prompt_lines(prompts: Sequence[Mapping[str, Any]]) -> list[str]:
             where = f" (in its region{earlier})" if each["regions"] else ""
             lines.append(f"{each['prompt']}{where}: {likeness_line(each['likeness'])}")
     return lines
-
-
-_KINDS: Mapping[str, tuple[Callable[..., dict[str, Any]], Callable[..., Iterator[str]]]] = {
-    "text_deform": (_deformation, _deformation_lines),
-    "surface_fit": (_surface, _surface_lines),
-    "family_fit": (_folder, _family_lines),
-    "family_synthesize": (_folder, _shape_lines),
-}

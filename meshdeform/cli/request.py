@@ -194,15 +194,6 @@ def read_prompt(text: str) -> dict[str, Any]:
     }
 
 
-def read_anchor(text: str) -> dict[str, list[float]]:
-    """Read a pair of points written as X,Y,Z:X,Y,Z."""
-    try:
-        base, surface = (_point(point) for point in text.split(":"))
-    except ValueError as error:
-        raise typer.BadParameter(f"{text!r} is not X,Y,Z:X,Y,Z", param_hint="--anchor") from error
-    return {"base": base, "surface": surface}
-
-
 def read_rigid(text: str) -> dict[str, Any]:
     """Read a part written as [MODE:]PLACE=VALUE."""
     mode, colon, rest = text.partition(":")
@@ -221,12 +212,12 @@ def read_handle(text: str) -> dict[str, Any]:
     point, colon, goal = text.partition(":")
     to, at, weight = goal.partition("@")
     kind, _, where = point.partition("=")
-    parses: Mapping[str, Callable[[str], Any]] = {"vertex": int, "position": _point}
+    parses: Mapping[str, Callable[[str], Any]] = {"vertex": int, "position": read_point}
     parse = parses.get(kind.strip())
     if parse is None or not colon:
         raise typer.BadParameter(f"{text!r} is not {_HANDLE}", param_hint="--handle")
     try:
-        return {kind.strip(): parse(where), "to": _point(to), **({"weight": float(weight)} if at else {})}
+        return {kind.strip(): parse(where), "to": read_point(to), **({"weight": float(weight)} if at else {})}
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not {_HANDLE}", param_hint="--handle") from None
 
@@ -244,7 +235,8 @@ def read_selection(text: str, option: str) -> dict[str, Any]:
         raise typer.BadParameter(f"{text!r} is not {place}={form}", param_hint=option) from None
 
 
-def _point(text: str) -> list[float]:
+def read_point(text: str) -> list[float]:
+    """Read X,Y,Z; ValueError: it is something else."""
     return _numbers(text, 3)
 
 
@@ -358,15 +350,4 @@ DEFORMATION: Mapping[str, Sequence[ShortForm]] = {
             read_handle,
         )
     ],
-}
-ANCHOR = {
-    "anchors": [
-        ShortForm(
-            "--anchor",
-            "X,Y,Z:X,Y,Z",
-            "A point of the base, and the point of SURFACE where it goes; repeatable.",
-            "Base, network and fit",
-            read_anchor,
-        )
-    ]
 }

@@ -12,12 +12,12 @@ from typing import Annotated, Any
 
 import typer
 
-from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, write_all
 from meshdeform.cli.options import ForceOption, JsonOption, Place, option, output_option
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.cli.word_places import FolderWords, ServiceWords
+from meshdeform.requests.kind_folders import brought
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)
 
@@ -211,39 +211,18 @@ def _found(paths: Sequence[Path]) -> dict[str, Path]:
 
 @contextmanager
 def _meshes(paths: Sequence[Path]) -> Iterator[dict[str, Path]]:
-    """Yield meshes by their names, those of a fitted family in a folder that goes afterwards."""
-    if not any(_is_family(path) for path in paths):
+    """Yield meshes by their names, those that a kind of job makes of what it wrote in a folder that goes afterwards."""
+    sources = [source for module in brought("commands") for source in getattr(module, "WORD_SOURCES", ())]
+    made = next((make for takes, make in sources if any(takes(path) for path in paths)), None)
+    if made is None:
         yield _found(paths)
         return
     with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
-        meshes = _of_family(paths)
+        meshes = made(paths)
         files = {name: Path(folder) / f"{number}.glb" for number, name in enumerate(meshes)}
         for name, path in files.items():
             path.write_bytes(meshes[name])
         yield files
-
-
-def _is_family(path: Path) -> bool:
-    return path.suffix == ".safetensors" or (path / "family.safetensors").is_file()
-
-
-def _of_family(paths: Sequence[Path]) -> dict[str, bytes]:
-    """Return meshes of a fitted family, which is the first path; the second, if there is one, is its collection."""
-    from meshdeform.assets import Limits
-    from meshdeform.cli.kinds import family_files, packed
-
-    if not _is_family(paths[0]) or len(paths) > 2:
-        raise typer.BadParameter(
-            "a family comes alone, or before the folder or ZIP that it was fitted to", param_hint="FILE|FOLDER"
-        )
-    files = family_files(paths[0], paths[1] if len(paths) > 1 else None)
-    require("torch", "sds")
-    from meshdeform.runs.word_family import family_meshes
-
-    with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
-        collection = packed(files["collection"], Path(folder)).read_bytes()
-    limits = Limits.from_settings(load_settings())
-    return family_meshes(files["family"].read_bytes(), collection, limits)
 
 
 def _tell(found: Sequence[dict[str, Any]], *, as_json: bool) -> None:

@@ -9,12 +9,12 @@ from enum import StrEnum
 from typing import TypeVar
 
 from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Rigidity, Safeguard
+from meshdeform.requests.kind_folders import kind_names
 
 __all__ = [
     "BUILTIN_MODEL",
     "METRES",
     "RETIRED_KINDS",
-    "RETIRED_PARAMS",
     "RETIRED_PARTS",
     "AlignMode",
     "AppearanceMode",
@@ -33,7 +33,6 @@ __all__ = [
     "Safeguard",
     "StartMode",
     "Symmetry",
-    "SynthesisMode",
     "UpAxis",
     "is_builtin",
     "is_retired",
@@ -50,12 +49,6 @@ _WEIGHTS_SUFFIX = ".safetensors"
 
 RETIRED_KINDS = frozenset({"prior_teach"})
 """Kinds of job that are no longer made. Those in the record are shown, and end without a run."""
-
-RETIRED_PARAMS = {
-    "surface_fit": frozenset({"batch_faces", "learning_rate", "normal_weight"}),
-    "family_synthesize": frozenset({"max_defect"}),
-}
-"""Parameters that are gone, by the kind of job. Stored requests may name them; what they set is not there any more."""
 
 RETIRED_PARTS = frozenset({"meshes", "weights"})
 """Parts of jobs that taught the builtin prior, or used what it was taught."""
@@ -74,10 +67,12 @@ def member_of(names: type[E], value: str) -> E:
 class JobKind(StrEnum):
     """Kind of a job; `meshdeform.runs` describes each one."""
 
+    # The others are those that the folders of kinds bring.
+    _ignore_ = ("members", "kind")
     TEXT_DEFORM = "text_deform"
-    SURFACE_FIT = "surface_fit"
-    FAMILY_FIT = "family_fit"
-    FAMILY_SYNTHESIZE = "family_synthesize"
+    members = vars()
+    for kind in kind_names():
+        members[kind.upper()] = kind
 
 
 class Preset(StrEnum):
@@ -155,15 +150,6 @@ class Easing(StrEnum):
 
     LINEAR = "linear"
     SMOOTH = "smooth"
-
-
-class SynthesisMode(StrEnum):
-    """Ways to make new shapes of a family."""
-
-    SAMPLE = "sample"
-    INTERPOLATE = "interpolate"
-    COMPLETE = "complete"
-    SEARCH = "search"
 
 
 def is_weights_file(model: str) -> bool:

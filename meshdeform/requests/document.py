@@ -28,7 +28,6 @@ from meshdeform.errors import KindRetiredError, ParameterError, UnreadableJobErr
 from meshdeform.requests.choices import (
     BUILTIN_MODEL,
     RETIRED_KINDS,
-    RETIRED_PARAMS,
     AppearanceMode,
     Carrier,
     Easing,
@@ -39,7 +38,7 @@ from meshdeform.requests.choices import (
     Safeguard,
     is_builtin,
 )
-from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
+from meshdeform.requests.kind_folders import merged
 from meshdeform.requests.parameters import (
     MAX_PROMPT_LENGTH,
     MAX_STEPS,
@@ -50,7 +49,6 @@ from meshdeform.requests.parameters import (
 )
 from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.problems import reason
-from meshdeform.requests.surface_fit import SurfaceFitParams
 
 __all__ = [
     "BUILTIN_MODEL",
@@ -105,9 +103,7 @@ _MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADAT
 _MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 PARAMS_OF_KIND: dict[JobKind, type[BaseModel]] = {
     JobKind.TEXT_DEFORM: DeformParams,
-    JobKind.SURFACE_FIT: SurfaceFitParams,
-    JobKind.FAMILY_FIT: FamilyParams,
-    JobKind.FAMILY_SYNTHESIZE: FamilySynthesisParams,
+    **{JobKind(kind): model for kind, model in merged("params", "PARAMS").items()},
 }
 """The model of the parameters of each kind of job."""
 _JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
@@ -379,8 +375,9 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     _refuse_retired(kind)
     if kind == JobKind.TEXT_DEFORM:
         params = _with_guidance_of_its_time(params)
-    if isinstance(params, Mapping) and isinstance(kind, str) and kind in RETIRED_PARAMS:
-        params = {name: value for name, value in params.items() if name not in RETIRED_PARAMS[kind]}
+    if isinstance(params, Mapping):
+        retired = merged("params", "RETIRED").get(str(kind), ())
+        params = {name: value for name, value in params.items() if name not in retired}
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
     if model is None:
         raise UnreadableJobError(f"The stored request cannot be read here: there is no kind of job {kind!r}.")

@@ -1,22 +1,20 @@
 """The kinds of job by name. Torch-free: the code that runs a kind is imported when a worker first needs it.
 
-To add a kind, write a module like `text_deform_kind.py`, add a name to `JobKind`, its parameters to
-`requests.document.PARAMS_OF_KIND`, and itself to this module. The check of requests, the parts of a form, the start in
-the worker and the lists in the documentation follow from its description.
+To add a kind, add a folder to `meshdeform/kinds`, whose docstring says what belongs in it. The check of requests, the
+parts of a form, the start in the worker and the lists in the documentation follow from its description.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cache
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import KindRetiredError, ParameterError
 from meshdeform.requests.choices import RETIRED_PARTS, is_retired
-from meshdeform.requests.document import JobKind, JobRequest, OutputOptions
+from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.kind_folders import brought
 from meshdeform.runs.base import JobRun, Kind, RunInput
-from meshdeform.runs.family_fit_kind import FAMILY_FIT
-from meshdeform.runs.family_synthesize_kind import FAMILY_SYNTHESIZE
-from meshdeform.runs.surface_fit_kind import SURFACE_FIT
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
 if TYPE_CHECKING:
@@ -26,19 +24,23 @@ if TYPE_CHECKING:
 
 __all__ = ["check_request", "file_parts", "kind_of", "kinds", "start_run"]
 
-_KINDS = {kind.name: kind for kind in (TEXT_DEFORM, SURFACE_FIT, FAMILY_FIT, FAMILY_SYNTHESIZE)}
+
+@cache
+def _kinds() -> dict[str, Kind]:
+    further = [kind for module in brought("description") for kind in module.KINDS]
+    return {kind.name: kind for kind in (TEXT_DEFORM, *further)}
 
 
 def kinds() -> list[Kind]:
     """Return all kinds; where their order matters, the deformation comes first."""
-    return list(_KINDS.values())
+    return list(_kinds().values())
 
 
-def kind_of(name: JobKind) -> Kind:
+def kind_of(name: str) -> Kind:
     """Return the description of a kind; `ParameterError`: only another version has it."""
-    if name not in _KINDS:
-        raise ParameterError(f"There is no kind of job {str(name)!r}.", advice=f"Use one of: {', '.join(_KINDS)}.")
-    return _KINDS[name]
+    if name not in _kinds():
+        raise ParameterError(f"There is no kind of job {str(name)!r}.", advice=f"Use one of: {', '.join(_kinds())}.")
+    return _kinds()[name]
 
 
 def file_parts() -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from meshdeform.requests.choices import Safeguard
+from meshdeform.requests.kind_folders import merged
 
 END_SHARE = 0.75
 """How much of a job's time outside its steps comes after the last one."""
@@ -73,14 +74,15 @@ MEASURED: dict[str, Costs] = {
     "text_deform/target": Costs(1.25, 2.72, 0.0404, 0.0167, 0.0386),
     "text_deform/silhouettes": Costs(0.655, 3.3, 0.0044, 0.0193, 0.0126),
     "text_deform/exemplar": Costs(5.6, 3.0, 0.18),
-    "surface_fit/": Costs(1.73, 6.0, 0.0078),
 }
 """By kind and guidance; those of `sds` are with the builtin prior, 1.42 times a step in 8-bit integers, as measured."""
 
 
 def costs_of(workload: str) -> Costs:
     """Return the costs of a workload; of kinds that were not measured, a second for each step and one for the rest."""
-    return MEASURED.get("/".join(workload.split("/")[:2]), Costs())
+    name = "/".join(workload.split("/")[:2])
+    found: Costs = MEASURED.get(name) or merged("description", "COSTS").get(name, Costs())
+    return found
 
 
 def pace_of(jobs: Sequence[tuple[Seconds, Seconds]]) -> Seconds:

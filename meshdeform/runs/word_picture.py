@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from meshdeform.runs.family_pictures import family_png, shown
+from meshdeform.runs.sheets import family_png, shown
 from meshdeform.words import Word
 
 __all__ = ["word_png"]

@@ -39,7 +39,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.ids import JOB_ID_PATTERN
 from meshdeform.requests.document import PARAMS_OF_KIND, JobKind
-from meshdeform.requests.sketches import Sketch
+from meshdeform.requests.kind_folders import brought
 from meshdeform.serving import DEFAULT_URL
 from service.http.idempotency import REPLAYED
 from service.jobs.documents import (
@@ -100,7 +100,6 @@ _MODELS = (
     UploadDocument,
     UploadCompletion,
     WordDocument,
-    Sketch,
     Problem,
 )
 _REFERENCE = "#/components/schemas/{model}"
@@ -115,7 +114,6 @@ _SERVERS = [
 _TAGS = [
     {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
     {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
-    {"name": "sketches", "description": "Reading a drawing, before it is the target of a job: docs/sketch.md."},
     {"name": "words", "description": "Words of your own, which your prompts can name: docs/words.md."},
     {"name": "events", "description": "The events of a job as they happen: docs/http.md#events."},
     {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
@@ -155,7 +153,8 @@ def describe(app: FastAPI) -> None:
         if app.openapi_schema is None:
             document = generate()
             others = [model for kind, model in PARAMS_OF_KIND.items() if kind != JobKind.TEXT_DEFORM]
-            models: list[type[BaseModel]] = [*_MODELS, *others]
+            bring = brought("routes")
+            models: list[type[BaseModel]] = [*_MODELS, *(model for each in bring for model in each.MODELS), *others]
             _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)
             schemas = document.setdefault("components", {}).setdefault("schemas", {})
             # FastAPI adds its own error schemas to every route with parameters; no response uses them.
@@ -165,7 +164,7 @@ def describe(app: FastAPI) -> None:
             _allow_params(schemas, [model.__name__ for model in others])
             document["components"]["schemas"] = dict(sorted(schemas.items()))
             document["servers"] = _SERVERS
-            document["tags"] = _TAGS
+            document["tags"] = [*_TAGS, *(tag for each in bring for tag in each.TAGS)]
             _remove_null(document)
             document["info"]["description"] = _DESCRIPTION
             document["info"]["license"] = {"name": "Apache-2.0", "identifier": "Apache-2.0"}

@@ -11,10 +11,11 @@ import pytest
 from meshdeform.assets.limits import run_child
 from meshdeform.client import AsyncClient, Client, SketchGuesses
 from meshdeform.errors import DrawingError, ParameterError
+from meshdeform.kinds.sketch import process as sketch_process
 from meshdeform.kinds.sketch.guessing import guess
 from meshdeform.kinds.sketch.shapes import shape_glb
-from meshdeform.requests.sketches import Sketch
-from meshdeform.runs import questions, sketch_process
+from meshdeform.kinds.sketch.sliders import Sketch
+from meshdeform.runs import questions
 from tests.drawings import blank_page, drawing_of
 from tests.integration.conftest import DEADLINE_S, Api
 from tests.integration.http_calls import check_document, check_problem
@@ -66,7 +67,7 @@ def test_what_cannot_be_read_is_refused(api: Api, monkeypatch: pytest.MonkeyPatc
     check_problem(api.http.post("/v1/sketches:guess", content=b"", headers=BINARY), 422, "not_a_drawing")
     wrong = api.http.post("/v1/sketches:guess?noun=justice", content=drawing_of("vase"), headers=BINARY)
     assert "justice" in check_problem(wrong, 422, "parameter_invalid")["detail"]
-    monkeypatch.setattr("service.sketches.routes._MAX_BYTES", 100)
+    monkeypatch.setattr("meshdeform.kinds.sketch.routes._MAX_BYTES", 100)
     check_problem(api.http.post("/v1/sketches:guess", content=drawing_of("vase"), headers=BINARY), 422, "not_a_drawing")
 
 

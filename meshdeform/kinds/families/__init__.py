@@ -4,3 +4,5 @@ Source: Huang, "Deep-Learned Generative Representations of 3D Shape Families", U
 chapter 3 and appendix C; Huang, Kalogerakis and Marlin 2015, "Analysis and Synthesis of 3D Shape Families via
 Deep-Learned Generative Models of Surfaces", SGP. Written from the equations.
 """
+
+NAMES = ("family_fit", "family_synthesize")

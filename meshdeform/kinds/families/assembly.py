@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.assets.assemble import AssetPart
-from meshdeform.assets.family_file import FamilyFile
+from meshdeform.kinds.families.family_file import FamilyFile
 from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, depth_beyond, turned
 from meshdeform.kinds.families.placing import PartJoint, Placing, axis_fit
 from meshdeform.kinds.families.sampling import Drawn

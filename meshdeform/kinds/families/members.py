@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
-from meshdeform.assets.family_file import FamilyFile
 from meshdeform.geometry.copies import first_alike
 from meshdeform.geometry.places import SurfaceTree, even_samples, samples_of
 from meshdeform.kinds.families.boundary import components, welded
+from meshdeform.kinds.families.family_file import FamilyFile
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

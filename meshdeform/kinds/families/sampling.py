@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.assets.family_file import FamilyFile
+from meshdeform.kinds.families.family_file import FamilyFile
 from meshdeform.kinds.families.machine import HIGH, LOW, BetaMachine
 from meshdeform.kinds.families.placing import axis_fit
 

@@ -4,3 +4,5 @@
 lines are from the drawing, and `guessing` puts these together; `shapes` makes shapes by sliders. `training/sketch` fits
 what `looking` looks with.
 """
+
+NAMES = ()

@@ -18,7 +18,7 @@ from meshdeform.kinds.sketch.lines import BEND, View, line_pictures
 from meshdeform.kinds.sketch.looking import Projection, Singles, inked, read_projection
 from meshdeform.kinds.sketch.matching import DrawnLines, distance
 from meshdeform.kinds.sketch.shapes import known_noun, nouns, shape, shape_glb, sliders_of
-from meshdeform.requests.sketches import Number, Value
+from meshdeform.kinds.sketch.sliders import Number, Value
 from meshdeform.words.in_use import own_word
 
 __all__ = ["SURE", "Guess", "guess", "is_unsure"]

@@ -12,10 +12,10 @@ import numpy as np
 
 from meshdeform.assets import Primitive, build_glb
 from meshdeform.errors import ParameterError
+from meshdeform.kinds.sketch.sliders import Choice, Number, Sliders
 from meshdeform.nouns.forms import drawn, own_forms, settable
 from meshdeform.nouns.labels import LabelledMember
 from meshdeform.nouns.poses import POSES, posed
-from meshdeform.requests.sketches import Choice, Number, Sliders
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS, SYNONYMS
 from meshdeform.vocabulary.solids import PART_NAMES

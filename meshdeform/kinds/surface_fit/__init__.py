@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints
+    from meshdeform.kinds.surface_fit.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints
 
     _Floats = NDArray[np.float64]
     _Index = NDArray[np.int64]
+
+NAMES = ("surface_fit",)
 
 _SAMPLED_LEVEL = 3
 
@@ -38,7 +40,7 @@ def fit(
     Parameters
     ----------
     source : ((V, 3) float64, (F, 3) int64), or a surface without triangles
-        Vertices and faces of a mesh; or points, a grid or a network of `meshdeform.assets.surface_files`.
+        Vertices and faces of a mesh; or points, a grid or a network of `meshdeform.kinds.surface_fit.surface_files`.
     base_faces : int
         Faces of the base, at most; up to four times as many where fewer would fold over.
     steps : int

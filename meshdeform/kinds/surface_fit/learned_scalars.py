@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.scalar_files import SampledScalars
 from meshdeform.errors import AssetError
 from meshdeform.geometry.places import SurfaceTree
 from meshdeform.kinds.surface_fit.base_places import places_of
 from meshdeform.kinds.surface_fit.patches import level_of
 from meshdeform.kinds.surface_fit.reader import NeuralField
 from meshdeform.kinds.surface_fit.scalar_fields import STEPS, ScalarField, learn_scalars
+from meshdeform.kinds.surface_fit.scalar_files import SampledScalars
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

@@ -15,7 +15,6 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn import functional
 
-from meshdeform.assets.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, coarsening
 from meshdeform.errors import AssetError
 from meshdeform.geometry.isosurface import continued, isosurface
 from meshdeform.geometry.kernels import kernel
@@ -23,7 +22,8 @@ from meshdeform.geometry.mesh import connected_components, face_normals
 from meshdeform.geometry.places import SurfaceTree, surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
-from meshdeform.requests.surface_fit import MAX_BASE_FACES
+from meshdeform.kinds.surface_fit.params import MAX_BASE_FACES
+from meshdeform.kinds.surface_fit.surface_files import DistanceGrid, ImplicitNetwork, OrientedPoints, coarsening
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

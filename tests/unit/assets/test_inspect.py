@@ -16,7 +16,6 @@ from meshdeform.assets import limits
 from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.inspect import inspect_asset
 from meshdeform.assets.limits import Limits
-from meshdeform.assets.surface_files import read_surface_file, summary_of, thin_warnings
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -28,6 +27,7 @@ from meshdeform.errors import (
     AssetUnsupportedError,
     UnavailableError,
 )
+from meshdeform.kinds.surface_fit.surface_files import read_surface_file, summary_of, thin_warnings
 from meshdeform.serving.access import is_foreign
 from meshdeform.settings import Settings
 from tests.cases import each_case

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from meshdeform.errors import ParameterError, UnreadableJobError
-from meshdeform.requests.choices import RETIRED_PARAMS, RigMode
+from meshdeform.requests.choices import RigMode
 from meshdeform.requests.document import (
     PARAMS_OF_KIND,
     DeformParams,
@@ -20,6 +20,7 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.groups import PLACES, elsewhere, grouped, plain_place, without_unused
+from meshdeform.requests.kind_folders import merged
 from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET, GUIDANCES, CommonParams, Control
 from meshdeform.runs import kinds
 from tests.cases import each_case
@@ -224,7 +225,7 @@ def test_what_is_not_understood_is_said_with_its_place(params: Any, reason: str)
     assert reason in refused.value.detail
 
 
-@each_case("kind, name", [(kind, name) for kind, names in RETIRED_PARAMS.items() for name in names])
+@each_case("kind, name", [(kind, name) for kind, names in merged("params", "RETIRED").items() for name in names])
 def test_a_stored_request_is_read_without_parameters_that_are_gone(kind: str, name: str) -> None:
     stored = read_stored({"kind": kind, "params": {name: 0.5, "seed": 7}})
     assert stored.model_dump(exclude_unset=True)["params"] == {"seed": 7}

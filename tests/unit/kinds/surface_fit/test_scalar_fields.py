@@ -7,7 +7,6 @@ import io
 import numpy as np
 import pytest
 
-from meshdeform.assets.scalar_files import read_scalar_file
 from meshdeform.errors import AssetError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.kinds.surface_fit.container import encode_base, write_field
@@ -16,6 +15,7 @@ from meshdeform.kinds.surface_fit.network import FieldNetwork
 from meshdeform.kinds.surface_fit.patches import level_of
 from meshdeform.kinds.surface_fit.reader import NeuralField, read_field
 from meshdeform.kinds.surface_fit.scalar_fields import learn_scalars
+from meshdeform.kinds.surface_fit.scalar_files import read_scalar_file
 from meshdeform.kinds.surface_fit.scalar_sections import read_scalars
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, Delaunay
 
-from meshdeform.assets.surface_files import DistanceGrid, OrientedPoints
 from meshdeform.errors import AssetError, AssetTooLargeError
 from meshdeform.geometry.edge_splits import unique_edges
 from meshdeform.geometry.isosurface import isosurface
@@ -29,6 +28,7 @@ from meshdeform.kinds.surface_fit.intrinsic import (
 )
 from meshdeform.kinds.surface_fit.measures import EIGENVALUES, Reference
 from meshdeform.kinds.surface_fit.patches import divided, level_of
+from meshdeform.kinds.surface_fit.surface_files import DistanceGrid, OrientedPoints
 from meshdeform.kinds.surface_fit.surface_sources import surface_of
 from training.shapes import box, grid, torus
 

@@ -1,4 +1,4 @@
-"""`meshdeform sketch`: make meshes of a line drawing."""
+"""The command `sketch`: make meshes of a line drawing."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _guesses(drawing: Path | None, noun: str, changes: dict[str, str]) -> list[G
 def _write(guesses: Sequence[Guess], paths: Sequence[Path], picture: Path) -> None:
     """Write the meshes and the picture of them, all or none."""
     from meshdeform.assets import Limits, load_asset
-    from meshdeform.runs.family_pictures import assets_png
+    from meshdeform.runs.sheets import assets_png
 
     files = {path: each.glb() for each, path in zip(guesses, paths, strict=True)}
     assets = [load_asset(data, "shape.glb", Limits.unlimited()) for data in files.values()]
@@ -162,3 +162,6 @@ def _list(noun: str, *, as_json: bool) -> None:
         typer.echo(f"{choice.name:<12} {', '.join(choice.options)}; default {choice.default}")
     for number in sliders.numbers:
         typer.echo(f"{number.name:<12} {number.low:g} to {number.high:g}; default {number.default:g}")
+
+
+COMMANDS = (sketch,)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
+from meshdeform.kinds.families.params import FamilyParams
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
 from meshdeform.vocabulary.grammar import noun_of
 
@@ -37,7 +37,7 @@ def total_steps(params: FamilyParams) -> int:
 
 
 FAMILY_FIT = Kind(
-    name=JobKind.FAMILY_FIT,
+    name=JobKind("family_fit"),
     summary="Finds the parts and the correspondences of a collection of assets of one family, and learns its shapes.",
     reads=(
         FilePart(
@@ -51,7 +51,7 @@ FAMILY_FIT = Kind(
     params=FamilyParams,
     check=_check,
     steps=lambda request, _model, _kept: total_steps(params_of(request, FamilyParams)),
-    load=start_of("meshdeform.runs.family_fit"),
+    load=start_of("meshdeform.kinds.families.fit_run"),
     artifacts=(
         ArtifactKind(
             "report.json",

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from meshdeform.requests.choices import SynthesisMode
 from meshdeform.requests.declaration import StrictModel
 
 MAX_SYNTHESES = 64
 
 _Member = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
 _Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+
+
+class SynthesisMode(StrEnum):
+    """Ways to make new shapes of a family."""
+
+    SAMPLE = "sample"
+    INTERPOLATE = "interpolate"
+    COMPLETE = "complete"
+    SEARCH = "search"
 
 
 class FamilyParams(StrictModel):
@@ -92,3 +101,8 @@ class FamilySynthesisParams(StrictModel):
     checkpoint_every_steps: int = Field(
         10, ge=1, le=10_000, description="Steps between two checkpoints.", examples=[10]
     )
+
+
+PARAMS = {"family_fit": FamilyParams, "family_synthesize": FamilySynthesisParams}
+
+RETIRED = {"family_synthesize": frozenset({"max_defect"})}

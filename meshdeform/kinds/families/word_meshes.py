@@ -11,13 +11,13 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from meshdeform.assets import Limits, build_glb, load_asset
-from meshdeform.assets.family_file import FamilyFile
 from meshdeform.assets.parted import PartLabels, with_parts
 from meshdeform.assets.surface import Surface
+from meshdeform.kinds.families.family_file import FamilyFile
 from meshdeform.kinds.families.members import turned
+from meshdeform.kinds.families.synthesis_run import start
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs.base import InputFile, RunInput
-from meshdeform.runs.family_synthesize import start
 
 __all__ = ["family_meshes"]
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import PurePath
 
 from meshdeform.errors import ParameterError
+from meshdeform.kinds.surface_fit.params import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
 from meshdeform.requests.document import JobKind, JobRequest
-from meshdeform.requests.surface_fit import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
 from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
+from meshdeform.runs.costs import Costs
 
 _GLB = "model/gltf-binary"
 _SAME = ("base_faces", "features", "octaves", "width", "depth")
@@ -29,7 +30,7 @@ def _as_branch(job: JobRequest, branch: JobRequest) -> JobRequest:
 
 
 SURFACE_FIT = Kind(
-    name=JobKind.SURFACE_FIT,
+    name=JobKind("surface_fit"),
     summary="Fits a coarse mesh and a small network to a surface, as a file of a few kilobytes.",
     reads=(
         FilePart(
@@ -57,7 +58,7 @@ SURFACE_FIT = Kind(
     params=SurfaceFitParams,
     check=lambda request, _settings, _files: params_of(request, SurfaceFitParams),
     steps=lambda request, _model, kept: params_of(request, SurfaceFitParams, kept).steps,
-    load=start_of("meshdeform.runs.surface_fit"),
+    load=start_of("meshdeform.kinds.surface_fit.run"),
     artifacts=(
         ArtifactKind("surface.ndf", "application/octet-stream", "The field: base mesh and network."),
         *(
@@ -86,3 +87,8 @@ SURFACE_FIT = Kind(
     as_branch=_as_branch,
     goal=lambda _request, names: f"field of {PurePath(names['asset']).stem}" if "asset" in names else "field",
 )
+
+KINDS = (SURFACE_FIT,)
+
+COSTS = {"surface_fit/": Costs(1.73, 6.0, 0.0078)}
+"""As in `meshdeform.runs.costs`."""

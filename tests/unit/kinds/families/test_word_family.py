@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from bench.parametric_families import family, labels_document
-from meshdeform.assets.family_file import read_family
 from meshdeform.errors import AssetError
+from meshdeform.kinds.families.family_file import read_family
+from meshdeform.kinds.families.word_meshes import family_meshes
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import start_run
 from meshdeform.runs.base import InputFile, RunInput
-from meshdeform.runs.word_family import family_meshes
 from meshdeform.runs.word_making import make_word
 from meshdeform.support.files import zipped
 from meshdeform.words import WordOffer

@@ -68,3 +68,8 @@ class SurfaceFitParams(StrictModel):
         description="Steps between two checkpoints; at most this many are repeated after a crash.",
         examples=[100],
     )
+
+
+PARAMS = {"surface_fit": SurfaceFitParams}
+
+RETIRED = {"surface_fit": frozenset({"batch_faces", "learning_rate", "normal_weight"})}

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from meshdeform.requests.sketches import Sketch
+from meshdeform.kinds.sketch.sliders import Sketch
 from meshdeform.runs.questions import Question, answer_task
 from meshdeform.words import Word, in_use
 from meshdeform.words.file import SUFFIX

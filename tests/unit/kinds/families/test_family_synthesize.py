@@ -14,7 +14,6 @@ import safetensors.numpy
 
 from bench.parametric_families import family, labels_document
 from meshdeform.assets import load_asset
-from meshdeform.assets.family_file import dump_family, read_family
 from meshdeform.assets.parted import parts_of
 from meshdeform.errors import (
     AssetError,
@@ -24,12 +23,13 @@ from meshdeform.errors import (
     AssetTruncatedError,
     ParameterError,
 )
+from meshdeform.kinds.families.family_file import dump_family, read_family
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
 from tests.cases import each_case
-from tests.unit.runs.test_family_fit import packed, same_state
+from tests.unit.kinds.families.test_family_fit import packed, same_state
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from meshdeform.assets.scalar_files import read_scalar_file
-from meshdeform.assets.surface_files import OrientedPoints, read_surface_file
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -24,6 +22,8 @@ from meshdeform.errors import (
     AssetTruncatedError,
 )
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.kinds.surface_fit.scalar_files import read_scalar_file
+from meshdeform.kinds.surface_fit.surface_files import OrientedPoints, read_surface_file
 from tests.cases import each_case
 
 BALL = icosphere(2).verts

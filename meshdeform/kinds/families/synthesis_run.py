@@ -15,17 +15,16 @@ from torch import Tensor
 from meshdeform.assets import Asset, Limits, build_glb, load_asset
 from meshdeform.assets.assemble import assemble
 from meshdeform.assets.collection import open_collection
-from meshdeform.assets.family_file import FamilyFile, has_digest, read_family
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError, ParameterError
 from meshdeform.kinds.families.assembly import Assembler, Assembly
+from meshdeform.kinds.families.family_file import FamilyFile, has_digest, read_family
 from meshdeform.kinds.families.machine import BetaMachine
+from meshdeform.kinds.families.params import FamilySynthesisParams, SynthesisMode
+from meshdeform.kinds.families.results import FamilyResults, SynthesisResults, nearest_members
 from meshdeform.kinds.families.sampling import Drawn, FreeEnergy, between, completed, sampled, to_machine
-from meshdeform.requests.choices import SynthesisMode
-from meshdeform.requests.family import FamilySynthesisParams
+from meshdeform.kinds.families.synthesis_description import total_steps
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
-from meshdeform.runs.family_results import FamilyResults, SynthesisResults, nearest_members
-from meshdeform.runs.family_synthesize_kind import total_steps
 
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."

@@ -18,16 +18,16 @@ from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, finge
 from meshdeform.errors import AssetError
 from meshdeform.geometry.tensors import arrays_of, tensors_of
 from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
+from meshdeform.kinds.families.fit_description import READ_STEPS, total_steps
 from meshdeform.kinds.families.inference import Inference, Template, reading_prior
 from meshdeform.kinds.families.learning import Learning
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import correspondences, visible_points
+from meshdeform.kinds.families.params import FamilyParams
+from meshdeform.kinds.families.reading import MemberReading, believed_nouns, named_parts, read_member
+from meshdeform.kinds.families.results import FamilyResults, labels_of
 from meshdeform.reading import NO_PART
-from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
-from meshdeform.runs.family_fit_kind import READ_STEPS, total_steps
-from meshdeform.runs.family_reading import MemberReading, believed_nouns, named_parts, read_member
-from meshdeform.runs.family_results import FamilyResults, labels_of
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.vocabulary.solids import PART_NAMES
 

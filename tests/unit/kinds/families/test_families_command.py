@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from bench.parametric_families import family, labels_document, packed
 from meshdeform.cli.app import app
-from meshdeform.runs.family_fit import FamilyFitRun
+from meshdeform.kinds.families.fit_run import FamilyFitRun
 from tests.cases import each_case
 from tests.unit.cli.lines import done, refused
 

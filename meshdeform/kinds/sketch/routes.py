@@ -1,4 +1,4 @@
-"""Recognise drawings, and make the shapes of corrected sliders."""
+"""The routes of the service that recognise drawings, and make the shapes of corrected sliders."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from meshdeform.errors import (
     RequestTimeoutError,
     readable_size,
 )
-from meshdeform.requests.sketches import Sketch
-from meshdeform.runs.sketch_process import guesses_of, shape_of
+from meshdeform.kinds.sketch.process import guesses_of, shape_of
+from meshdeform.kinds.sketch.sliders import Sketch
 from service.documentation.responses import CALLER_ERRORS, json_body
 from service.http.auth import PrincipalDep
 from service.http.bodies import parse_document, receive_document, receive_file
@@ -117,3 +117,10 @@ def _guessed(app: AppState, owner_id: str, drawing: Path, noun: str) -> SketchGu
 
 def _shaped(app: AppState, owner_id: str, sketch: Sketch, folder: Path) -> bytes:
     return shape_of(sketch, folder, words=with_others(app, owner_id, []), timeout_s=_SHAPE_TIMEOUT_S)
+
+
+ROUTERS = (router,)
+
+MODELS = (Sketch,)
+
+TAGS = ({"name": "sketches", "description": "Reading a drawing, before it is the target of a job: docs/sketch.md."},)

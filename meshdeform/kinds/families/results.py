@@ -23,7 +23,6 @@ from meshdeform.assets import Asset, Limits, Primitive, load_asset
 from meshdeform.assets.collection import AssetLabels, CollectionFiles
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.family_file import FamilyFile, dump_family, surface_digest
 from meshdeform.assets.inspect import UNSIGNED_INT
 from meshdeform.assets.parted import PartLabels, parts_of, with_parts
 from meshdeform.assets.surface import Surface
@@ -32,6 +31,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import simplified
 from meshdeform.kinds.families.boundary import without_strays
 from meshdeform.kinds.families.collection import SampledShape
+from meshdeform.kinds.families.family_file import FamilyFile, dump_family, surface_digest
 from meshdeform.kinds.families.inference import Inference
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import (
@@ -46,10 +46,9 @@ from meshdeform.kinds.families.matching import (
     visible_points,
 )
 from meshdeform.kinds.families.members import turned
-from meshdeform.requests.choices import SynthesisMode
-from meshdeform.requests.family import FamilyParams, FamilySynthesisParams
+from meshdeform.kinds.families.params import FamilyParams, FamilySynthesisParams, SynthesisMode
 from meshdeform.runs.base import ArtifactData, versions
-from meshdeform.runs.family_pictures import COLOURS, assets_png, family_png, shown
+from meshdeform.runs.sheets import COLOURS, assets_png, family_png, shown
 from meshdeform.support.files import zipped
 
 _PICTURED = 36

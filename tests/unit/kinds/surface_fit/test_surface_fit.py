@@ -32,13 +32,13 @@ from meshdeform.kinds.surface_fit.collapse import base_of
 from meshdeform.kinds.surface_fit.learned_scalars import learned_scalars, places_on
 from meshdeform.kinds.surface_fit.measures import distances
 from meshdeform.kinds.surface_fit.reader import read_field
+from meshdeform.kinds.surface_fit.run import _warnings
 from meshdeform.kinds.surface_fit.scalar_sections import colours_at, read_scalars
 from meshdeform.kinds.surface_fit.surface_sources import MeshSurface
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, kind_of, start_run
 from meshdeform.runs.base import InputFile, JobRun, RunInput
-from meshdeform.runs.surface_fit import _warnings
 from meshdeform.settings import Settings
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.unit.assets.test_pose import bent_arm
@@ -75,8 +75,8 @@ def begin(
 
 
 def test_a_run_writes_a_field_its_levels_and_what_they_are_worth(ring: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meshdeform.runs.surface_fit.learned_scalars", partial(learned_scalars, steps=60))
-    monkeypatch.setattr("meshdeform.runs.surface_fit._UNCOVERED", -1.0)
+    monkeypatch.setattr("meshdeform.kinds.surface_fit.run.learned_scalars", partial(learned_scalars, steps=60))
+    monkeypatch.setattr("meshdeform.kinds.surface_fit.run._UNCOVERED", -1.0)
     mesh = torus(n=24, m=12)
     scalars = io.BytesIO()
     np.savez(scalars, points=mesh.verts, height=mesh.verts[:, 2])

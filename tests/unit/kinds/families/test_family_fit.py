@@ -25,11 +25,11 @@ from meshdeform.errors import (
     CheckpointError,
     ParameterError,
 )
+from meshdeform.kinds.families.reading import MemberReading
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
-from meshdeform.runs.family_reading import MemberReading
 from meshdeform.settings import Settings
 from meshdeform.vocabulary.solids import PART_NAMES
 from tests.cases import each_case
@@ -284,7 +284,7 @@ def read_as_their_nodes(monkeypatch, chairs):
         known = {"chair": 0.9} if noun or name != chairs[0].name else {"throne": 0.9}
         return MemberReading(*known, known, codes, np.full(len(codes), 0.9))
 
-    monkeypatch.setattr("meshdeform.runs.family_fit.read_member", read)
+    monkeypatch.setattr("meshdeform.kinds.families.fit_run.read_member", read)
     return asked
 
 

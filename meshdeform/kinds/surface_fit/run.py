@@ -12,18 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets import Asset, load_asset
-from meshdeform.assets.scalar_files import SampledScalars, read_scalar_file
-from meshdeform.assets.surface_files import (
-    DistanceGrid,
-    ImplicitNetwork,
-    OrientedPoints,
-    read_surface_file,
-    warnings_about,
-)
 from meshdeform.deformation.checkpoint import dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.errors import AssetError, AssetTooLargeError, ParameterError
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.collapse import base_of
+from meshdeform.kinds.surface_fit.colours import FieldColours
 from meshdeform.kinds.surface_fit.container import EncodedBase, encode_base, write_field
 from meshdeform.kinds.surface_fit.fitting import FieldFit, FieldFrame, FitOptions
 from meshdeform.kinds.surface_fit.gluing import glue, topology
@@ -31,15 +24,22 @@ from meshdeform.kinds.surface_fit.intrinsic import IntrinsicMesh, delaunay
 from meshdeform.kinds.surface_fit.learned_scalars import check_places, learned_scalars
 from meshdeform.kinds.surface_fit.level_files import intrinsic_npz, level_glb
 from meshdeform.kinds.surface_fit.measures import Reference, distances
+from meshdeform.kinds.surface_fit.params import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.kinds.surface_fit.patches import divided, level_of
 from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.scalar_fields import ScalarField
+from meshdeform.kinds.surface_fit.scalar_files import SampledScalars, read_scalar_file
 from meshdeform.kinds.surface_fit.scalar_sections import colours_at
+from meshdeform.kinds.surface_fit.surface_files import (
+    DistanceGrid,
+    ImplicitNetwork,
+    OrientedPoints,
+    read_surface_file,
+    warnings_about,
+)
 from meshdeform.kinds.surface_fit.surface_sources import SourceSurface, surface_of
 from meshdeform.rendering.studio import comparison_png
-from meshdeform.requests.surface_fit import MAX_BASE_FACES, SurfaceFitParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog, params_of, sha256_hex, versions
-from meshdeform.runs.surface_fit_colours import FieldColours
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]

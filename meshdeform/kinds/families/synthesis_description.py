@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
-from meshdeform.requests.choices import JobKind, SynthesisMode
+from meshdeform.kinds.families.params import FamilySynthesisParams, SynthesisMode
+from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.family import FamilySynthesisParams
 from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind, params_of, start_of
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def total_steps(params: FamilySynthesisParams) -> int:
 
 
 FAMILY_SYNTHESIZE = Kind(
-    name=JobKind.FAMILY_SYNTHESIZE,
+    name=JobKind("family_synthesize"),
     summary="Makes new assets of a fitted family out of parts of its members.",
     reads=(
         FilePart(
@@ -75,7 +75,7 @@ FAMILY_SYNTHESIZE = Kind(
     params=FamilySynthesisParams,
     check=_check,
     steps=lambda request, _model, _kept: total_steps(params_of(request, FamilySynthesisParams)),
-    load=start_of("meshdeform.runs.family_synthesize"),
+    load=start_of("meshdeform.kinds.families.synthesis_run"),
     artifacts=(
         ArtifactKind("result.glb", "model/gltf-binary", "The first shape, if shapes are made."),
         ArtifactKind("shapes.zip", "application/zip", "All shapes as GLB, if shapes are made."),

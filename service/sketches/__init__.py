@@ -1,1 +1,0 @@
-"""Read drawings, and make the shapes that they show."""
