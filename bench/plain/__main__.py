@@ -30,7 +30,7 @@ from meshdeform.errors import MeshdeformError
 from meshdeform.rendering.studio import Studio, SurfaceState
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
+from meshdeform.runs.base import JobFile, job_input
 from meshdeform.runs.changes import asked_changes
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
@@ -86,7 +86,7 @@ def outcome(each: Listed, asset: Asset, row: Row) -> Made:
     """Return what becomes of a sentence, checked and run as the service and the command line do."""
     try:
         request = JobRequest.model_validate({"prompt": row.sentence})
-        resolved = TEXT_DEFORM.check(request, Settings(), frozenset({"asset"}))
+        resolved = TEXT_DEFORM.check(request, Settings(), {"asset": JobFile()})
         if asked_changes(row.sentence, resolved) is None:
             return Made("other", "is read as a prompt")
         artifacts = text_deform.start(job_input(each.data, each.filename, request)).finish()

@@ -6,7 +6,7 @@ parts of a form, the start in the worker and the lists in the documentation foll
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ from meshdeform.errors import KindRetiredError, ParameterError
 from meshdeform.requests.choices import RETIRED_PARTS, is_retired
 from meshdeform.requests.document import JobRequest, OutputOptions
 from meshdeform.requests.kind_folders import brought
-from meshdeform.runs.base import JobRun, Kind, RunInput
+from meshdeform.runs.base import JobFile, JobRun, Kind, RunInput
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
 if TYPE_CHECKING:
@@ -48,12 +48,15 @@ def file_parts() -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for kind in kinds() for name in kind.parts))
 
 
-def check_request(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
+def check_request(
+    request: JobRequest, settings: Settings, *, files: Collection[str] | Mapping[str, JobFile]
+) -> BaseModel:
     """Refuse a request that no worker of this deployment could run; return the values of all its parameters.
 
-    `settings`: lists the models of this deployment; `files`: the names of the files sent with the request or named by
-    it.
+    `settings`: lists the models of this deployment; `files`: those sent with the request or named by it, by their
+    parts, or only their parts while nothing else is known of them.
     """
+    known = files if isinstance(files, Mapping) else dict.fromkeys(files, JobFile())
     _refuse_retired(request, files)
     kind = kind_of(request.kind)
     for part in kind.reads:
@@ -66,7 +69,7 @@ def check_request(request: JobRequest, settings: Settings, *, files: Collection[
         raise ParameterError.at([name], f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
     if request.output != OutputOptions() and not kind.takes_output:
         raise ParameterError.at(["output"], "`output` is for jobs that deform one asset.", "Leave it out.")
-    return kind.check(request, settings, frozenset(files))
+    return kind.check(request, settings, known)
 
 
 def _refuse_retired(request: JobRequest, files: Collection[str]) -> None:

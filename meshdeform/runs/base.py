@@ -31,6 +31,7 @@ from meshdeform.runs.kept_readings import Readings, Unkept
 
 if TYPE_CHECKING:
     from meshdeform.assets import AssetSummary, Limits
+    from meshdeform.assets.inspect import PictureSummary
     from meshdeform.priors.base import Prior
     from meshdeform.settings import Settings
 
@@ -168,6 +169,16 @@ class InputFile:
     def digest(self) -> str:
         """SHA-256 of the data, hexadecimal."""
         return self.sha256 or sha256_hex(self.data)
+
+
+@dataclass(frozen=True)
+class JobFile:
+    """What is known of a file of a job that is checked: at first maybe only that there is one."""
+
+    summary: AssetSummary | PictureSummary | None = None  # None: it was not decoded
+    path: Path | None = None  # None: nobody looks into it
+    filename: str = ""  # as the user named it
+    readings: Readings = field(default_factory=Unkept)  # where readings of it are kept
 
 
 def _no_prior(model: str) -> Prior:
@@ -331,9 +342,9 @@ class Kind:
     reads: tuple[FilePart, ...]  # the first is required: it is the job's `asset` in the API, and names its downloads
     params: type[BaseModel]
     """The model of `params` in its requests. Workers read `checkpoint_every_steps` from it."""
-    check: Callable[[JobRequest, Settings, frozenset[str]], BaseModel]
+    check: Callable[[JobRequest, Settings, Mapping[str, JobFile]], BaseModel]
     """Refuses a request that no worker of a deployment could run, and returns the values of all its parameters. Takes
-    the request, the settings and the names of its files. Torch-free."""
+    the request, the settings and its files, as far as they are known: it is asked again when more is. Torch-free."""
     steps: Callable[[JobRequest, str, Mapping[str, Any] | None], int]
     """Returns the number of steps of a request, for limits and estimates. Takes the request, the default model, and the
     stored result of `check` in JSON, if any. Torch-free."""
@@ -343,16 +354,10 @@ class Kind:
     takes_output: bool = False  # whether requests may have options in `output`
     uses: Callable[[JobRequest], Collection[str]] | None = None
     """Returns the names of the parts that a request uses; a branch inherits only these. Default: all."""
-    check_files: Callable[[JobRequest, Any, Mapping[str, AssetSummary]], None] = lambda _request, _params, _files: None
-    """Refuses parameters that do not fit the contents of the files. Takes the request, the result of `check` and the
-    summaries of the meshes by part. Default: all fit. Torch-free."""
-    check_asset: Callable[[JobRequest, Any, Path, str, Limits, Readings], None] = lambda *_: None
-    """Refuses a request that does not fit the contents of the first file, where that takes more than its summary. Takes
-    the request, the result of `check`, the file's path and name, the limits, and where readings are kept. Default: all
-    fit. Torch-free."""
-    outlook: Callable[[JobRequest, Any, Path, str, Limits, Readings], dict[str, Any] | None] = lambda *_: None
+    outlook: Callable[[JobRequest, Any, Settings, JobFile], dict[str, Any] | None] = lambda *_: None
     """Returns whether what a valid request asks for is `doubtful`, the `reasons` in sentences, and `suggestions`:
-    prompts that would work better; None where nobody knows. Takes what `check_asset` does. Torch-free."""
+    prompts that would work better; None where nobody knows. Takes the request, the result of `check`, the settings and
+    the first file. Torch-free."""
     needs_torch: Callable[[JobRequest, Any], bool] = lambda *_: True
     """Returns whether a request needs the extra `sds`. Takes the request and the result of `check`. Default: it does.
     Torch-free."""

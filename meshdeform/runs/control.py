@@ -43,7 +43,7 @@ from meshdeform.runs.changes import parts_found
 from meshdeform.runs.reading import ReadingSource, reading_document, welded_body
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.runs.surfaces import welded_surface
-from meshdeform.runs.text_deform_kind import check_places
+from meshdeform.runs.text_deform_check import check_places
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]

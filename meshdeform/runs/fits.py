@@ -25,7 +25,7 @@ from meshdeform.requests.choices import AlignMode
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.requests.selection import Place
-from meshdeform.runs.text_deform_kind import check_places, check_vertex
+from meshdeform.runs.text_deform_check import check_places, check_vertex
 
 __all__ = ["SilhouetteFit", "TargetFit"]
 

@@ -20,8 +20,8 @@ from meshdeform.words import in_use
 from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
 from service.jobs.documents import BranchDocument, FileReference, FileSource, RetryDocument
 from service.jobs.intake import (
-    check_file,
-    check_params,
+    check,
+    decoded,
     fetch,
     in_order,
     key_of,
@@ -51,7 +51,7 @@ def retry(app: AppState, caller: Caller, job_id: str, document: RetryDocument | 
         if not job.files:
             raise ConflictError("The job has no files, because they were never fetched.", advice="Send the job again.")
         with in_use(words_of_job(app, job)):
-            params = check_params(request, app.settings, files=job.files)
+            params = check(request, app.settings, files=job.files)
         app.record.check_room(caller.owner_id, {}, app.settings.max_stored_bytes)
         with app.record.files.leases() as leases:
             _lease(app, leases, job.files.values())
@@ -85,14 +85,12 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         request, pinned, words = pin_words(app, caller.owner_id, request, folder, sent=sent)
         inherited = _inherited(job, request, references)
         with in_use(words):
-            params = check_params(
-                request, app.settings, files={*inherited, *references, *([WORDS_PART] if pinned else [])}
-            )
+            params = check(request, app.settings, files={*inherited, *references, *([WORDS_PART] if pinned else [])})
         with app.record.files.leases() as leases:
             files = dict(inherited)
             for name, reference in references.items():
                 file = fetch(app, caller.owner_id, *reference, folder)
-                check_file(app, caller.owner_id, kind_of(job.kind), name, file)
+                decoded(app, caller.owner_id, kind_of(job.kind), name, file)
                 app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
             if pinned is not None:

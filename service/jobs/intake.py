@@ -26,7 +26,6 @@ from meshdeform.assets.inspect import PictureSummary
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     ConflictError,
-    DrawingError,
     NotFoundError,
     ParameterError,
     SilhouetteError,
@@ -41,7 +40,7 @@ from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.parameters import WORDS_PART
 from meshdeform.runs import check_request, kind_of
-from meshdeform.runs.base import Kind
+from meshdeform.runs.base import JobFile, Kind
 from meshdeform.runs.changes import parts_of
 from meshdeform.settings import Settings
 from meshdeform.storage import StoredObject
@@ -63,8 +62,8 @@ _CONTENT_TYPE = "application/octet-stream"
 _F = TypeVar("_F")
 
 
-def check_params(request: JobRequest, settings: Settings, *, files: Collection[str]) -> BaseModel:
-    """Check a request for a job that has these files, and return the parameters that it would run with."""
+def check(request: JobRequest, settings: Settings, *, files: Collection[str] | Mapping[str, JobFile]) -> BaseModel:
+    """Check a request for a job that has these files, as far as they are known, and return its parameters."""
     for name, value in request.metadata.items():
         # PostgreSQL cannot store this character.
         if "\0" in name + value:
@@ -88,41 +87,47 @@ def check_params(request: JobRequest, settings: Settings, *, files: Collection[s
     return params
 
 
-def check_job(
-    app: AppState, owner_id: str, submission: Submission
-) -> tuple[BaseModel, dict[str, ReceivedFile], dict[str, AssetSummary | PictureSummary]]:
-    """Check a job's parameters and decode its files completely. Nothing is stored.
+@dataclass(frozen=True)
+class CheckedJob:
+    """A job that could run: its parameters, and its files and what is known of them, by part."""
 
-    Return the parameters that it would run with, and its files and their summaries by part.
+    params: BaseModel
+    files: dict[str, ReceivedFile]
+    known: dict[str, JobFile]
+
+    @property
+    def summaries(self) -> dict[str, AssetSummary | PictureSummary]:
+        """Summaries of the files by part, of those that were decoded."""
+        return {name: file.summary for name, file in self.known.items() if file.summary is not None}
+
+
+def checked(app: AppState, owner_id: str, submission: Submission, *, look: bool = True) -> CheckedJob:
+    """Fetch a job's files, decode them completely, and check the job with them, once it is checked without.
+
+    `look`: whether what takes longer is looked for in the first file, such as the parts that the prompt names. Nothing
+    is stored.
     """
-    params = check_params(submission.document, app.settings, files=submission.names)
+    request = submission.document
+    check(request, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
-    summaries = check_files(app, owner_id, submission.document, params, files)
-    kind = kind_of(submission.document.kind)
-    first = files[kind.parts[0]]
-    kind.check_asset(submission.document, params, first.path, first.filename, app.assets.limits, app.readings)
-    return params, files, summaries
-
-
-def check_files(
-    app: AppState, owner_id: str, request: JobRequest, params: BaseModel, files: Mapping[str, ReceivedFile]
-) -> dict[str, AssetSummary | PictureSummary]:
-    """Decode the files of a job completely, and refuse parameters that do not fit them; return their summaries."""
     kind = kind_of(request.kind)
-    sent = [name for name in files if name != WORDS_PART]  # words are the owner's, or were checked when they were read
-    summaries = {name: check_file(app, owner_id, kind, name, files[name]) for name in sent}
-    meshes = {name: each for name, each in summaries.items() if isinstance(each, AssetSummary)}
-    kind.check_files(request, params, meshes)
-    return summaries
+    known = {name: JobFile(decoded(app, owner_id, kind, name, file)) for name, file in files.items()}
+    if look:
+        first = kind.parts[0]
+        path, filename = files[first].path, files[first].filename
+        known[first] = replace(known[first], path=path, filename=filename, readings=app.readings)
+    return CheckedJob(check(request, app.settings, files=known), files, known)
 
 
-def check_file(
+def decoded(
     app: AppState, owner_id: str, kind: Kind, part: str, file: ReceivedFile
-) -> AssetSummary | PictureSummary:
-    """Decode a file completely as what its part should be."""
+) -> AssetSummary | PictureSummary | None:
+    """Decode a file completely as what its part should be; None for words, which are checked where they are read."""
+    if part == WORDS_PART:
+        return None
     try:
         return app.assets.check(file.path, file.filename, file.sha256, owner_id, kind.content_of(part))
-    except (SilhouetteError, DrawingError) as error:
+    except SilhouetteError as error:
         raise type(error)(f"`{part}`: {error.detail}", advice=error.advice_text, **error.extra) from error
 
 
@@ -136,7 +141,7 @@ def ready(app: AppState, owner_id: str, submission: Submission) -> tuple[Submiss
     if WORDS_PART in submission.names and WORDS_PART in kind_of(submission.document.kind).parts:
         submission = submission.with_fetched(app, owner_id, WORDS_PART)
         file = submission.files[WORDS_PART]
-        check_file(app, owner_id, kind_of(submission.document.kind), WORDS_PART, file)
+        app.assets.check(file.path, file.filename, file.sha256, owner_id, "words")
         sent = read_words(file.path.read_bytes())
     document, pinned, words = pin_words(app, owner_id, submission.document, submission.folder, sent=sent)
     files = submission.files if pinned is None else {**submission.files, WORDS_PART: pinned}
@@ -161,10 +166,10 @@ def accept_early(app: AppState, caller: Caller, submission: Submission) -> KeptA
         if isinstance(claim, KeptAnswer):
             return claim
         asked = submission.with_kind(app.settings)
-        check_params(asked.document, app.settings, files=asked.names)
+        check(asked.document, app.settings, files=asked.names)
         kind = kind_of(asked.document.kind)
         for part, file in asked.files.items():
-            check_file(app, caller.owner_id, kind, part, file)
+            decoded(app, caller.owner_id, kind, part, file)
         new = new_job(app, caller, asked.document.without(asked.document.references), {}, claim=claim, fetching=True)
         return KeptAnswer(**accepted(app.record.create(new)))
 
@@ -191,18 +196,18 @@ def _stored(
     """Check a job and store its files; the leases on these end with the block."""
     submission, words = ready(app, caller.owner_id, submission)
     with in_use(words):
-        params, files, summaries = check_job(app, caller.owner_id, submission)
+        job = checked(app, caller.owner_id, submission)
     failpoint("api.received")
-    sizes = {key_of(file): file.size for file in files.values()}
+    sizes = {key_of(file): file.size for file in job.files.values()}
 
     def check_room() -> None:
         app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
 
     with app.record.files.leases() as leases:
-        stored = {part: store_file(app, leases, file, check_room) for part, file in files.items()}
+        stored = {part: store_file(app, leases, file, check_room) for part, file in job.files.items()}
         failpoint("api.stored")
-        size = _size(summaries)
-        yield new_job(app, caller, submission.document, stored, resolved=params, claim=claim, **size), leases
+        size = _size(job.summaries)
+        yield new_job(app, caller, submission.document, stored, resolved=job.params, claim=claim, **size), leases
 
 
 def validate(app: AppState, principal: Principal, submission: Submission) -> Validation:
@@ -210,12 +215,13 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
     check_priority(submission.document.priority, principal.max_priority)
     submission, words = ready(app, principal.owner_id, submission)
     with in_use(words):
-        params, files, summaries = check_job(app, principal.owner_id, submission)
-        outlook = _outlook(app, submission.document, params, files)
+        job = checked(app, principal.owner_id, submission)
+        outlook = _outlook(app, submission.document, job)
+    params = job.params
     reports: dict[str, AssetFound] = {}
     pictures: dict[str, PictureFound] = {}
-    for name, summary in summaries.items():
-        file = files[name]
+    for name, summary in job.summaries.items():
+        file = job.files[name]
         members = {"filename": file.filename, "size": file.size, "sha256": file.sha256, **asdict(summary)}
         members.pop("bounds", None)
         if isinstance(summary, AssetSummary):
@@ -232,7 +238,7 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         safeguard=getattr(params, "safeguard", None),
         turn_s=app.settings.turn_s,
         max_running=app.settings.max_running_jobs,
-        **_size(summaries),
+        **_size(job.summaries),
     )
     model = getattr(params, "model", None)
     if model is not None:  # as clients name it
@@ -248,12 +254,9 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
     )
 
 
-def _outlook(
-    app: AppState, request: JobRequest, params: BaseModel, files: Mapping[str, ReceivedFile]
-) -> Outlook | None:
+def _outlook(app: AppState, request: JobRequest, job: CheckedJob) -> Outlook | None:
     kind = kind_of(request.kind)
-    first = files[kind.parts[0]]
-    found = kind.outlook(request, params, first.path, first.filename, app.assets.limits, app.readings)
+    found = kind.outlook(request, job.params, app.settings, job.known[kind.parts[0]])
     return None if found is None else Outlook(**found)
 
 
@@ -291,14 +294,15 @@ def _with_parts(
     asked = replace(whole, document=whole.document.model_copy(update={"prompt": prompt}))
     asked, words = ready(app, owner_id, asked)
     with in_use(words):
-        checked = replace(asked, document=asked.document.model_copy(update={"prompt": whole.document.prompt}))
-        params, files, _ = check_job(app, owner_id, checked)
+        prompted = asked.document.model_copy(update={"prompt": whole.document.prompt})
+        job = checked(app, owner_id, replace(asked, document=prompted))
+    params = job.params
     if not isinstance(params, ResolvedParams):
         raise ParameterError("Jobs of this kind have no parts.")
     if params.guidance is GuidanceKind.EXEMPLAR:  # a job knows what it names, but this asset may be any of them
         words = with_others(app, owner_id, words)
         params = params.model_copy(update={"words": {word.noun: word.sha256 for word in words}})
-    return params, files["asset"], words
+    return params, job.files["asset"], words
 
 
 def store_file(

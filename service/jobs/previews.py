@@ -23,7 +23,7 @@ from meshdeform.words import in_use
 from service.http.bodies import ReceivedFile
 from service.http.callers import while_waited_for
 from service.jobs.documents import PreviewDocument
-from service.jobs.intake import Submission, check_files, check_params, ready
+from service.jobs.intake import Submission, check, checked, ready
 from service.state import AppState
 
 As = Literal["positions", "glb"]
@@ -65,12 +65,11 @@ def _task(
     assert isinstance(document, PreviewDocument)
     submission, words = ready(app, owner_id, submission)
     with in_use(words):
-        params = check_params(submission.document, app.settings, files=submission.names)
+        params = check(submission.document, app.settings, files=submission.names)
         if not isinstance(params, ResolvedParams):
             raise ParameterError("Jobs of this kind have no preview.", advice=_ADVICE)
         _refuse_slow(submission.document, params)
-        files = submission.fetch_all(app, owner_id)
-        check_files(app, owner_id, submission.document, params, files)
+        files = checked(app, owner_id, submission, look=False).files
     seeds = list(dict.fromkeys(document.seeds)) or [params.seed]
     if form == "glb" and len(seeds) > 1:
         raise ParameterError.at(["seeds"], "A GLB has one shape.", "Give one seed, or ask for positions.")

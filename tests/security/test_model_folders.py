@@ -13,7 +13,7 @@ from meshdeform import priors
 from meshdeform.errors import ModelError
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
-from meshdeform.runs import check_request, start_run, text_deform_kind
+from meshdeform.runs import check_request, start_run, text_deform_check
 from meshdeform.runs.base import InputFile, RunInput
 from meshdeform.settings import Settings
 from tests.integration.conftest import serving
@@ -54,7 +54,7 @@ def test_no_answer_shows_a_model_folder(
         assert {answer.json()["code"] for answer in answers[1:]} == {"model_unavailable"}
         assert "does not run" in answers[-1].text
         assert not any("does not run" in answer.text for answer in answers[1:4])
-        monkeypatch.setattr(text_deform_kind, "check_model", lambda *_: None)
+        monkeypatch.setattr(text_deform_check, "check_model", lambda *_: None)
         valid = [post("/v1/jobs:validate", model=ids[2]), post("/v1/jobs:validate"), post("/v1/jobs", model=ids[3])]
         assert [answer.status_code for answer in valid] == [200, 200, 202]
         assert [answer.json()["params"]["model"] for answer in valid[:2]] == [ids[2], ids[0]]
@@ -66,7 +66,7 @@ def test_no_answer_shows_a_model_folder(
 def test_a_model_is_found_by_its_id_and_by_its_path(
     settings: Settings, folders: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(text_deform_kind, "check_model", lambda *_: None)
+    monkeypatch.setattr(text_deform_check, "check_model", lambda *_: None)
     for name in ("sd15", f"{folders[2]}/"):
         request = JobRequest.model_validate({"prompt": "x", "params": {"guidance": {"model": name}}})
         checked: Any = check_request(request, settings, files=["asset"])

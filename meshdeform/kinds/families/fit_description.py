@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
 from meshdeform.kinds.families.params import FamilyParams
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
+from meshdeform.runs.base import ArtifactKind, FilePart, JobFile, Kind, params_of, start_of
 from meshdeform.vocabulary.grammar import noun_of
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ READ_STEPS = 10
 _NPZ = "application/x-npz"
 
 
-def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilyParams:
+def _check(request: JobRequest, _settings: Settings, _files: Mapping[str, JobFile]) -> FamilyParams:
     params = params_of(request, FamilyParams)
     if params.samples < params.points:
         detail = f"params.samples is {params.samples}, less than params.points: {params.points}."

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import ParameterError
 from meshdeform.kinds.families.params import FamilySynthesisParams, SynthesisMode
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, Kind, params_of, start_of
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobFile, Kind, params_of, start_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -21,7 +22,7 @@ _MEMBERS = {
 }
 
 
-def _check(request: JobRequest, _settings: Settings, _files: frozenset[str]) -> FamilySynthesisParams:
+def _check(request: JobRequest, _settings: Settings, _files: Mapping[str, JobFile]) -> FamilySynthesisParams:
     params = params_of(request, FamilySynthesisParams)
     wanted = _MEMBERS[params.mode]
     if len(params.members) != wanted:

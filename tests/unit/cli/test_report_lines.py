@@ -6,7 +6,6 @@ import pytest
 import typer
 
 from meshdeform.cli.report_lines import (
-    _shape_lines,
     exemplar_lines,
     orientation_line,
     prompt_lines,
@@ -97,17 +96,6 @@ def test_each_prompt_gets_a_line() -> None:
         f"a bell: {looks}",
         f"an old bell (in its region): {looks}",
         f"a bell (in its region, under 1% before): {looks}",
-    ]
-
-
-def test_a_shape_whose_parts_hang_apart_is_not_only_praised() -> None:
-    parts = [{"part": "seat", "member": "a", "gap": 0.002}, {"part": "lid", "member": "b", "gap": 0.0449}]
-    shape = {"name": "0.glb", "parts": parts, "loose": ["arm"], "nearest_members": [{"name": "c.glb", "distance": 0.1}]}
-    whole = {**shape, "parts": parts[:1], "loose": []}
-    summary = {"folder": "x", "files": [], "shapes": [shape, whole], "nearest_members": None}
-    assert list(_shape_lines(summary))[2:] == [
-        "0.glb  seat of a, lid of b; loose: arm; parts up to 4.5% apart; most like c.glb",
-        "0.glb  seat of a; most like c.glb",
     ]
 
 

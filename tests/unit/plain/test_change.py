@@ -21,7 +21,7 @@ from meshdeform.plain.words import Sentence, read_changes
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import text_deform
-from meshdeform.runs.base import job_input
+from meshdeform.runs.base import JobFile, job_input
 from meshdeform.runs.changes import check_parts, part_names
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
@@ -260,7 +260,7 @@ def test_a_part_that_is_not_there_is_refused_with_those_that_are(tmp_path: objec
     path = tmp_path / "chair.glb"  # type: ignore[operator]
     path.write_bytes(glb)
     request = JobRequest.model_validate({"prompt": "a longer tail", "params": grouped({"source_noun": "chair"})})
-    params = TEXT_DEFORM.check(request, Settings(), frozenset({"asset"}))
+    params = TEXT_DEFORM.check(request, Settings(), {"asset": JobFile()})
     with pytest.raises(PartNotFoundError, match="No tail was found"):
         check_parts(path, "chair.glb", request.prompt, params, Limits())
     check_parts(path, "chair.glb", "longer legs", params, Limits())
@@ -324,7 +324,7 @@ def test_changes_need_no_model_no_steps_and_no_controls() -> None:
         {"prompt": "longer legs", "params": grouped({"handles": [{"position": [0, 1, 0], "to": [0, 2, 0]}]})}
     )
     with pytest.raises(ParameterError, match="handles"):
-        TEXT_DEFORM.check(refused, Settings(), frozenset({"asset"}))
+        TEXT_DEFORM.check(refused, Settings(), {"asset": JobFile()})
 
 
 def test_a_branch_is_no_change() -> None:

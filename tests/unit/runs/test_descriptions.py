@@ -18,7 +18,7 @@ from meshdeform.reading import NO_PART, Reading
 from meshdeform.requests.document import DeformParams, JobRequest, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import reading, text_deform
-from meshdeform.runs.base import JobRun, job_input
+from meshdeform.runs.base import JobFile, JobRun, job_input
 from meshdeform.runs.believed import is_described
 from meshdeform.runs.changes import asked_changes, check_parts, is_change
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
@@ -59,7 +59,7 @@ def test_it_is_refused_before_the_job_where_the_request_says_so(tmp_path: Path) 
     path.write_bytes(DOG)
     for noun, refused in {"elephant": True, "dog": False, None: False}.items():
         request = JobRequest.model_validate({"prompt": EARS, "params": grouped({"source_noun": noun} if noun else {})})
-        params = TEXT_DEFORM.check(request, Settings(), frozenset({"asset"}))
+        params = TEXT_DEFORM.check(request, Settings(), {"asset": JobFile()})
         if refused:
             with pytest.raises(PartNotFoundError):
                 check_parts(path, path.name, EARS, params, Limits())

@@ -20,7 +20,7 @@ from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.bodies import ReceivedFile
 from service.jobs.documents import JobDocument
-from service.jobs.intake import Submission, check_params, missing_files
+from service.jobs.intake import Submission, check, missing_files
 from tests.fake_kind import FakeKind, _FakeRun
 from tests.integration.conftest import DEADLINE_S, serving
 from tests.worker_world import working
@@ -56,9 +56,9 @@ def test_the_service_asks_for_the_files_that_a_kind_reads(tmp_path: Path) -> Non
     assert missing_files(document, []) == ["asset"]
     sent = {"asset": ReceivedFile(tmp_path / "asset", "a.obj", 8, "0" * 64)}
     names = Submission(document, sent, tmp_path).names
-    assert check_params(document, Settings(), files=names) == check_request(document, Settings(), files=names)
+    assert check(document, Settings(), files=names) == check_request(document, Settings(), files=names)
     with pytest.raises(ParameterError, match="8 steps are more"):
-        check_params(document, Settings(max_steps=7), files=names)
+        check(document, Settings(max_steps=7), files=names)
     both = JobDocument.model_validate({"kind": KIND, "files": {"asset": {"job_id": new_job_id()}}})
     assert missing_files(both, []) == []
     with pytest.raises(ParameterError, match="both sent as a part and named"):
@@ -67,7 +67,7 @@ def test_the_service_asks_for_the_files_that_a_kind_reads(tmp_path: Path) -> Non
         JobDocument.model_validate({"target": {"job_id": new_job_id()}, "files": {"target": {"job_id": new_job_id()}}})
     named = JobDocument.model_validate({"kind": KIND, "target": {"job_id": new_job_id()}})
     with pytest.raises(ParameterError, match="does not read `target`"):
-        check_params(named, Settings(), files=Submission(named, sent, tmp_path).names)
+        check(named, Settings(), files=Submission(named, sent, tmp_path).names)
 
 
 @pytest.fixture

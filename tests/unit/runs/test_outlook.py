@@ -7,16 +7,17 @@ from typing import Any
 
 import pytest
 
-from meshdeform.assets import Limits, load_asset
+from meshdeform.assets import load_asset
 from meshdeform.exemplar.outlook import FitOutlook
 from meshdeform.plain.body import loose_body
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import outlook, reading
-from meshdeform.runs.base import sha256_hex
+from meshdeform.runs.base import JobFile, sha256_hex
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import ReadingSource, corrected
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.runs.worth import as_foreseen
+from meshdeform.settings import Settings
 from meshdeform.support.recent import Recent
 from tests.cases import each_case
 from tests.unit.plain.shapes import chair, plain_glb
@@ -35,7 +36,7 @@ def foreseen(asked: JobRequest, folder: Path) -> Any:
     path = folder / "chair.glb"
     path.write_bytes(CHAIR)
     readings = FolderReadings(folder / "cache")
-    return TEXT_DEFORM.outlook(asked, resolve(asked.params), path, "chair.glb", Limits(), readings)
+    return TEXT_DEFORM.outlook(asked, resolve(asked.params), Settings(), JobFile(None, path, "chair.glb", readings))
 
 
 def read(asked: JobRequest, folder: Path) -> None:

@@ -19,7 +19,8 @@ from meshdeform.errors import ParameterError, PromptError, SilhouetteError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
-from meshdeform.runs.text_deform_kind import check
+from meshdeform.runs import check_request
+from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.unit.assets.playing import Player
 from tests.unit.assets.test_rig import arm
@@ -45,13 +46,13 @@ def request(prompt: str = "", **params: object) -> JobRequest:
 
 def refused(asked: JobRequest, *pictures: str, target: bool = False) -> ParameterError:
     with pytest.raises(ParameterError) as caught:
-        check(asked, default_model="builtin", targets=["target"] if target else [], pictures=pictures)
+        check_request(asked, Settings(), files=["asset", *(["target"] if target else []), *pictures])
     return caught.value
 
 
 def test_pictures_and_their_directions_belong_together() -> None:
     alone = request(guidance="silhouettes", silhouettes=BOTH)
-    resolved = check(alone, default_model="builtin", pictures=["silhouette_1", "silhouette_2"])
+    resolved: Any = check_request(alone, Settings(), files=["asset", "silhouette_1", "silhouette_2"])
     assert resolved.silhouettes[1].azimuth == 90
     assert "`silhouette_2` is missing" in refused(alone, "silhouette_1").detail
     assert "`silhouette_3` was sent" in refused(alone, "silhouette_1", "silhouette_2", "silhouette_3").detail
@@ -65,8 +66,8 @@ def test_pictures_and_their_directions_belong_together() -> None:
     assert "second mesh" in refused(beside, "silhouette_1", target=True).detail
     assert refused(beside, "silhouette_1", target=True).extra["errors"][0]["loc"] == ["params", "guidance"]
     with pytest.raises(PromptError):
-        check(request(silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
-    assert check(request("a vase", silhouettes=BOTH[:1]), default_model="builtin", pictures=["silhouette_1"])
+        check_request(request(silhouettes=BOTH[:1]), Settings(), files=["asset", "silhouette_1"])
+    assert check_request(request("a vase", silhouettes=BOTH[:1]), Settings(), files=["asset", "silhouette_1"])
 
 
 def test_the_report_has_the_overlap_of_every_view_before_and_after() -> None:

@@ -20,8 +20,10 @@ from meshdeform.record.models import NewJob
 from meshdeform.record.rows import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
-from meshdeform.runs.text_deform_kind import TEXT_DEFORM, check
+from meshdeform.runs import check_request
+from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.runs.verdict import prompt_reports
+from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior
 from tests.unit.runs.jobs import started
@@ -175,7 +177,7 @@ def test_a_region_that_reaches_nothing_is_refused(
 def test_what_prompts_cannot_be_combined_with_is_refused() -> None:
     def refused(request: JobRequest) -> str:
         with pytest.raises(ParameterError) as caught:
-            check(request, default_model="builtin")
+            check_request(request, Settings(), files=["asset"])
         assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance", "prompts"]
         return caught.value.detail
 
@@ -190,12 +192,12 @@ def test_what_prompts_cannot_be_combined_with_is_refused() -> None:
 
 
 def test_an_unknown_word_names_its_prompt() -> None:
-    check(request_of("", VASE, PEAR), default_model="builtin")
+    check_request(request_of("", VASE, PEAR), Settings(), files=["asset"])
     with pytest.raises(VocabularyError) as caught:
-        check(request_of("a pear", VASE, {"prompt": "a zebr", "weight": 0}), default_model="builtin")
+        check_request(request_of("a pear", VASE, {"prompt": "a zebr", "weight": 0}), Settings(), files=["asset"])
     assert caught.value.extra["errors"][0]["loc"] == ["params", "guidance", "prompts", 1, "prompt"]
     with pytest.raises(VocabularyError) as caught:
-        check(request_of("a zebr", VASE), default_model="builtin")
+        check_request(request_of("a zebr", VASE), Settings(), files=["asset"])
     assert caught.value.extra["errors"][0]["loc"] == ["prompt"]
 
 

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from bench.parametric_families import family, labels_document, packed
 from meshdeform.cli.app import app
+from meshdeform.kinds.families.commands import _shape_lines
 from meshdeform.kinds.families.fit_run import FamilyFitRun
 from tests.cases import each_case
 from tests.unit.cli.lines import done, refused
@@ -105,3 +106,14 @@ def test_what_cannot_be_done_is_said_and_files_of_the_user_are_kept(line: str, s
     assert said in refused(line)
     for mine in ("mine.txt", "mine/report.json", "mine/preview.png"):
         assert Path(mine).read_bytes() == b"mine"
+
+
+def test_a_shape_whose_parts_hang_apart_is_not_only_praised() -> None:
+    parts = [{"part": "seat", "member": "a", "gap": 0.002}, {"part": "lid", "member": "b", "gap": 0.0449}]
+    shape = {"name": "0.glb", "parts": parts, "loose": ["arm"], "nearest_members": [{"name": "c.glb", "distance": 0.1}]}
+    whole = {**shape, "parts": parts[:1], "loose": []}
+    summary = {"folder": "x", "files": [], "shapes": [shape, whole], "nearest_members": None}
+    assert list(_shape_lines(summary))[2:] == [
+        "0.glb  seat of a, lid of b; loose: arm; parts up to 4.5% apart; most like c.glb",
+        "0.glb  seat of a; most like c.glb",
+    ]
