@@ -74,7 +74,7 @@ def _reader(each: Listed, body: Body, *, given: bool) -> Callable[[], object]:
     from meshdeform.runs.reading import read_source
 
     if not given:
-        import meshdeform.runs.verdict  # noqa: F401  # with torch
+        import meshdeform.runs.likeness  # noqa: F401  # with torch
     return lambda: read_source(body, said(each, given=given))
 
 

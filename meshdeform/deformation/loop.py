@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,12 +31,13 @@ from torch import Tensor
 
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, RigidBody
+from meshdeform.deformation.decided import Decided, decide, stored_structure
 from meshdeform.deformation.lattice_field import LatticeField
-from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
+from meshdeform.deformation.orientation import AHEAD, Orientation
 from meshdeform.deformation.regularizers import Pulls, Regularizers
-from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, RunSettings, Safeguard
-from meshdeform.deformation.stand_in import StandIn, chosen_carrier
-from meshdeform.deformation.structure import UNKNOWN, Nature, Structure, structure_of
+from meshdeform.deformation.settings import Carrier, RunSettings, Safeguard
+from meshdeform.deformation.stand_in import StandIn
+from meshdeform.deformation.structure import UNKNOWN, Nature, Structure
 from meshdeform.deformation.surface_guard import EVERY_STEPS, SurfaceGuard
 from meshdeform.deformation.variables import Adam, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
@@ -48,7 +49,7 @@ from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, 
 from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.shading import OrthogonalGrid, Renderer, Shading
 
-_ORIENTATION, _STRUCTURE, _PULLS = "orientation", "structure", "pulls"
+_PULLS = "pulls"
 _REACHED = 1e-8
 """Value of a target's guidance that differs from zero by rounding only."""
 _SOFT = 2 / 3
@@ -97,8 +98,6 @@ class Deformation:
 
     Attributes
     ----------
-    orientation : Orientation
-        The turn of the cameras.
     pulls : Pulls
         How hard each regulariser pulls against the guidance, where that reaches all elements.
 
@@ -132,8 +131,8 @@ class Deformation:
         self._guidance = guidance
         self._device = device
         # Bodies and handles are vertices of the mesh itself.
-        own = not bodies and not constraints.handles
-        self._stand_in = StandIn(mesh, simplify=own, constraints=constraints)
+        simplify = not bodies and not constraints.handles
+        self._stand_in = StandIn(mesh, simplify=simplify, constraints=constraints)
         shown = self._stand_in.mesh
         self._shape = guidance if isinstance(guidance, ShapeGuidance) else None
         if self._shape is not None:
@@ -145,18 +144,14 @@ class Deformation:
         coloured = self._views.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
         self._renderer = Renderer(faces_of(shown), len(shown.verts), self._views.style, device, appearance=worn)
-        # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all, and
-        # a loss for a region reaches its elements alone.
-        few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS and not shares
-        stored = initial if checkpoint is None else checkpoint.tensors
         begun = None if initial is None else tensors_of(initial)
-        self.orientation = (
-            self._orient(initial, front) if checkpoint is None else _stored_orientation(checkpoint.tensors)
-        )
-        if stored is not None:
-            self.structure = _stored_structure(stored)  # only the same levels can represent its shape
+        if checkpoint is not None:
+            self._decided = Decided.stored(checkpoint.tensors)
+        elif initial is not None:
+            self._decided = Decided.continued(initial, params.orientation)
         else:
-            self.structure = self._chosen_structure(nature, rigid=bool(bodies)) if few else None
+            own = RestMesh.of(mesh)
+            self._decided = decide(params, own, shown, front, nature, rigid=bool(bodies), local=bool(shares))
         self._variables = self._stand_in.carry(params.carrier, begun, bodies, self.structure)
         rest = self._variables.rest
         self._regional = RegionalGradients(shares, RestMesh.of(mesh), self._variables) if shares else None
@@ -175,13 +170,15 @@ class Deformation:
         if checkpoint is not None:
             self.restore(checkpoint)
 
-    def _chosen_structure(self, nature: Nature, *, rigid: bool) -> Structure:
-        """Return what few controls keep of the mesh."""
-        params = self.params
-        if not params.keep_structure:
-            return Structure()
-        several = chosen_carrier(params.carrier, RestMesh.of(self.mesh), rigid=rigid) is Carrier.LATTICE
-        return structure_of(self._stand_in.mesh, nature, self.orientation.turn_deg, several=several)
+    @property
+    def orientation(self) -> Orientation:
+        """The turn of the cameras."""
+        return self._decided.orientation
+
+    @property
+    def structure(self) -> Structure | None:
+        """What few controls keep of the mesh; None if every element has its own Jacobian."""
+        return self._decided.structure
 
     @property
     def carrier(self) -> dict[str, Any]:
@@ -274,18 +271,7 @@ class Deformation:
             _PULLS: self.pulls.sums,
             "generator": self._generator.get_state(),
         }
-        told: dict[str, NDArray[Any]] = {_ORIENTATION: self.orientation.to_array()}
-        if self.structure is not None:
-            told[_STRUCTURE] = self.structure.to_array()
-        return Checkpoint(self.step, {**arrays_of(state), **told})
-
-    def _orient(self, initial: Mapping[str, NDArray[Any]] | None, front: Orientation) -> Orientation:
-        mode = self.params.orientation
-        if not isinstance(mode, OrientationMode):
-            return Orientation(mode, OrientationSource.GIVEN)
-        if mode is OrientationMode.KEEP:
-            return Orientation()
-        return front if initial is None else replace(_stored_orientation(initial), source=OrientationSource.CONTINUED)
+        return Checkpoint(self.step, {**arrays_of(state), **self._decided.to_state()})
 
     def _advance(self) -> dict[str, float]:
         # Before the optimiser updates the variables, a step changes only the generator.
@@ -390,22 +376,11 @@ class Deformation:
             self._guard.restore(state)
         if self._shape is not None:
             self._shape.restore(state)
-        self.orientation = _stored_orientation(checkpoint.tensors)
+        self._decided = Decided.stored(checkpoint.tensors)
         self.pulls.sums = state[_PULLS].clone()
         self._generator.set_state(state["generator"])
         self._consistent = True
         self.step = checkpoint.step
-
-
-def _stored_orientation(state: Mapping[str, NDArray[Any]]) -> Orientation:
-    """Return the orientation in a checkpoint's tensors."""
-    return Orientation.from_array(state[_ORIENTATION])
-
-
-def _stored_structure(state: Mapping[str, NDArray[Any]]) -> Structure | None:
-    """Return the structure stored in a checkpoint; None if every element has its own Jacobian."""
-    stored = state.get(_STRUCTURE)
-    return None if stored is None else Structure.from_array(stored)
 
 
 def stored_shape(
@@ -422,7 +397,7 @@ def stored_shape(
     """
     stand_in = StandIn(mesh, simplify=not bodies and not constraints.handles, constraints=constraints)
     tensors = tensors_of(state)
-    variables = stand_in.carry(carrier, tensors, bodies, _stored_structure(state))
+    variables = stand_in.carry(carrier, tensors, bodies, stored_structure(state))
     copy_into(variables, tensors)
     with torch.no_grad():
         return stand_in.follow(variables).numpy()

@@ -16,6 +16,8 @@ from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.runs.base import RunLog
 from meshdeform.runs.control import AssetControl, control_report
 from meshdeform.runs.fits import SilhouetteFit, TargetFit
+from meshdeform.runs.kept_structure import kept_structure
+from meshdeform.runs.likeness import likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition
@@ -30,7 +32,6 @@ from meshdeform.runs.text_report import (
     rig_warnings,
     source_of,
 )
-from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.worth import (
     UNMOVED,
     ShapeFigures,

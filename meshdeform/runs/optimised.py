@@ -23,10 +23,11 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
 from meshdeform.runs.control import WeldedSurface, read_control
 from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.fits import SilhouetteFit
+from meshdeform.runs.front import asks_source, front_of
 from meshdeform.runs.goals import GoalSource, read_goal
 from meshdeform.runs.plain_change import source_body
 from meshdeform.runs.prompts import read_prompts
-from meshdeform.runs.recognition import asks_source, front_of, nature_of
+from meshdeform.runs.recognition import nature_of
 from meshdeform.runs.starts import start_of
 from meshdeform.runs.surfaces import shape_id
 from meshdeform.runs.text_report import AssetFacts, Held, RunFacts, build_report, precision_of, sees_colours

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
-from meshdeform.deformation.orientation import AHEAD, Orientation, OrientationSource
 from meshdeform.deformation.structure import UNKNOWN, Nature
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.reading import Reading
 from meshdeform.reading.result import SURE
-from meshdeform.requests.choices import GuidanceKind, OrientationMode, is_builtin
 from meshdeform.requests.document import ResolvedParams
+from meshdeform.runs.front import asks_source
 from meshdeform.runs.kept_readings import given_noun
 from meshdeform.vocabulary.grammar import parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND
@@ -57,24 +56,6 @@ class Recognition:
     def to_dict(self) -> dict[str, Any]:
         """Return the member `source_noun` of the report."""
         return {"noun": self.noun, "probability": round(self.probability, 4), "recognised": self.sure}
-
-
-def asks_source(params: ResolvedParams) -> bool:
-    """Return whether anything depends on what the source is: the front, of a model that sees the azimuth."""
-    of_prompt = params.guidance is GuidanceKind.SDS and is_builtin(params.model)
-    return of_prompt and params.orientation is OrientationMode.AUTO
-
-
-def front_of(reading: Reading | None, params: ResolvedParams) -> Orientation:
-    """Return the front of a source for `params.guidance.orientation` = `auto`, by its reading if it has one."""
-    if params.guidance is not GuidanceKind.SDS:
-        return AHEAD
-    if not is_builtin(params.model):
-        return Orientation(source=OrientationSource.UNCONDITIONED)
-    if reading is None:
-        return Orientation(source=OrientationSource.UNRECOGNISED)
-    source = OrientationSource.FOUND if reading.front_sure else OrientationSource.UNDECIDED
-    return Orientation(reading.front_azimuth_deg, source)
 
 
 def nature_of(params: ResolvedParams, reading: Reading | None, prompt: str) -> Nature:

@@ -32,12 +32,14 @@ from meshdeform.requests.parameters import OF_OPTIMISER
 from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
 from meshdeform.runs.control import AssetControl, control_report
 from meshdeform.runs.fits import SilhouetteFit
+from meshdeform.runs.front import asks_source
+from meshdeform.runs.kept_structure import kept_structure
+from meshdeform.runs.likeness import likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
-from meshdeform.runs.recognition import Recognition, asks_source
+from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import Shown
-from meshdeform.runs.verdict import kept_structure, likeness, likeness_and_before, prompt_reports
 from meshdeform.runs.worth import (
     HELD_BACK,
     UNMOVED,

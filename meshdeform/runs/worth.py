@@ -6,7 +6,7 @@ what was to change. Whether a target or pictures are met, the distance that is l
 start. Where nobody can say it, as for free text, the shape alone decides.
 
 It is whole if its parts neither swelled nor withered against each other (`_SWOLLEN`), no figure of its structure is
-much beyond its limit (`meshdeform.runs.verdict.LIMITS`, `_TOLERATED`), and the safeguard held back little in the end.
+much beyond its limit (`kept_structure.LIMITS`, `_TOLERATED`), and the safeguard held back little in the end.
 Clay has no parts that could wither, and no walls that must stay flat: a convex source, such as a sphere or a cube, and
 what is alike from all sides and becomes something that is.
 
@@ -21,8 +21,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from meshdeform.runs.kept_structure import broken
 from meshdeform.runs.recognition import CROOKED
-from meshdeform.runs.verdict import broken
 from meshdeform.verdicts import Verdict
 from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND

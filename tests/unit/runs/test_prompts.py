@@ -21,8 +21,8 @@ from meshdeform.record.rows import searched_text
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request
+from meshdeform.runs.likeness import prompt_reports
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
-from meshdeform.runs.verdict import prompt_reports
 from meshdeform.settings import Settings
 from tests.cases import each_case
 from tests.unit.guidance.pictures import PicturesPrior

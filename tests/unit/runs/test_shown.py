@@ -12,8 +12,8 @@ from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.rendering.studio import SurfaceState, preview_png
+from meshdeform.runs.likeness import likeness_and_before
 from meshdeform.runs.surfaces import Shown, welded_surface
-from meshdeform.runs.verdict import likeness_and_before
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player

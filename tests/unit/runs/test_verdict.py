@@ -16,8 +16,10 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.priors import load_prior
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.runs.recognition import Recognition, asks_source, front_of, nature_of
-from meshdeform.runs.verdict import before, kept_structure, likeness
+from meshdeform.runs.front import asks_source, front_of
+from meshdeform.runs.kept_structure import kept_structure
+from meshdeform.runs.likeness import before, likeness
+from meshdeform.runs.recognition import Recognition, nature_of
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
 from training.judge.members import HELD_OUT, draw_shape, seeded

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from meshdeform.cli.report_lines import kept_line, verdict_line
-from meshdeform.runs.verdict import LIMITS
+from meshdeform.runs.kept_structure import LIMITS
 from meshdeform.runs.worth import (
     ShapeFigures,
     SourceAsset,

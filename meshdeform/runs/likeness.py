@@ -1,12 +1,12 @@
-"""Judge the likeness of a result, and what broke of its structure.
+"""Judge the likeness of a result to the nouns of its prompts.
 
-Ranks of nouns are among all that the judge knows. What follows from both is decided in `meshdeform.runs.worth`.
+Ranks of nouns are among all that the judge knows. What follows from them is decided in `meshdeform.runs.worth`.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from meshdeform.errors import ModelError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure_structure
 from meshdeform.judge import Judge
 from meshdeform.runs.prompts import Prompts
 from meshdeform.vocabulary.grammar import parse
@@ -24,60 +23,6 @@ _log = logging.getLogger(__name__)
 _Compare = Callable[[TriangleMesh, str], dict[str, Any] | None]
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
-
-LIMITS = {
-    "asymmetry": 0.01,  # of the diagonal: a leg or a wheel is seen to be longer than its mirror image
-    "flatness": 0.01,  # of a piece's diagonal: a table top or a wall is seen to bulge
-    "contacts": 0.005,  # of the diagonal: a gap between parts is seen
-    "cut_share": 0.01,  # of the faces: fewer usually hide where parts meet
-    "flipped_faces": 0.0,  # each is a hole or a dark spot
-    "opened_junctions": 0.0,  # each is the end of a crack, through which one looks into the asset
-}
-"""Largest figures of a result whose structure counts as kept."""
-
-_SENTENCES = {
-    "asymmetry": "Mirror symmetry was lost: {:.1%} of the diagonal.",
-    "flatness": "Flat pieces were bent: {:.1%} of their diagonals.",
-    "contacts": "Parts that touched came apart: {:.1%} of the diagonal.",
-    "cut_share": "Faces newly cut others: {:.1%} of all.",
-    "flipped_faces": "Faces were flipped: {:,}.",
-    "opened_junctions": "Cracks opened: {:,} of the vertices on edges of other faces came off.",
-}
-
-
-def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:
-    """Measure how much a result kept of its source.
-
-    `source` and `result`: with the same faces, +Y up; `quality`: the fields of
-    `meshdeform.geometry.quality.MeshQuality` for these two. Returns dict: the fields of
-    `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0 if not counted), `flipped_faces` and
-    `opened_junctions`.
-    """
-    cuts = quality["self_intersections_added"] or 0
-    faults = {name: quality[name] for name in ("flipped_faces", "opened_junctions")}
-    return {**measure_structure(source, result).to_dict(), "cut_share": cuts / len(source.faces), **faults}
-
-
-def broken(
-    structure: Mapping[str, Any], excused: Collection[str] = (), tolerated: Mapping[str, float] | None = None
-) -> list[str]:
-    """Return what of a structure is beyond its limits, in sentences.
-
-    `excused`: figures that do not count; `tolerated`: by which factor a figure may exceed its limit.
-    """
-    return [_SENTENCES[name].format(structure[name]) for name in _beyond(structure, excused, tolerated)]
-
-
-def _beyond(
-    structure: Mapping[str, Any], excused: Collection[str] = (), tolerated: Mapping[str, float] | None = None
-) -> list[str]:
-    """Return the figures that are beyond their limits."""
-    factors = tolerated or {}
-    return [
-        name
-        for name, limit in LIMITS.items()
-        if name not in excused and (structure.get(name) or 0.0) > limit * factors.get(name, 1.0)
-    ]
 
 
 def prompt_reports(
