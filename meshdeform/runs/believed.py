@@ -13,9 +13,9 @@ from meshdeform.plain.body import Body
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.parameters import TARGET_PARTS
 from meshdeform.runs.base import RunInput
+from meshdeform.runs.facts import AssetFacts
 from meshdeform.runs.plain_change import source_body
 from meshdeform.runs.reading import SourceReader
-from meshdeform.runs.text_report import AssetFacts
 from meshdeform.vocabulary.grammar import ParsedPrompt, parse
 from meshdeform.vocabulary.solids import part_label
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from meshdeform.rendering.studio import preview_png
 from meshdeform.requests.choices import RigMode
 from meshdeform.runs.base import ArtifactData, RunLog
+from meshdeform.runs.facts import AssetFacts, Held, Outcome
 from meshdeform.runs.strength import AssetPath, write_morph
 from meshdeform.runs.surfaces import DeformedSurface, Shown, deformed_surface, read_result, vertex_jacobians
-from meshdeform.runs.text_report import AssetFacts, Held, Outcome, provenance
+from meshdeform.runs.text_report import provenance
 from meshdeform.support.threads import side_by_side
 
 __all__ = ["GLB", "NewShape"]

@@ -42,19 +42,18 @@ from meshdeform.reading import NO_PART, Reading
 from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.choices import Carrier
 from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, WORDS_PART
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
+from meshdeform.runs.base import RunInput, RunLog
 from meshdeform.runs.believed import believed_source
 from meshdeform.runs.control import WeldedSurface, read_control
-from meshdeform.runs.delivery import GLB, NewShape
 from meshdeform.runs.drafts import FitSurface, in_place_of
 from meshdeform.runs.exemplar_control import FitControls
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.runs.exemplar_report import DIGITS, ExemplarFacts, Fit, exemplar_report
-from meshdeform.runs.fits import SilhouetteFit, TargetFit
-from meshdeform.runs.prompts import read_prompts
+from meshdeform.runs.facts import AssetFacts, Outcome, Wanted
+from meshdeform.runs.fits import TargetFit
+from meshdeform.runs.shape_run import ShapeRun
 from meshdeform.runs.starts import Start
 from meshdeform.runs.surfaces import shape_id
-from meshdeform.runs.text_report import AssetFacts, rig_warnings
 from meshdeform.vocabulary.grammar import parse
 
 __all__ = ["ExemplarRun", "start_exemplar"]
@@ -76,24 +75,18 @@ def start_exemplar(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Exemp
     if job_input.checkpoint is not None:
         load_checkpoint(job_input.checkpoint, run)  # refuses that of another run
     with log.phase("prepare"):
-        surface = WeldedSurface(asset, welded)
-        control = read_control(params, surface, frame, mesh)
-        prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
+        wanted = Wanted.of(facts, frame, mesh, job_input.files)
         stored = None if job_input.initial is None else load_shape(job_input.initial, shape)
-        verts = None if stored is None else _shape(stored, facts, surface, frame)
+        verts = None if stored is None else _shape(stored, facts, frame)
         targets = _targets(facts, job_input, frame)
-        pictures = [job_input.files[part].data for part in SILHOUETTE_PARTS if part in job_input.files]
-        silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
     with log.phase("parts"):
         body = believed_source(facts, job_input, verts)
     known = ExemplarFacts(
         **vars(facts),
+        **vars(wanted),
         frame=frame,
         shape_id=shape,
         fingerprint=run,
-        control=control,
-        prompts=prompts,
-        silhouettes=silhouettes,
         targets=targets,
         reading=body.reader.reading,
         guidance=guidance,
@@ -112,7 +105,7 @@ def _identity(job_input: RunInput) -> dict[str, str]:
     return {"id": "exemplar", "revision": "", "sha256": sha256}
 
 
-def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, surface: WeldedSurface, frame: CameraFrame) -> _Floats:
+def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, frame: CameraFrame) -> _Floats:
     """Return the vertices (V, 3) of a checkpoint of this or of an optimised run, in world space.
 
     `frame`: that of the cameras around the asset.
@@ -121,7 +114,7 @@ def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, surface: Welded
         return frame.leave(state[_VERTS])
     from meshdeform.deformation.loop import stored_shape
 
-    start = Start.of_state(state, facts.welded)
+    start, surface = Start.of_state(state, facts.welded), WeldedSurface(facts.asset, facts.welded)
     control = read_control(facts.params, surface, start.frame, RestMesh.of(start.frame.place(facts.welded.mesh)))
     shape = stored_shape(start.mesh, state, Carrier.AUTO, bodies=control.bodies, constraints=control.constraints)
     return start.frame.leave(shape)
@@ -138,16 +131,18 @@ def _targets(facts: AssetFacts, job_input: RunInput, frame: CameraFrame) -> dict
     }
 
 
-class ExemplarRun(JobRun):
+class ExemplarRun(ShapeRun):
     """Fits in progress, created by `start_exemplar`."""
+
+    _facts: ExemplarFacts
 
     def __init__(self, facts: ExemplarFacts, body: Body, job_input: RunInput, log: RunLog) -> None:
         self._labels = ReadParts(body).labels
         whole = FitSurface(body.points, body.faces, self._labels)
         self._fitted = in_place_of(whole) if job_input.draft else whole
         self._wishes = _wishes(facts, self._fitted)
-        super().__init__(STEPS * len(self._wishes), 0, log)
-        self._facts, self._body, self._cache = facts, body, job_input.readings.samples
+        super().__init__(facts, STEPS * len(self._wishes), 0, log)
+        self._body, self._cache = body, job_input.readings.samples
         self._controls = FitControls(facts.control, facts.frame, facts.welded.mesh)
         self._shares = [None] if facts.prompts is None else facts.prompts.of_vertices(facts.welded.mesh)
         self._moves = [np.zeros_like(body.points) for _ in self._wishes]
@@ -181,22 +176,12 @@ class ExemplarRun(JobRun):
 
     def checkpoint(self) -> bytes:
         """Return the current shape: a run that resumes starts again."""
-        verts = self._facts.frame.enter(self._verts())
+        verts = self._facts.frame.enter(self.verts())
         state = Checkpoint(self.step, {_VERTS: verts})
         return dump_checkpoint(state, self._facts.fingerprint, self._facts.shape_id)
 
-    def snapshot(self) -> ArtifactData:
-        """Return the asset with its current shape, in the form of `result.glb`."""
-        return ArtifactData(self._new_shape().written(), GLB)
-
-    def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
-        with self.log.phase("write"):
-            shape = self._new_shape()
-        return shape.delivered(
-            lambda outcome: exemplar_report(self._facts, self._fits, self._mended, outcome, self.log, self._foreseen),
-            self.log,
-        )
+    def _report(self, outcome: Outcome) -> bytes:
+        return exemplar_report(self._facts, self._fits, self._mended, outcome, self.log, self._foreseen)
 
     @property
     def reading(self) -> Reading | None:
@@ -207,7 +192,7 @@ class ExemplarRun(JobRun):
     def warnings(self) -> list[str]:
         """Sentences about words that were read otherwise, and about what did not follow the shape."""
         notes = [note for prompt, _ in self._wishes if prompt for note in parse(prompt).notes]
-        return [*notes, *rig_warnings(self._facts.asset, self._facts.request.output.rig)]
+        return [*notes, *super().warnings]
 
     @property
     def is_draft(self) -> bool:
@@ -224,7 +209,7 @@ class ExemplarRun(JobRun):
         kept = {} if self._mended is None else {"kept": round(self._mended.kept, DIGITS)}
         told = [{name: each for name, each in fit.to_dict().items() if name != "seconds"} | kept for fit in self._fits]
         turn_deg = float(str(self._fits[0].result.member.get("turn_deg", 0.0)))
-        return Start(TriangleMesh(self._verts(), self._facts.welded.mesh.faces), told, turn_deg)
+        return Start(TriangleMesh(self.verts(), self._facts.welded.mesh.faces), told, turn_deg)
 
     def _foreseen(self) -> FitOutlook | None:
         """Return what there is to expect of a fit to the only prompt."""
@@ -236,11 +221,8 @@ class ExemplarRun(JobRun):
         source = Shape("" if reading is None else reading.noun, frame.enter(body.points), body.faces, self._labels)
         return outlook(source, wish, cache=self._cache)
 
-    def _new_shape(self) -> NewShape:
-        return NewShape.of(self._facts, self._verts(), self.step)
-
-    def _verts(self) -> _Floats:
-        """Return the current welded vertices (V, 3), in world space."""
+    def verts(self) -> _Floats:
+        """Return the current welded vertices (V, 3) float64, in world space."""
         return self._blended() if self._result is None else self._result
 
     @property

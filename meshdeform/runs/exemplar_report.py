@@ -11,20 +11,15 @@ from meshdeform.exemplar.mending import Mended
 from meshdeform.exemplar.outlook import FitOutlook
 from meshdeform.exemplar.shapes import ExemplarResult
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.reading import Reading
-from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.runs.base import RunLog
-from meshdeform.runs.control import AssetControl, control_report
-from meshdeform.runs.fits import SilhouetteFit, TargetFit
+from meshdeform.runs.control import control_report
+from meshdeform.runs.facts import GuidedFacts, Held, Outcome
+from meshdeform.runs.fits import TargetFit
 from meshdeform.runs.kept_structure import kept_structure
 from meshdeform.runs.likeness import likeness, likeness_and_before, prompt_reports
-from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.text_report import (
-    AssetFacts,
-    Held,
-    Outcome,
     common_members,
     kept_shapes,
     measure_movement,
@@ -54,18 +49,10 @@ _HARDLY = "The mesh hardly moved ({:.1%} of its size): the exemplar is much like
 
 
 @dataclass(frozen=True)
-class ExemplarFacts(AssetFacts):
+class ExemplarFacts(GuidedFacts):
     """Facts about a run before its fits."""
 
-    frame: CameraFrame
-    # Of the mesh, and of the run
-    shape_id: str
-    fingerprint: str
-    control: AssetControl
-    prompts: Prompts | None  # those of a job that has several
-    silhouettes: SilhouetteFit | None
     targets: Mapping[str, TargetFit]  # by their parts, placed on the asset
-    reading: Reading | None  # what the asset was read as
     guidance: Mapping[str, str]  # the identity of what guides the run
 
 

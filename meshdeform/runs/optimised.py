@@ -18,19 +18,16 @@ from meshdeform.deformation.surface_guard import EVERY_STEPS
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.priors.base import Prior
 from meshdeform.reading import Reading
-from meshdeform.requests.parameters import SILHOUETTE_PARTS
-from meshdeform.runs.base import ArtifactData, JobRun, RunInput, RunLog
-from meshdeform.runs.control import WeldedSurface, read_control
-from meshdeform.runs.delivery import GLB, NewShape
-from meshdeform.runs.fits import SilhouetteFit
+from meshdeform.runs.base import RunInput, RunLog
+from meshdeform.runs.facts import AssetFacts, Held, Outcome, Wanted
 from meshdeform.runs.front import asks_source, front_of
 from meshdeform.runs.goals import GoalSource, read_goal
 from meshdeform.runs.plain_change import source_body
-from meshdeform.runs.prompts import read_prompts
 from meshdeform.runs.recognition import nature_of
+from meshdeform.runs.shape_run import ShapeRun
 from meshdeform.runs.starts import start_of
 from meshdeform.runs.surfaces import shape_id
-from meshdeform.runs.text_report import AssetFacts, Held, RunFacts, build_report, precision_of, sees_colours
+from meshdeform.runs.text_report import RunFacts, build_report, precision_of, sees_colours
 
 __all__ = ["TextDeformRun", "start_optimised"]
 
@@ -51,16 +48,11 @@ def start_optimised(facts: AssetFacts, prior: Prior | None, job_input: RunInput,
     frame = begun.frame
     mesh = RestMesh.of(frame.place(welded.mesh))
     with log.phase("prepare"):
-        surface = WeldedSurface(asset, welded)
-        control = read_control(params, surface, frame, mesh)
-        prompts = read_prompts(request.prompt, params, surface, mesh, control) if params.prompts else None
-        pictures = [
-            job_input.files[part].data
-            for part in SILHOUETTE_PARTS[: len(params.silhouettes)]
-            if part in job_input.files
-        ]
-        silhouettes = SilhouetteFit.of(params, pictures) if params.silhouettes else None
-        source = GoalSource(asset, welded.mesh, begun.mesh, frame, prior, target, silhouettes, limits, device, prompts)
+        wanted = Wanted.of(facts, frame, mesh, job_input.files)
+        control = wanted.control
+        source = GoalSource(
+            asset, welded.mesh, begun.mesh, frame, prior, target, wanted.silhouettes, limits, device, wanted.prompts
+        )
         goal = read_goal(request, params, source)
         run = fingerprint(
             params=params.model_dump(mode="json"),
@@ -86,14 +78,12 @@ def start_optimised(facts: AssetFacts, prior: Prior | None, job_input: RunInput,
         )
     known = RunFacts(
         **vars(facts),
+        **vars(wanted),
         start=begun,
         frame=frame,
         shape_id=shape,
         fingerprint=run,
-        control=control,
         goal=goal,
-        prompts=prompts,
-        silhouettes=silhouettes,
         reading=reading,
         precision=precision_of(prior, state),
     )
@@ -108,13 +98,15 @@ def _reading(facts: AssetFacts, job_input: RunInput, log: RunLog) -> Reading | N
         return source_body(facts, job_input.readings).reader.reading
 
 
-class TextDeformRun(JobRun):
-    """A run in progress, created by `start`."""
+class TextDeformRun(ShapeRun):
+    """An optimisation in progress, created by `start_optimised`."""
+
+    _facts: RunFacts
 
     def __init__(self, facts: RunFacts, deformation: Deformation, log: RunLog) -> None:
-        super().__init__(facts.params.steps, deformation.step, log)
-        self._facts, self._deformation = facts, deformation
-        self._held: dict[int, float] = {}
+        super().__init__(facts, facts.params.steps, deformation.step, log)
+        self._deformation = deformation
+        self._held_shares: dict[int, float] = {}
 
     @property
     def orientation(self) -> Orientation:
@@ -125,7 +117,7 @@ class TextDeformRun(JobRun):
         for step in self._deformation:
             checked = step.step % EVERY_STEPS == 0 or self._deformation.done
             if checked and "held_share" in step.losses:
-                self._held[step.step] = step.losses["held_share"]
+                self._held_shares[step.step] = step.losses["held_share"]
             yield step.losses
 
     def checkpoint(self) -> bytes:
@@ -136,24 +128,14 @@ class TextDeformRun(JobRun):
 
     def positions(self) -> NDArray[np.float64]:
         """Return the current world positions (N, 3), float64, of the asset's own vertices."""
-        return self._facts.welded.scatter(self._world_verts(), self._facts.asset.surface.positions)
+        return self._facts.welded.scatter(self.verts(), self._facts.asset.surface.positions)
 
-    def snapshot(self) -> ArtifactData:
-        """Return the asset with its current shape, in the form of `result.glb`."""
-        return ArtifactData(self._new_shape().written(), GLB)
+    def _report(self, outcome: Outcome) -> bytes:
+        return build_report(self._facts, self._deformation, outcome, self.first_step, self.log)
 
-    def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
-        with self.log.phase("write"):
-            shape = self._new_shape()
-        return shape.delivered(
-            lambda outcome: build_report(self._facts, self._deformation, outcome, self.first_step, self.log),
-            self.log,
-            Held.of(self._held, self.total_steps),
-        )
-
-    def _new_shape(self) -> NewShape:
-        return NewShape.of(self._facts, self._world_verts(), self.step)
+    @property
+    def _held(self) -> Held:
+        return Held.of(self._held_shares, self.total_steps)
 
     @cached_property
     def _keeps_ground(self) -> bool:
@@ -165,7 +147,8 @@ class TextDeformRun(JobRun):
         backdrop = self._facts.asset.backdrop
         return structure.level or stands or (backdrop is not None and backdrop.left)
 
-    def _world_verts(self) -> NDArray[np.float64]:
+    def verts(self) -> NDArray[np.float64]:
+        """Return the current welded vertices (V, 3) float64, in world space."""
         constraints = self._facts.control.constraints
         verts, kept = self._facts.frame.leave(self._deformation.verts().numpy()), constraints.kept
         if kept is None and not constraints.handles and self._keeps_ground:

@@ -14,13 +14,15 @@ from meshdeform.plain.pieces import PartMissingError
 from meshdeform.plain.words import Sentence
 from meshdeform.reading import Reading
 from meshdeform.requests.choices import RigMode
-from meshdeform.runs.base import ArtifactData, JobRun, RunLog
+from meshdeform.runs.base import RunLog
 from meshdeform.runs.changes import check_change, is_change, part_names, part_not_found
-from meshdeform.runs.delivery import GLB, NewShape
+from meshdeform.runs.delivery import NewShape
+from meshdeform.runs.facts import AssetFacts, Outcome
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.reading import ReadingSource, made, reshaped, welded_body
+from meshdeform.runs.shape_run import ShapeRun
 from meshdeform.runs.surfaces import DeformedSurface, affine_surface, deformed_surface, vertex_jacobians
-from meshdeform.runs.text_report import AssetFacts, Outcome, change_report, rig_warnings
+from meshdeform.runs.text_report import change_report
 
 __all__ = ["PlainChangeRun", "source_body", "start_change"]
 
@@ -53,7 +55,7 @@ def start_change(facts: AssetFacts, body: Body, sentence: Sentence, log: RunLog)
     return PlainChangeRun(facts, verts, done, made(body), sentence, log)
 
 
-class PlainChangeRun(JobRun):
+class PlainChangeRun(ShapeRun):
     """A change that was made, created by `start_change`; it has no steps."""
 
     def __init__(
@@ -65,11 +67,11 @@ class PlainChangeRun(JobRun):
         sentence: Sentence,
         log: RunLog,
     ) -> None:
-        super().__init__(0, 0, log)
-        self._facts, self._done, self._reading, self._sentence = facts, done, reading, sentence
+        super().__init__(facts, 0, 0, log)
+        self._done, self._reading, self._sentence = done, reading, sentence
         self._affine = affine_of(done)
         # Of an affine change, the file's own vertices are moved, not those that were welded.
-        self._verts = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
+        self._moved = verts if self._affine is None else facts.welded.gather(self._surface.positions).verts
 
     @property
     def reading(self) -> Reading | None:
@@ -80,7 +82,7 @@ class PlainChangeRun(JobRun):
     def warnings(self) -> list[str]:
         """Sentences about words that were read otherwise, and about what is other than was asked for."""
         said = [text for each in self._done for text in (*each.warnings, *(() if each.held_back else each.doubts))]
-        return [*self._sentence.notes, *said, *rig_warnings(self._facts.asset, self._rig_mode)]
+        return [*self._sentence.notes, *said, *super().warnings]
 
     def _steps(self) -> Iterator[dict[str, float]]:
         return iter(())
@@ -89,15 +91,9 @@ class PlainChangeRun(JobRun):
         """Return nothing: a run without steps has no state."""
         return b""
 
-    def snapshot(self) -> ArtifactData:
-        """Return the changed asset, in the form of `result.glb`."""
-        return ArtifactData(self._new_shape.written(), GLB)
-
-    def finish(self) -> dict[str, ArtifactData]:
-        """Return `result.glb`, `report.json` and `preview.png`, and `morph.glb` if requested."""
-        with self.log.phase("write"):
-            shape = self._new_shape
-        return shape.delivered(self._report, self.log)
+    def verts(self) -> NDArray[np.float64]:
+        """Return the current welded vertices (V, 3) float64, in world space."""
+        return self._moved
 
     def _report(self, outcome: Outcome) -> bytes:
         return change_report(
@@ -111,20 +107,23 @@ class PlainChangeRun(JobRun):
             log=self.log,
         )
 
-    @cached_property
     def _new_shape(self) -> NewShape:
+        return self._made
+
+    @cached_property
+    def _made(self) -> NewShape:
         jacobians = None
         if self._follows and self._affine is not None:
             _, jacobians = self._moved_as_one
         elif self._follows:
-            jacobians = vertex_jacobians(self._facts.welded, self._verts)
-        return NewShape(self._facts, self._verts, self._surface, jacobians, 0)
+            jacobians = vertex_jacobians(self._facts.welded, self._moved)
+        return NewShape(self._facts, self._moved, self._surface, jacobians, 0)
 
     @cached_property
     def _surface(self) -> DeformedSurface:
         if self._affine is not None:
             return self._moved_as_one[0]
-        return deformed_surface(self._facts.asset.surface, self._facts.welded, self._verts)
+        return deformed_surface(self._facts.asset.surface, self._facts.welded, self._moved)
 
     @cached_property
     def _moved_as_one(self) -> tuple[DeformedSurface, NDArray[np.float64]]:

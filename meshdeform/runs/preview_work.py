@@ -20,10 +20,9 @@ from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.previews import MOST_LEVELS, PreviewShape, PreviewShapes, PrimitivePositions, pack
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import InputFile, JobRun, RunInput
-from meshdeform.runs.exemplar import ExemplarRun
 from meshdeform.runs.kept_readings import FolderReadings
-from meshdeform.runs.plain_change import PlainChangeRun
 from meshdeform.runs.reading import reading_document
+from meshdeform.runs.shape_run import ShapeRun
 from meshdeform.runs.warm_processes import StoppedError
 from meshdeform.runs.word_pins import KnowingRun
 from meshdeform.support.recent import Recent
@@ -108,11 +107,10 @@ def _made(
 def _as_made(run: JobRun, resolved: dict[str, Any]) -> _Made:
     """Return the result of a run."""
     own = run.run if isinstance(run, KnowingRun) else run
-    assert isinstance(own, ExemplarRun | PlainChangeRun)
-    members, draft = (own.members, own.is_draft) if isinstance(own, ExemplarRun) else ([], False)
+    assert isinstance(own, ShapeRun)
     reading = reading_document(own.reading, ResolvedParams.model_validate(resolved))
-    member = members[0] if members else {}
-    return _Made(run.snapshot().data, run.total_steps == 0, draft, member, own.warnings, reading)
+    member = own.members[0] if own.members else {}
+    return _Made(run.snapshot().data, run.total_steps == 0, own.is_draft, member, own.warnings, reading)
 
 
 def positions_of(glb: bytes) -> list[PrimitivePositions]:

@@ -25,7 +25,7 @@ from meshdeform.requests.choices import GuidanceKind, OrientationMode, StartMode
 from meshdeform.runs.base import RunInput, RunLog
 
 if TYPE_CHECKING:
-    from meshdeform.runs.text_report import AssetFacts
+    from meshdeform.runs.facts import AssetFacts
 
 __all__ = ["Start", "start_of"]
 

@@ -18,10 +18,10 @@ from meshdeform.runs.base import JobRun, RunInput, RunLog, import_extra, load_mo
 from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
 from meshdeform.runs.devices import resolve_device
+from meshdeform.runs.facts import AssetFacts
 from meshdeform.runs.opened import opened
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.text_deform_kind import resolved_params
-from meshdeform.runs.text_report import AssetFacts
 from meshdeform.runs.word_pins import KnowingRun, words_of
 from meshdeform.words import in_use
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +25,15 @@ from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name
 from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS
-from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.choices import AppearanceMode, Rigidity, RigMode, is_builtin
-from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams
+from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, ResolvedParams
 from meshdeform.requests.parameters import OF_OPTIMISER
-from meshdeform.runs.base import InputFile, RunLog, sha256_hex, versions
-from meshdeform.runs.control import AssetControl, control_report
-from meshdeform.runs.fits import SilhouetteFit
+from meshdeform.runs.base import RunLog, sha256_hex, versions
+from meshdeform.runs.control import control_report
+from meshdeform.runs.facts import AssetFacts, GuidedFacts, Held, Outcome
 from meshdeform.runs.front import asks_source
 from meshdeform.runs.kept_structure import kept_structure
 from meshdeform.runs.likeness import likeness, likeness_and_before, prompt_reports
-from meshdeform.runs.prompts import Prompts
 from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.starts import Start
@@ -89,33 +87,11 @@ _COLOURED = (AppearanceMode.TEXTURED, AppearanceMode.MIXED)
 
 
 @dataclass(frozen=True)
-class AssetFacts:
-    """Facts about a request and its asset."""
-
-    request: JobRequest
-    params: ResolvedParams
-    file: InputFile  # the asset, with its hash
-    asset: Asset  # the same, prepared
-    subdivision: Subdivision | None  # what was split
-    drawn: NDArray[np.bool_]  # (T,) bool: which triangles of the asset are drawn and deformed
-    welded: WeldedMesh
-    device: str
-
-
-@dataclass(frozen=True)
-class RunFacts(AssetFacts):
-    """Facts about a run before its first step."""
+class RunFacts(GuidedFacts):
+    """Facts about an optimisation before its first step."""
 
     start: Start
-    frame: CameraFrame
-    # Of the mesh, and of the run
-    shape_id: str
-    fingerprint: str
-    control: AssetControl
     goal: Goal
-    prompts: Prompts | None  # those of a job that has several
-    silhouettes: SilhouetteFit | None
-    reading: Reading | None  # what the source was read as, if anything depends on it
     precision: str | None  # as `precision_of` returns it
 
     @property
@@ -127,37 +103,6 @@ class RunFacts(AssetFacts):
     def recognised(self) -> Recognition | None:
         """What the source was taken for; None if nothing depends on it."""
         return Recognition.of(self.params, self.reading) if asks_source(self.params) else None
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Results of a run."""
-
-    verts: NDArray[np.float64]  # (V, 3) float64: deformed welded world positions
-    result: bytes  # `result.glb`
-    written: Asset  # `result.glb`, read back, so that errors of the writer show
-    shown: Shown  # what viewers show of source and result
-    rebuilt_normals: int
-    """Normals that were replaced, since they would have pointed behind a face. The report adds those that the file had
-    without a direction."""
-    held: Held
-
-
-@dataclass(frozen=True)
-class Held:
-    """Shares of the faces, or of the cells of a lattice, that the safeguard held back when it checked."""
-
-    mean: float = 0.0  # over the run
-    at_end: float = 0.0  # over its last quarter
-
-    @classmethod
-    def of(cls, shares: Mapping[int, float], steps: int) -> Self:
-        """Return the means of the shares at each check, by its step, of a run of so many steps.
-
-        An attempt that resumed before the last quarter says the same of the end as one that did not.
-        """
-        late = [share for step, share in shares.items() if step > 0.75 * steps] or list(shares.values())[-1:]
-        return cls(float(np.mean(list(shares.values()))), float(np.mean(late))) if shares else cls()
 
 
 def provenance(facts: AssetFacts, step: int) -> dict[str, Any]:

@@ -10,7 +10,8 @@ import pytest
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.runs.base import RunLog
-from meshdeform.runs.text_report import Held, measure_movement
+from meshdeform.runs.facts import Held
+from meshdeform.runs.text_report import measure_movement
 from tests.cases import each_case
 from tests.unit.runs.jobs import finished, started
 from tests.unit.runs.test_text_deform import glb

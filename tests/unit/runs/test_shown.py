@@ -79,7 +79,7 @@ def test_a_skin_is_judged_drawn_and_measured_as_it_is_shown() -> None:
     result, welded = load_asset(data), welded_surface(asset)
     skin = Player(data).at(None, 0).verts
     np.testing.assert_allclose(result.surface.positions[: len(skin)], skin, atol=1e-6)
-    before, after = welded.mesh, Shown.of(asset, result, welded, job._world_verts()).result
+    before, after = welded.mesh, Shown.of(asset, result, welded, job.verts()).result
     assert report["quality"] == measure(before.verts, before.faces, after.verts).to_dict()
     compared = likeness_and_before(before, after, "a mushroom")
     assert report["likeness"] == json.loads(json.dumps(compared))
