@@ -68,7 +68,7 @@ class JobKind(StrEnum):
     """Kind of a job; `meshdeform.runs` describes each one."""
 
     # The others are those that the folders of kinds bring.
-    _ignore_ = ("members", "kind")
+    _ignore_ = "members kind"
     TEXT_DEFORM = "text_deform"
     members = vars()
     for kind in kind_names():

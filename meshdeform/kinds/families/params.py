@@ -11,6 +11,8 @@ from meshdeform.requests.declaration import StrictModel
 
 MAX_SYNTHESES = 64
 
+RETIRED = {"family_synthesize": frozenset({"max_defect"})}
+
 _Member = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
 _Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 
@@ -104,5 +106,3 @@ class FamilySynthesisParams(StrictModel):
 
 
 PARAMS = {"family_fit": FamilyParams, "family_synthesize": FamilySynthesisParams}
-
-RETIRED = {"family_synthesize": frozenset({"max_defect"})}

@@ -30,6 +30,12 @@ from service.words.known import with_others
 
 router = APIRouter(prefix="/v1/sketches", tags=["sketches"], dependencies=KNOWN_QUERY)
 
+ROUTERS = (router,)
+
+MODELS = (Sketch,)
+
+TAGS = ({"name": "sketches", "description": "Reading a drawing, before it is the target of a job: docs/sketch.md."},)
+
 _MAX_BYTES = 20_000_000
 _GUESS_TIMEOUT_S = 120.0
 _SHAPE_TIMEOUT_S = 30.0
@@ -117,10 +123,3 @@ def _guessed(app: AppState, owner_id: str, drawing: Path, noun: str) -> SketchGu
 
 def _shaped(app: AppState, owner_id: str, sketch: Sketch, folder: Path) -> bytes:
     return shape_of(sketch, folder, words=with_others(app, owner_id, []), timeout_s=_SHAPE_TIMEOUT_S)
-
-
-ROUTERS = (router,)
-
-MODELS = (Sketch,)
-
-TAGS = ({"name": "sketches", "description": "Reading a drawing, before it is the target of a job: docs/sketch.md."},)

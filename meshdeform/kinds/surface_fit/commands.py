@@ -30,6 +30,8 @@ from meshdeform.errors import AssetError, ParameterError
 if TYPE_CHECKING:
     from meshdeform.cli.local import FinishedRun
 
+OUTPUTS = {"surface_fit": {".ndf": "surface.ndf", ".glb": "level_{level}.glb"}}
+
 _FIT = "Base, network and fit"
 _MAX_FACES = 4_000_000
 
@@ -173,7 +175,5 @@ def _surface_lines(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 COMMANDS = (surface_fit, unfold)
-
-OUTPUTS = {"surface_fit": {".ndf": "surface.ndf", ".glb": "level_{level}.glb"}}
 
 PRINTED = {"surface_fit": (_surface, _surface_lines)}

@@ -10,6 +10,9 @@ from meshdeform.requests.document import JobKind, JobRequest
 from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
 from meshdeform.runs.costs import Costs
 
+COSTS = {"surface_fit/": Costs(1.73, 6.0, 0.0078)}
+"""As in `meshdeform.runs.costs`."""
+
 _GLB = "model/gltf-binary"
 _SAME = ("base_faces", "features", "octaves", "width", "depth")
 
@@ -89,6 +92,3 @@ SURFACE_FIT = Kind(
 )
 
 KINDS = (SURFACE_FIT,)
-
-COSTS = {"surface_fit/": Costs(1.73, 6.0, 0.0078)}
-"""As in `meshdeform.runs.costs`."""

@@ -14,6 +14,8 @@ MAX_ANCHORS = 256
 MAX_LEVEL = 4
 """Highest level that a job writes as a mesh."""
 
+RETIRED = {"surface_fit": frozenset({"batch_faces", "learning_rate", "normal_weight"})}
+
 
 class Anchor(StrictModel):
     """A place of the base that comes to lie at a place of the surface."""
@@ -71,5 +73,3 @@ class SurfaceFitParams(StrictModel):
 
 
 PARAMS = {"surface_fit": SurfaceFitParams}
-
-RETIRED = {"surface_fit": frozenset({"batch_faces", "learning_rate", "normal_weight"})}
