@@ -133,14 +133,20 @@ class AppState:
     record_health: Probe = field(default_factory=Probe)
     redis_health: Probe = field(default_factory=Probe)
     store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
-    # Searches of parts and previews, readings of drawings and makings of shapes, and words: each in a process.
+    # Searches of parts and previews, words, and what kinds of job do besides: each in a process.
     naming: FairSlots = field(default_factory=_processes("parts are being found or previews made"))
-    sketching: FairSlots = field(default_factory=_processes("drawings are being read"))
     wording: FairSlots = field(default_factory=_processes("words are being made"))
     # Threads that resolve the hosts of webhooks and of files; neither waits for the other.
     webhook_lookups: LookupPool = field(default_factory=_lookups)
     fetch_lookups: LookupPool = field(default_factory=_lookups)
+    _of_kinds: dict[str, FairSlots] = field(default_factory=dict)
     _intake_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(_CHECKS_AT_ONCE))
+
+    def slots_for(self, purpose: str) -> FairSlots:
+        """Return the slots of what a kind of job does in a process of its own: "drawings are being read"."""
+        if purpose not in self._of_kinds:
+            self._of_kinds[purpose] = _processes(purpose)()
+        return self._of_kinds[purpose]
 
     @classmethod
     def open(cls, settings: Settings, *, alone: bool = False) -> AppState:

@@ -36,6 +36,7 @@ MODELS = (Sketch,)
 
 TAGS = ({"name": "sketches", "description": "Reading a drawing, before it is the target of a job: docs/sketch.md."},)
 
+_READING = "drawings are being read"
 _MAX_BYTES = 20_000_000
 _GUESS_TIMEOUT_S = 120.0
 _SHAPE_TIMEOUT_S = 30.0
@@ -87,7 +88,7 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
             drawing = folder / "drawing"
             too_large = DrawingError(f"The drawing's file is larger than {readable_size(_MAX_BYTES)}.")
             await receive_file(request, drawing, _MAX_BYTES, too_large)
-            async with while_waited_for(request), app.sketching.slot(principal.owner_id):
+            async with while_waited_for(request), app.slots_for(_READING).slot(principal.owner_id):
                 guesses = await to_thread.run_sync(_guessed, app, principal.owner_id, drawing, noun or "")
     return Response(guesses.model_dump_json(), media_type="application/json")
 
@@ -110,7 +111,7 @@ async def make_sketch_mesh(request: Request, app: AppStateDep, principal: Princi
     """A mesh of these sliders, which a job can take as its target."""
     sketch = parse_document(Sketch, await receive_document(request))
     with app.workspace.temporary_folder() as folder:
-        async with while_waited_for(request), app.sketching.slot(principal.owner_id):
+        async with while_waited_for(request), app.slots_for(_READING).slot(principal.owner_id):
             data = await to_thread.run_sync(_shaped, app, principal.owner_id, sketch, folder)
     # As described: code generators know no other media type for bytes.
     return Response(data, media_type="application/octet-stream")
