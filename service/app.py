@@ -36,7 +36,6 @@ from service.page import routes as page_routes
 from service.state import AppState
 from service.uploads import routes as upload_routes
 from service.webhooks import routes as webhook_routes
-from service.words import routes as word_routes
 
 _RETURN_MEMORY_S = 30.0  # seldom: the pages that are needed again have to be fetched again
 
@@ -80,7 +79,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for brings in brought("routes"):
         for router in brings.ROUTERS:
             app.include_router(router, responses=refusals)
-    app.include_router(word_routes.router, responses=refusals)
     app.include_router(operation_routes.router, responses=refusals)
     app.include_router(operation_routes.health)
     app.router.routes += page_routes.routes

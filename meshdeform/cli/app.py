@@ -29,8 +29,7 @@ from meshdeform.cli.output import emit
 from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
-from meshdeform.cli.words import words
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import brought, merged
 from meshdeform.support.threads import limit_waiting, quick_end
 
 # From the click that typer uses, which may be a copy of its own.
@@ -151,7 +150,8 @@ for _panel, _commands in {
     for _each in _commands:
         _class = form_command(*getattr(_each, "forms", ()), usual=getattr(_each, "usual", ()))
         app.command(cls=_class, rich_help_panel=_panel)(_each)
-app.add_typer(words, name="words", rich_help_panel=_MACHINE)
+for _name, _group in merged("commands", "GROUPS").items():
+    app.add_typer(_group, name=_name, rich_help_panel=_MACHINE)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 
 

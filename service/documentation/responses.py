@@ -49,7 +49,6 @@ from service.jobs.documents import (
     RetryDocument,
     UploadCompletion,
     UploadDocument,
-    WordDocument,
 )
 from service.schemas import Problem
 
@@ -99,7 +98,6 @@ _MODELS = (
     RetryDocument,
     UploadDocument,
     UploadCompletion,
-    WordDocument,
     Problem,
 )
 _REFERENCE = "#/components/schemas/{model}"
@@ -114,7 +112,6 @@ _SERVERS = [
 _TAGS = [
     {"name": "jobs", "description": "A job deforms one asset: post it, follow it, cancel it, delete it."},
     {"name": "uploads", "description": "Files uploaded before their jobs, in pieces if needed."},
-    {"name": "words", "description": "Words of your own, which your prompts can name: docs/words.md."},
     {"name": "events", "description": "The events of a job as they happen: docs/http.md#events."},
     {"name": "checkpoints", "description": "The steps from which a job can continue, and its mesh at each."},
     {"name": "artifacts", "description": "The results of a job."},

@@ -12,14 +12,12 @@ from meshdeform.outgoing.addresses import MAX_URL
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.document import MAX_DEADLINE_S, JobRequest
 from meshdeform.requests.parameters import MAX_SEED
-from meshdeform.words.limits import MAX_SHAPES, MAX_SYNONYMS, MAX_TEXT
 
 UPLOAD_ID_PATTERN = id_pattern("upl")
 SHA256_PATTERN = r"^[0-9a-fA-F]{64}$"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 _Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 _Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]
-_Front = Annotated[float, Field(ge=-360.0, le=360.0)]
 
 
 class _Strict(BaseModel):
@@ -212,47 +210,6 @@ class RetryDocument(_Strict):
         le=MAX_DEADLINE_S,
         description="Seconds for which the new job may run. Default: as for the job that is retried.",
         examples=[7200],
-    )
-
-
-class WordDocument(_Strict):
-    """What a word of one's own is to be."""
-
-    noun: str = Field(
-        "",
-        max_length=80,
-        description="What the meshes are. Needed with meshes; a `.word` has its own.",
-        examples=["dragonfruit"],
-    )
-    synonyms: list[Annotated[str, StringConstraints(max_length=80)]] = Field(
-        default_factory=list, max_length=MAX_SYNONYMS, description="Other names for it.", examples=[["pitaya"]]
-    )
-    like: str = Field(
-        "",
-        max_length=80,
-        description="A noun of ours as whose parts theirs are read. Default: what the first looks like.",
-        examples=["apple"],
-    )
-    front: _Front | None = Field(
-        None,
-        description="Where all meshes face, in degrees: 0 is +Z, 90 is +X. Default: found with the parts, else +Z.",
-        examples=[90],
-    )
-    fronts: dict[Annotated[str, StringConstraints(max_length=MAX_FILENAME)], _Front] = Field(
-        default_factory=dict,
-        max_length=MAX_SHAPES,
-        description="Where some meshes face, by the names of their files.",
-        examples=[{"fruit.glb": 180}],
-    )
-    licence: str = Field("", max_length=MAX_TEXT, description="Of the meshes, in a few words.", examples=["CC0"])
-    replace: bool = Field(
-        False, description="Whether it takes the place of your word of that noun, or of ours, for you.", examples=[True]
-    )
-    meshes: list[FileReference] = Field(
-        default_factory=list,
-        max_length=MAX_SHAPES,
-        description="Stored files that are meshes of it, beside those that are sent along.",
-        examples=[[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}]],
     )
 
 

@@ -1,1 +1,1 @@
-"""Words of owners' own: add, list, show, export and delete them, and let jobs know them."""
+"""Let jobs know the words of their owners."""

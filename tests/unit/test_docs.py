@@ -16,9 +16,10 @@ from typing import Any
 import typer.main
 from pydantic import BaseModel
 
+from meshdeform.kinds.words.routes.documents import WordDocument
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
-from service.jobs.documents import PreviewDocument, WordDocument
+from service.jobs.documents import PreviewDocument
 from tests.cases import each_case
 
 # Read by the client and the command line, not by the service.

@@ -27,6 +27,7 @@ print(json.dumps({
     "kinds": list(JobKind),
     "paths": [*create_app().openapi()["paths"]],
     "commands": [each.callback.__name__ for each in app.registered_commands],
+    "groups": [each.name for each in app.registered_groups],
 }))
 """
 
@@ -34,6 +35,10 @@ BRINGS = {
     "families": {"kinds": {"family_fit", "family_synthesize"}, "commands": {"family_fit", "family_synthesize"}},
     "sketch": {"paths": {"/v1/sketches:guess", "/v1/sketches:mesh"}, "commands": {"sketch"}},
     "surface_fit": {"kinds": {"surface_fit"}, "commands": {"surface_fit", "unfold"}},
+    "words": {
+        "paths": {"/v1/words", "/v1/words/{noun}", "/v1/words/{noun}/content", "/v1/words/{noun}/picture.png"},
+        "groups": {"words"},
+    },
 }
 """What is there because of each folder."""
 
@@ -44,10 +49,10 @@ def without(folder: Path, kind: str) -> Path:
     kinds.mkdir(parents=True)
     for package in ("service", "worker"):
         (folder / package).symlink_to(ROOT / package)
-    for inside, original in ((kinds.parent, ROOT / "meshdeform"), (kinds, ROOT / "meshdeform" / "kinds")):
-        for path in original.iterdir():
-            if path.name not in ("kinds", "__pycache__", kind):
-                (inside / path.name).symlink_to(path)
+    product = ROOT / "meshdeform"
+    for path in (*product.iterdir(), *(product / "kinds").iterdir()):
+        if path.name != "__pycache__" and path not in (product / "kinds", product / "kinds" / kind):
+            (folder / path.relative_to(ROOT)).symlink_to(path)
     return folder
 
 

@@ -26,8 +26,8 @@ class FolderWords:
     def add(self, said: Mapping[str, Any], paths: Mapping[str, Path], *, replace: bool) -> dict[str, Any]:
         """Make a word of meshes by their names, keep it, and return what it is; `said` is as a service takes it."""
         require("fast_simplification", "deform")
+        from meshdeform.kinds.words.making import make_word
         from meshdeform.runs.kept_readings import FolderReadings
-        from meshdeform.runs.word_making import make_word
         from meshdeform.words import WordOffer, check_names
 
         synonyms = tuple(said["synonyms"])
@@ -61,7 +61,7 @@ class FolderWords:
     def picture(self, noun: str) -> bytes:
         """Return a PNG of a word's meshes."""
         require("scipy", "deform")
-        from meshdeform.runs.word_picture import word_png
+        from meshdeform.kinds.words.picture import word_png
 
         return word_png(self._store.word(noun))
 

@@ -15,6 +15,7 @@ from meshdeform.assets import Limits, load_asset
 from meshdeform.assets.check import has_area
 from meshdeform.assets.collection import meshes_in
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
+from meshdeform.kinds.words.shapes import Parted, parted, reduced, shape_of, turn_between
 from meshdeform.plain.body import loose_body
 from meshdeform.plain.reader import Reader
 from meshdeform.requests.choices import OrientationMode
@@ -23,7 +24,6 @@ from meshdeform.runs.base import sha256_hex
 from meshdeform.runs.kept_readings import Readings, Unkept
 from meshdeform.runs.reading import ReadingSource as ReadSource
 from meshdeform.runs.reading import corrected, read_source
-from meshdeform.runs.word_shapes import Parted, parted, reduced, shape_of, turn_between
 from meshdeform.words import MAX_SHAPES, ShapeSource, Word, WordOffer, WordShape, write_word
 from meshdeform.words.limits import MAX_TEXT
 

@@ -19,8 +19,8 @@ BALL = icosphere(2)
 @pytest.fixture(autouse=True)
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> WordFolder:
     monkeypatch.setenv("MESHDEFORM_WORDS", str(tmp_path / "words"))
-    for module in ("reading", "word_making"):
-        monkeypatch.setattr(f"meshdeform.runs.{module}.read_source", lambda *_, **__: None)  # which takes time
+    for module in ("runs.reading", "kinds.words.making"):
+        monkeypatch.setattr(f"meshdeform.{module}.read_source", lambda *_, **__: None)  # which takes time
     return WordFolder(tmp_path / "words")
 
 

@@ -13,13 +13,13 @@ import sqlalchemy as sa
 from meshdeform.api.documents import WordList, WordView
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import ParameterError, UnavailableError, readable_size
+from meshdeform.kinds.words.process import made_word
+from meshdeform.kinds.words.routes.documents import WordDocument
 from meshdeform.record.words import KeptWord, NewWord
 from meshdeform.runs.kept_readings import samples_in
-from meshdeform.runs.word_process import made_word
 from meshdeform.words import Word, WordOffer, check_names, read_like, read_name, read_words
 from service.http.bodies import ReceivedFile
 from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
-from service.jobs.documents import WordDocument
 from service.jobs.intake import fetch, store_file
 from service.state import AppState
 from service.words.known import as_word

@@ -18,8 +18,10 @@ from meshdeform.errors import (
     RequestTimeoutError,
     StoredFileError,
 )
+from meshdeform.kinds.words.process import drawn_word
+from meshdeform.kinds.words.routes.documents import WordDocument
+from meshdeform.kinds.words.routes.making import MESHES, WORD, add_words, remove_contents, view_members
 from meshdeform.record.words import KeptWord
-from meshdeform.runs.word_process import drawn_word
 from meshdeform.words.file import NAME, SUFFIX
 from meshdeform.words.limits import MAX_NAME
 from service.documentation.responses import ASSET_ERRORS, CALLER_ERRORS, ONCE_ERRORS, REPLAY, header
@@ -28,11 +30,15 @@ from service.http.auth import PrincipalDep
 from service.http.bodies import FormFiles, ReceivedFile, body_of, parse_document, receive_document, receive_form
 from service.http.errors import KNOWN_QUERY, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
-from service.jobs.documents import WordDocument
 from service.state import AppStateDep
-from service.words.making import MESHES, WORD, add_words, remove_contents, view_members
 
 router = APIRouter(prefix="/v1/words", tags=["words"], dependencies=KNOWN_QUERY)
+
+ROUTERS = (router,)
+
+MODELS = (WordDocument,)
+
+TAGS = ({"name": "words", "description": "Words of your own, which your prompts can name: docs/words.md."},)
 
 _FORM = FormFiles(
     (MESHES, WORD),

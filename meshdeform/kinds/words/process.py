@@ -32,7 +32,7 @@ _PICTURE = Question(
 def made_word(
     offer: WordOffer, files: Mapping[str, Path], folder: Path, limits: Limits, samples: Path | None = None
 ) -> Word:
-    """Return the word of meshes, as `word_making.make_word` makes it.
+    """Return the word of meshes, as `making.make_word` makes it.
 
     `files`: meshes by the names that the user gave them. `folder`: for files of the child. `samples`: folder
     for samples of nouns, if the machine has one. Raises what `make_word` does, and UnavailableError or
@@ -71,14 +71,14 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _draw(task: dict[str, Any]) -> None:
-    from meshdeform.runs.word_picture import word_png
+    from meshdeform.kinds.words.picture import word_png
 
     Path(task["result"]).write_bytes(word_png(Word.read(Path(task["drawn"]).read_bytes())))
 
 
 def _make(task: dict[str, Any]) -> str:
+    from meshdeform.kinds.words.making import make_word
     from meshdeform.runs.kept_readings import Unkept
-    from meshdeform.runs.word_making import make_word
 
     readings = Unkept(None if task["samples"] is None else Path(task["samples"]))
     offer = WordOffer(**task["offer"])

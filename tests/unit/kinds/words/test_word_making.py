@@ -12,13 +12,13 @@ import pytest
 from meshdeform.assets import Limits, Primitive, build_glb
 from meshdeform.errors import AssetEmptyError, AssetError, ParameterError
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.kinds.words import making
+from meshdeform.kinds.words.making import make_word
+from meshdeform.kinds.words.process import made_word
 from meshdeform.nouns.forms import drawn
 from meshdeform.reading import banks
 from meshdeform.reading.choice import facing
-from meshdeform.runs import word_making
 from meshdeform.runs.kept_readings import Unkept
-from meshdeform.runs.word_making import make_word
-from meshdeform.runs.word_process import made_word
 from meshdeform.words import MAX_FACES, Word, WordOffer
 
 COW = drawn("cow", (), np.random.default_rng(4))
@@ -39,7 +39,7 @@ def readings(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Unkept]:
 @pytest.fixture
 def _unread(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no reading find anything, which takes time."""
-    monkeypatch.setattr("meshdeform.runs.word_making.read_source", lambda *_, **__: None)
+    monkeypatch.setattr("meshdeform.kinds.words.making.read_source", lambda *_, **__: None)
 
 
 def cow(turn_deg: float = 0.0, scale: float = 3.0) -> bytes:
@@ -130,7 +130,7 @@ def test_what_the_first_mesh_is_like_decides_for_all(monkeypatch: pytest.MonkeyP
     word = make_word(WordOffer("guanaco"), {"a.glb": cow(), "b.glb": cow(0.0, 1.0)}, readings=readings)
     assert word.like == "cow"
     assert asked == [None, "cow"]
-    monkeypatch.setattr(word_making, "_LIKELY", 1.1)
+    monkeypatch.setattr(making, "_LIKELY", 1.1)
     assert make_word(WordOffer("guanaco"), {"a.glb": cow()}, readings=readings).parts == ()
 
 
