@@ -49,14 +49,13 @@ def file_parts() -> tuple[str, ...]:
 
 
 def check_request(
-    request: JobRequest, settings: Settings, *, files: Collection[str] | Mapping[str, JobFile]
+    request: JobRequest, settings: Settings, *, files: Collection[str], known: Mapping[str, JobFile] | None = None
 ) -> BaseModel:
     """Refuse a request that no worker of this deployment could run; return the values of all its parameters.
 
-    `settings`: lists the models of this deployment; `files`: those sent with the request or named by it, by their
-    parts, or only their parts while nothing else is known of them.
+    `settings`: lists the models of this deployment; `files`: the names of the files sent with the request or named by
+    it; `known`: what is known of some of them.
     """
-    known = files if isinstance(files, Mapping) else dict.fromkeys(files, JobFile())
     _refuse_retired(request, files)
     kind = kind_of(request.kind)
     for part in kind.reads:
@@ -69,7 +68,7 @@ def check_request(
         raise ParameterError.at([name], f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
     if request.output != OutputOptions() and not kind.takes_output:
         raise ParameterError.at(["output"], "`output` is for jobs that deform one asset.", "Leave it out.")
-    return kind.check(request, settings, known)
+    return kind.check(request, settings, dict.fromkeys(files, JobFile()) | dict(known or {}))
 
 
 def _refuse_retired(request: JobRequest, files: Collection[str]) -> None:

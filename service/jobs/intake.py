@@ -62,8 +62,13 @@ _CONTENT_TYPE = "application/octet-stream"
 _F = TypeVar("_F")
 
 
-def check(request: JobRequest, settings: Settings, *, files: Collection[str] | Mapping[str, JobFile]) -> BaseModel:
-    """Check a request for a job that has these files, as far as they are known, and return its parameters."""
+def check(
+    request: JobRequest, settings: Settings, *, files: Collection[str], known: Mapping[str, JobFile] | None = None
+) -> BaseModel:
+    """Check a request for a job that has these files, and return the parameters that it would run with.
+
+    `known`: what is known of some of the files.
+    """
     for name, value in request.metadata.items():
         # PostgreSQL cannot store this character.
         if "\0" in name + value:
@@ -74,7 +79,7 @@ def check(request: JobRequest, settings: Settings, *, files: Collection[str] | M
             f"{request.max_run_s:g} s are longer than a job of this server may run: {settings.max_run_s:g} s.",
             "Set max_run_s lower, or leave it out. The service's operator can raise MESHDEFORM_MAX_RUN_S.",
         )
-    params = check_request(request, settings, files=files)
+    params = check_request(request, settings, files=files, known=known)
     steps = kind_of(request.kind).steps(request, settings.model, None)
     if steps > settings.max_steps:
         detail = f"{steps} steps are more than this server allows: {settings.max_steps}."
@@ -116,7 +121,7 @@ def checked(app: AppState, owner_id: str, submission: Submission, *, look: bool 
         first = kind.parts[0]
         path, filename = files[first].path, files[first].filename
         known[first] = replace(known[first], path=path, filename=filename, readings=app.readings)
-    return CheckedJob(check(request, app.settings, files=known), files, known)
+    return CheckedJob(check(request, app.settings, files=files, known=known), files, known)
 
 
 def decoded(
