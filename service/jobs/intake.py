@@ -116,7 +116,8 @@ def checked(app: AppState, owner_id: str, submission: Submission, *, look: bool 
     check(request, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
     kind = kind_of(request.kind)
-    known = {name: JobFile(decoded(app, owner_id, kind, name, file)) for name, file in files.items()}
+    sent = {name: file for name, file in files.items() if name != WORDS_PART}  # which `ready` has checked, or made
+    known = {name: JobFile(decoded(app, owner_id, kind, name, file)) for name, file in sent.items()}
     if look:
         first = kind.parts[0]
         path, filename = files[first].path, files[first].filename
@@ -124,12 +125,8 @@ def checked(app: AppState, owner_id: str, submission: Submission, *, look: bool 
     return CheckedJob(check(request, app.settings, files=files, known=known), files, known)
 
 
-def decoded(
-    app: AppState, owner_id: str, kind: Kind, part: str, file: ReceivedFile
-) -> AssetSummary | PictureSummary | None:
-    """Decode a file completely as what its part should be; None for words, which are checked where they are read."""
-    if part == WORDS_PART:
-        return None
+def decoded(app: AppState, owner_id: str, kind: Kind, part: str, file: ReceivedFile) -> AssetSummary | PictureSummary:
+    """Decode a file completely as what its part should be."""
     try:
         return app.assets.check(file.path, file.filename, file.sha256, owner_id, kind.content_of(part))
     except SilhouetteError as error:
@@ -146,7 +143,7 @@ def ready(app: AppState, owner_id: str, submission: Submission) -> tuple[Submiss
     if WORDS_PART in submission.names and WORDS_PART in kind_of(submission.document.kind).parts:
         submission = submission.with_fetched(app, owner_id, WORDS_PART)
         file = submission.files[WORDS_PART]
-        app.assets.check(file.path, file.filename, file.sha256, owner_id, "words")
+        decoded(app, owner_id, kind_of(submission.document.kind), WORDS_PART, file)
         sent = read_words(file.path.read_bytes())
     document, pinned, words = pin_words(app, owner_id, submission.document, submission.folder, sent=sent)
     files = submission.files if pinned is None else {**submission.files, WORDS_PART: pinned}
