@@ -121,7 +121,10 @@ export class Workbench {
     this._words();
     this._build(root, job);
     if (job) this._attach(job, against);
-    else restUntilUsed(root, scope, () => this._begin(from));
+    else restUntilUsed(root, scope, () => {
+      this.parts.of = ""; // it was not read
+      void this._begin(from);
+    });
     this._begin(job ? job.id : from);
   }
 
