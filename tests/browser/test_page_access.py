@@ -133,7 +133,9 @@ def test_a_server_that_wants_a_key_is_given_one(
         dialog.get_by_label("Key", exact=True).fill(key)
         dialog.get_by_role("button", name="Use key").click()
         expect(dialog).to_have_count(0)
-        page.get_by_role("group", name="Suggested prompts").get_by_role("button").first.wait_for()
+        page.get_by_role("group", name="Suggested prompts", include_hidden=True).locator("button").first.wait_for(
+            state="attached"
+        )
         choose(page, small_sphere)
         page.get_by_label("Prompt", exact=True).fill("a bowl")
         set_steps(page, 6)
