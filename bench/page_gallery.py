@@ -3,6 +3,7 @@
 python -m bench.page_gallery              writes service/web/examples/gallery.json, gallery/ID.glb and gallery/ID.webp
 python -m bench.page_gallery lamp chair   makes these again
 python -m bench.page_gallery --animal     writes service/web/examples/animal.glb, a source of its own
+python -m bench.page_gallery --pictures   draws the pictures anew
 
 Sources, results and pictures are CC0: the shapes and their paint are made by formula. Each result records in its
 `asset.extras.meshdeform` which request made it, of which file.
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from bench.hero import painted_animal
@@ -32,6 +34,7 @@ AZIMUTH_DEG, SIDE = 30.0, 320
 REPORTED = ("verdict", "likeness", "quality", "texture_stretch", "mesh")
 """Parts of a report that the page shows."""
 ANIMAL_CELLS = 15
+Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -95,14 +98,29 @@ def make(example: Example) -> dict[str, Any]:
     }
 
 
+class _OnGround(Studio):
+    """A studio whose ground is all white, but for the shadow, or all black."""
+
+    ground = 1.0
+
+    def _backdrop(self, view_proj: Singles, shadow: Singles, ground: float) -> Singles:
+        lit = super()._backdrop(view_proj, np.zeros_like(shadow), ground)
+        return np.asarray(self.ground * super()._backdrop(view_proj, shadow, ground) / lit, np.float32)
+
+
 def picture(source: bytes, result: bytes) -> bytes:
-    """Return a WebP of source and result side by side, at the same scale."""
+    """Return a WebP of source and result side by side, at the same scale, transparent around them."""
     assets = [load_asset(data) for data in (source, result)]
     poses = [SurfaceState(asset.surface.positions, asset.surface.normals) for asset in assets]
-    studio = Studio(assets[0].appearance(), poses, size=SIDE, azimuths_deg=(AZIMUTH_DEG,))
-    views = [studio.photograph(pose, (AZIMUTH_DEG,))[0] for pose in poses]
+    studio = _OnGround(assets[0].appearance(), poses, size=SIDE, azimuths_deg=(AZIMUTH_DEG,))
+    drawn = []
+    for studio.ground in (1.0, 0.0):
+        drawn.append(np.concatenate([studio.photograph(pose, (AZIMUTH_DEG,))[0] for pose in poses], 1) / 255)
+    # What the grounds differ by is how much of them is seen.
+    alpha = 1 - (drawn[0] - drawn[1]).mean(2, keepdims=True)
+    image = np.concatenate([drawn[1] / np.maximum(alpha, 1e-3), alpha], 2)
     buffer = io.BytesIO()
-    Image.fromarray(np.concatenate(views, 1)).save(buffer, "WEBP", quality=82, method=6)
+    Image.fromarray(np.rint(255 * image.clip(0, 1)).astype(np.uint8)).save(buffer, "WEBP", quality=82, method=6)
     return buffer.getvalue()
 
 
@@ -117,6 +135,11 @@ def main() -> None:
     """Make the examples of the web page."""
     if sys.argv[1:] == ["--animal"]:
         (FOLDER / "animal.glb").write_bytes(painted_animal(ANIMAL_CELLS))
+        return
+    if sys.argv[1:] == ["--pictures"]:
+        for each in json.loads(LIST.read_text())["examples"]:
+            files = [(FOLDER / each[name]).read_bytes() for name in ("asset", "result")]
+            (FOLDER / each["picture"]).write_bytes(picture(*files))
         return
     known = {each["id"]: each for each in json.loads(LIST.read_text())["examples"]} if LIST.exists() else {}
     for example in EXAMPLES:

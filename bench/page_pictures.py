@@ -19,17 +19,19 @@ from tests.browser.conftest import CHROMIUM_ARGUMENTS, DEADLINE_MS, chromium_pat
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
-LARGEST_BYTES = 380_000
-PROMPTS = (
-    "a mushroom with a big cap",
-    "a tall vase",
-    "a fat penguin",
-    "a giraffe with a long neck",
-    "a chair",
-    "a rabbit with big ears",
-    "a turtle",
-    "a rocket with big fins",
+LARGEST_BYTES = 420_000
+EXAMPLES = ROOT / "service" / "web" / "examples"
+JOBS = (
+    ("animal.glb", "a giraffe", 0),
+    ("sphere.glb", "a mushroom with a big cap", 0),
+    ("walker.glb", "longer legs", 0),
+    ("robot.glb", "bigger head", 0),
+    ("cube.glb", "a chair", 4),
+    ("car.glb", "30 % longer", 0),
+    ("teapot.glb", "longer spout", 0),
+    ("horse.glb", "longer neck", 0),
 )
+"""Assets, prompts and seeds; the first is shown by itself."""
 JOB: dict[str, Any] = {"viewport": {"width": 1200, "height": 860}}
 PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 
@@ -39,9 +41,8 @@ def with_jobs(folder: Path) -> Iterator[tuple[str, str]]:
     """Run a service with finished jobs; yield its URL and the id of one of them."""
     with serving(folder, PYTHONPATH=str(ROOT)) as service:  # without the tests' smaller pictures
         jobs = []
-        for seed, prompt in enumerate(PROMPTS):
-            params = {"seed": seed}
-            jobs.append(service.submit(ROOT / "examples" / "sphere.glb", {"prompt": prompt, "params": params}))
+        for name, prompt, seed in JOBS:
+            jobs.append(service.submit(EXAMPLES / name, {"prompt": prompt, "params": {"seed": seed}}))
         for job in jobs:
             assert service.finished(job)["state"] == "succeeded", service.log
         yield str(service.http.base_url).rstrip("/"), jobs[0]

@@ -3,7 +3,14 @@
 A file of little-endian numbers: `MDPV`, the version (uint32), the length of the header (uint32), the header as JSON,
 padded with spaces to a multiple of 4; then for each shape and each primitive of the result its vertices, three uint16
 each, padded to a multiple of 4. With the `low` l and the `step` s of the primitive, a coordinate is l + s q: within
-half a step, a 131,070th of the primitive's box, of what `result.glb` has.
+half a step, a 131,070th of the primitive's box, of what `result.glb` has. In the header:
+
+- `asset`: its SHA-256; `reading`: what it was read as, or null; `change`: whether the prompt is a change in plain
+  words, which no seed varies; `draft`
+- `primitives`: the numbers of `mesh` and `primitive` in `result.glb`, and how many `vertices`, in the order of the
+  file
+- `shapes`: the `seed`, the `offset` of its block after the header, the `member` that the asset was fitted to,
+  `warnings` (what was read otherwise, or made less of), and for each primitive `low` and `step`
 """
 
 from __future__ import annotations

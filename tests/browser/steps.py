@@ -58,7 +58,9 @@ def open_form(page: Page) -> None:
     """Go to the form for a new job, and wait until it is all there."""
     page.goto("/")
     page.get_by_role("heading", level=1, name="Describe what it should become").wait_for()
-    page.get_by_role("group", name="Suggested prompts").get_by_role("button").first.wait_for()
+    page.get_by_role("group", name="Suggested prompts", include_hidden=True).locator("button").first.wait_for(
+        state="attached"
+    )
 
 
 def open_more(page: Page) -> None:

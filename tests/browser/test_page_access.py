@@ -120,15 +120,22 @@ def test_a_server_that_wants_a_key_is_given_one(
         watched(browser, home, request, tmp_path) as (page, watch),
     ):
         watch.allow(r"status of 401 |status of 404 .*preview.png")  # the fake kind draws none
-        page.goto("/")
+        # What is there without one is shown first, and nothing is asked for until something is done.
+        page.goto("/#/examples/giraffe")
+        expect(page.get_by_label("Prompt", exact=True)).to_have_value("a giraffe")
+        expect(page.locator("#estimate")).to_have_text("This server asks for a key once you change or keep something.")
         dialog = page.get_by_role("dialog", name="API key")
+        expect(dialog).to_have_count(0)
+        page.get_by_label("Prompt", exact=True).fill("a bowl")
         dialog.get_by_label("Key", exact=True).fill(key[:-4] + "AAAA")
         dialog.get_by_role("button", name="Use key").click()
         expect(dialog).to_contain_text("did not accept this key")
         dialog.get_by_label("Key", exact=True).fill(key)
         dialog.get_by_role("button", name="Use key").click()
         expect(dialog).to_have_count(0)
-        page.get_by_role("group", name="Suggested prompts").get_by_role("button").first.wait_for()
+        page.get_by_role("group", name="Suggested prompts", include_hidden=True).locator("button").first.wait_for(
+            state="attached"
+        )
         choose(page, small_sphere)
         page.get_by_label("Prompt", exact=True).fill("a bowl")
         set_steps(page, 6)

@@ -52,7 +52,7 @@ def test_a_draft_survives_back_a_reload_and_a_closed_tab(page: Page, small_spher
     other.goto("/")
     expect_draft(other, "a short thin vase", "-5")
     other.get_by_role("button", name="Start over").click()
-    expect(other.locator("#asset-facts")).to_contain_text("sphere.glb")
+    expect(other.locator("#asset-facts")).to_contain_text("horse.glb")
     expect(other.get_by_label("Prompt", exact=True)).to_have_value("")
     expect(other.locator("#seed-problem")).to_be_hidden()
 

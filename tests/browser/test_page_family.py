@@ -58,6 +58,7 @@ def test_a_family_is_found_and_new_shapes_are_made_of_it(page: Page, tmp_path: P
     page.goto("/")
     page.get_by_role("link", name="Find a family").click()
     expect(page.get_by_role("heading", level=1)).to_have_text("What they have in common")
+    expect(page.locator(".zone-pictures img")).to_have_count(8)
     page.get_by_role("button", name="Remove chairs.zip").click()  # the sample
     page.get_by_role("button", name="Find the family").click()
     expect(page.get_by_text("Choose the assets first.")).to_be_visible()

@@ -99,7 +99,7 @@ def test_another_prompt_is_the_users_own(page: Page, tmp_path: Path) -> None:
     expect(tag).to_have_text("Preview")
     page.locator("#prompt").fill("a horse")
     expect(chip(page, "shorter")).to_have_attribute("aria-pressed", "false")
-    page.get_by_role("button", name="Cube", exact=True).click()
+    page.get_by_role("button", name="Sphere", exact=True).click()
     expect(chip(page, "tail")).to_be_hidden()
 
 
@@ -237,7 +237,7 @@ def test_what_is_read_wrong_is_corrected_and_kept(page: Page, service: Service, 
     page.get_by_role("link", name="Create", exact=True).click()
     page.get_by_text("Not right?").click()
     expect(list_).to_have_text([said])
-    page.get_by_role("button", name="Cube", exact=True).click()
+    page.get_by_role("button", name="Sphere", exact=True).click()
     until_noted(page, "belonged to the other file")
     expect(page.locator(".parts")).to_contain_text("No parts are known for this file.")
     expect(page.locator(".parts .chips").first.get_by_role("button")).to_have_count(0)

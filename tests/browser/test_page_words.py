@@ -42,7 +42,9 @@ def test_a_word_is_added_offered_downloaded_removed_and_added_again(page: Page, 
     page.get_by_role("link", name="Your words").click()
     expect(page.get_by_role("heading", name="No words yet")).to_be_visible()
     expect(page.get_by_label("Noun")).to_have_value("dragonfruit")
+    expect(page.locator(".zone-pictures img")).to_have_count(1)
     page.get_by_role("button", name="Remove dragonfruit.glb").click()  # the sample
+    expect(page.locator(".zone-pictures img")).to_have_count(0)
     expect(page.get_by_label("Noun")).to_have_value("")
     page.get_by_role("button", name="Add the word").click()
     expect(page.get_by_text("Choose at least one mesh.")).to_be_visible()

@@ -1,4 +1,28 @@
-"""The preset `paper` is the paper: each row of docs/method.md's table that can be computed.
+"""The preset `paper` is the paper: each row of this table that can be computed.
+
+Where text and published code (xh38/FusionDeformer at 984b065) differ, `paper` follows the text. The paper's text; the
+published code; the preset:
+
+- variables: Jacobians, from the identity (Fig. 2); from I - n nT, the same shape with other moments of Adam; the
+  identity
+- Poisson solve (eq. 6): cotangent Laplacian, areas; the same, float32 Jacobians; the same to 1e-13, float64
+- gauge: nothing; vertex 0 fixed, then the mean of the vertices; the area-weighted centre of each component
+- views (eq. 8): four, a quarter turn apart, in one picture; the same, tiles shuffled, mirrored left to right; the same,
+  in reading order, not mirrored
+- elevation: U(0, 30); 30 Beta(1, 5), 4.8 degrees on average; U(0, 30)
+- field of view: U(30, 45); intended as that, an integer array makes it 36.9 or 53.1 degrees; U(30, 45)
+- framing: nothing; camera at 3 half extents, measured anew at every step, h / R is 1.05 or 0.75; `framing` =
+  `framing_max` = 0.9, the camera follows at once
+- score distillation (eq. 7): 1 - abar_t, s = 100, t in 0.02 .. 0.98; the same, the noisy latents in half precision; the
+  same to the last bit on the same draws, float32 around the networks
+- encoder: sample of the posterior; sample; its mean
+- E_J (eq. 9): alpha sum ||J - I||; 0.5 of the mean over 9 F entries; 0.5 / 9 of the area-weighted mean, the same
+  gradient on even meshes
+- E_L: nothing; 40 of the mean ||L_uniform v||^2, longest side 2, of positions; 1e-4 of the scale-free form, of
+  displacements, 0.6 to 1.2 of the published gradient
+- E_n: nothing; 0.1 of the mean (1 - n_i . n_j)^2; 0.1 of the form relative to rest, 0.6 to 1.1 of the published
+  gradient on a sphere, spot and cow, and none at rest
+- components: nothing; singular for several; each keeps its centre of mass
 
 The published regularisers are written down here from their formulas, and compared by their pull on the Jacobians: the
 gradient through the Poisson solve.

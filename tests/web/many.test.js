@@ -6,9 +6,17 @@ import { csvRow, Item, resultNames, tally } from "../../service/web/app/many/ite
 const JOB = { id: "job_1", state: "queued", prompt: "20 % taller", asset: { filename: "dog.glb" }, metadata: { path: "pets/dog.glb" } };
 const READ = { noun: "dog", sure: false, noun_given: false };
 
-test("a file is read, then changed by each sentence in turn", () => {
+test("a file is changed by each sentence in turn, and read while nothing else is to be done", () => {
   const item = new Item("dog.glb", {});
-  assert.deepEqual([item.state(""), item.next("")], ["waiting", "read"]);
+  assert.deepEqual([item.state(""), item.next(""), item.next("wider")], ["waiting", "read", "change"]);
+  item.made = { sentence: "wider", blob: {} };
+  assert.equal(item.next("wider"), "read");
+  item.doing = "reading";
+  assert.deepEqual([item.state("wider"), item.state("")], ["changed", "reading"]);
+  item.doing = "";
+  item.why = { title: "No.", advice: "", sentence: null };
+  assert.deepEqual([item.state("wider"), item.next("wider"), item.state("")], ["changed", "", "refused"]);
+  item.made = item.why = null;
   item.reading = READ;
   assert.deepEqual([item.state(""), item.next(""), item.noun], ["read", "", "Perhaps a dog"]);
   assert.deepEqual([item.state("wider"), item.next("wider")], ["waiting", "change"]);
@@ -19,7 +27,7 @@ test("a file is read, then changed by each sentence in turn", () => {
 
 test("a sample is not read before something is to be changed", () => {
   const item = new Item("dog.glb", {}, true);
-  assert.deepEqual([item.state(""), item.next(""), item.next("wider")], ["read", "", "read"]);
+  assert.deepEqual([item.state(""), item.next(""), item.next("wider")], ["read", "", "change"]);
 });
 
 test("a refusal is that of its sentence, one of the reading is that of all", () => {
@@ -38,7 +46,7 @@ test("what is kept is its job, and says why it failed", () => {
   assert.deepEqual([item.state("20 % taller"), item.next("20 % taller")], ["queued", ""]);
   item.job = { ...JOB, state: "succeeded" };
   assert.deepEqual([item.words(""), item.next(""), item.failure], ["Kept", "look", null]);
-  assert.equal(item.next("wider"), "read");
+  assert.equal(item.next("wider"), "change");
   item.job = { ...JOB, state: "failed", error: { title: "Out of memory", detail: "", advice: "Use less." } };
   assert.deepEqual(item.failure, { title: "Out of memory", advice: "Use less." });
   item.job = { ...JOB, state: "canceled" };

@@ -6,6 +6,8 @@ import { h } from "./dom.js";
 const NAME = "meshdeform.key";
 /** @type {Promise<boolean> | null} */
 let asking = null;
+/** Whether what a view asks for by itself, before anybody has done anything, asks for no key. */
+let resting = false;
 
 /** @param {"localStorage" | "sessionStorage"} kind @returns {Storage | null} */
 function storage(kind) {
@@ -49,10 +51,24 @@ function keep(key, remember) {
  */
 export function askForKey(refused, signal) {
   if (signal?.aborted) return Promise.resolve(false);
+  if (resting && !refused) return Promise.resolve(false);
   // Another request's question was answered while this one was under way.
   if (currentKey() !== refused) return Promise.resolve(true);
   asking ??= askUser(refused !== "").finally(() => (asking = null));
   return asking;
+}
+
+/**
+ * Ask for no key until something is done in a view; call `again` once there is one.
+ * @param {HTMLElement} root @param {import("./scope.js").Scope} scope @param {() => void} again
+ */
+export function restUntilUsed(root, scope, again) {
+  resting = !currentKey();
+  if (!resting) return;
+  const wake = (/** @type {Event} */ { target }) => (resting &&= target instanceof Element && !target.closest("button, input, select, textarea"));
+  for (const type of ["click", "input"]) root.addEventListener(type, wake, { capture: true, signal: scope.signal });
+  scope.add(() => (resting = false));
+  scope.listen(document, "keychange", () => currentKey() && again());
 }
 
 /** @param {boolean} wrong @returns {Promise<boolean>} */

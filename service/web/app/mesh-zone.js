@@ -7,6 +7,11 @@ import { button, fill, h, icon, say } from "./dom.js";
 import { bytes, counted } from "./format.js";
 import { fileInput, takeDrops } from "./picking.js";
 
+/** What is drawn of what was chosen: so many, if all together are no larger. */
+const DRAWN = 8;
+const LARGEST_BYTES = 1 << 25;
+const PICTURE = { width: 320, height: 320 };
+
 export class MeshZone {
   /**
    * @param {import("./scope.js").Scope} scope
@@ -32,6 +37,7 @@ export class MeshZone {
     this.refused = h("div", { class: "field-problem", role: "alert", hidden: true });
     this.count = h("p", { class: "small muted", "aria-live": "polite" });
     this.list = h("ul", { class: "files", "aria-label": "Chosen meshes" });
+    this.pictures = h("div", { class: "zone-pictures", "aria-hidden": "true" });
     this.element = h(
       "section",
       { class: "mesh-zone", "aria-label": "Meshes" },
@@ -39,6 +45,7 @@ export class MeshZone {
       h("div", { class: "row" }, button("Choose meshes", () => this.file.click(), { icon: "upload" }), this.file, this.count),
       h("p", { class: "small muted" }, hint),
       this.refused,
+      this.pictures,
       this.list,
     );
     takeDrops(scope, this.element, (files) => this._take(files));
@@ -54,7 +61,7 @@ export class MeshZone {
   /** @param {File[]} files */
   add(files) {
     if (this.sampled) this._drop();
-    this.files.push(...files);
+    this.files = [...this.files, ...files];
     this._draw();
   }
 
@@ -111,6 +118,22 @@ export class MeshZone {
     const size = this.files.reduce((sum, file) => sum + file.size, 0);
     this.count.textContent = this.files.length ? `${this.sampled ? "A sample, until you choose yours: " : ""}${counted(this.files.length, "file")}, ${bytes(size)}` : this.empty;
     fill(this.list, this.files.map((file) => this._row(file)));
+    fill(this.pictures);
+    if (this.files.length && size <= LARGEST_BYTES) void this._picture(this.files);
+  }
+
+  /** @param {File[]} files */
+  async _picture(files) {
+    try {
+      const [{ sorted }, { snapshotAssets }] = await Promise.all([import("./many/files.js"), import("../viewer/snapshot.js")]);
+      const { assets } = await sorted(files.map((blob) => ({ path: blob.name, blob })));
+      const drawn = await Promise.all(assets.slice(0, DRAWN).map(async ({ asset }) => ({ buffer: await asset.bytes(), format: /** @type {any} */ (asset.format || "gltf") })));
+      if (files !== this.files || this.scope.over) return;
+      const pictures = await snapshotAssets(drawn, PICTURE);
+      if (files === this.files && !this.scope.over) fill(this.pictures, pictures.map((picture) => h("img", { src: this.scope.url(picture), alt: "" })));
+    } catch {
+      // It cannot be drawn, and is listed all the same.
+    }
   }
 
   /** @param {File} file */

@@ -14,6 +14,7 @@
  * @property {string[]} [missing] Parts that only the shape has.
  */
 import { count, counted, figure, percent } from "./format.js";
+import { plainWords } from "./plain.js";
 import { isWorthLess } from "./verdict.js";
 import { withArticle } from "./vocabulary.js";
 
@@ -79,8 +80,8 @@ function met(report) {
 /** @param {any} report */
 function warned(report) {
   const own = (Array.isArray(report?.warnings) ? report.warnings : []).map(String).filter((/** @type {string} */ text) => !text.startsWith(DAMAGED));
-  const file = Array.isArray(report?.input?.warnings) ? report.input.warnings : [];
-  return [...own.map((/** @type {string} */ text) => warn(text)), ...file.map((/** @type {unknown} */ text) => plain("About your file", String(text)))];
+  const file = plainWords(Array.isArray(report?.input?.warnings) ? report.input.warnings.join(" ") : "");
+  return [...own.map((/** @type {string} */ text) => warn(text)), ...(file ? [plain("About your file", file)] : [])];
 }
 
 /** The mesh that viewers show: a skin's in the pose of its file, not in its bind pose. @param {any} report */

@@ -4,7 +4,6 @@
 import { Raycaster, Vector2 } from "../vendor/three/three.module.js";
 
 const MAX_PIXEL_RATIO = 2;
-const GRIP = { mouse: 14, other: 26 }; // pixels
 let count = 0;
 
 /** @typedef {{ resized: (aspect: number) => void, changed: () => void, themed: (dark: boolean) => void }} Listeners */
@@ -109,30 +108,12 @@ export class Surface {
     return [(2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height];
   }
 
-  /** @param {{ clientX: number, clientY: number }} event @param {{ x: number, y: number }} seen a place as `place` returns it @returns {number} pixels between the two */
-  #apart(event, seen) {
-    const [x, y] = this.place(event);
-    return Math.hypot(((seen.x - x) * this.canvas.clientWidth) / 2, ((seen.y - y) * this.canvas.clientHeight) / 2);
-  }
-
   /** @param {{ clientX: number, clientY: number }} event @param {import("three").Camera} camera @returns {Raycaster} through the pointer */
   cast(event, camera) {
     const caster = new Raycaster();
     camera.updateMatrixWorld();
     caster.setFromCamera(new Vector2(...this.place(event)), camera);
     return caster;
-  }
-
-  /**
-   * @param {PointerEvent} event @param {import("three").Vector3[]} places @param {import("three").Camera} camera
-   * @returns {number} the nearest place that the pointer is on; -1: none
-   */
-  grip(event, places, camera) {
-    camera.updateMatrixWorld();
-    const seen = places.map((place) => place.clone().project(camera));
-    const apart = seen.map((place) => (Math.abs(place.z) > 1 ? Infinity : this.#apart(event, place)));
-    const least = Math.min(...apart);
-    return least < (event.pointerType === "mouse" ? GRIP.mouse : GRIP.other) ? apart.indexOf(least) : -1;
   }
 
   /** Draw for the colours that are there now. */

@@ -7,15 +7,9 @@ import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
 import { fileInput, isField, openField, takeDrops } from "../picking.js";
 import { plainWords } from "../plain.js";
+import { SAMPLES } from "../samples.js";
 import { drawnPicture } from "../job/stage-controls.js";
 import { ViewerBox } from "../viewer-box.js";
-
-export const EXAMPLES = [
-  { name: "sphere.glb", label: "Sphere" },
-  { name: "vase.glb", label: "Painted vase" },
-  { name: "cube.glb", label: "Cube" },
-  { name: "animal.glb", label: "Painted animal" },
-];
 
 const WORDS = "GLB, OBJ, PLY, STL, ZIP, XYZ, NPZ or safetensors file";
 const ADVICE =
@@ -57,7 +51,7 @@ export class AssetPanel {
   }
 
   _build() {
-    for (const { name, label } of EXAMPLES) {
+    for (const { name, label } of [...SAMPLES, { name: "sphere.glb", label: "Sphere" }]) {
       this.examples.append(
         h("button", { type: "button", class: "chip", "aria-pressed": "false", data: { name }, on: { click: () => this.example(name) } }, label),
       );
@@ -92,8 +86,8 @@ export class AssetPanel {
     this.below.append(control);
   }
 
-  /** @param {string} name */
-  async example(name) {
+  /** @param {string} [name] */
+  async example(name = SAMPLES[0].name) {
     const choice = ++this.choices;
     try {
       const asset = await exampleAsset(name, this.scope.signal);

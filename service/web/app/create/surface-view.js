@@ -9,7 +9,7 @@ import { checkpointEvery } from "../params.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
-import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { AssetPanel } from "./asset-panel.js";
 import { intro, JobForm, kindsNav } from "./form.js";
 import { NumberRows } from "./field-rows.js";
 import { originOf } from "./origins.js";
@@ -79,7 +79,7 @@ export class SurfaceView {
   async _firstAsset() {
     const draft = await lastDraft();
     if (this.scope.over || this.assets.choices) return null;
-    await (draft?.asset ? this.assets.use(draft.asset) : this.assets.example(EXAMPLES[0].name));
+    await (draft?.asset ? this.assets.use(draft.asset) : this.assets.example());
     return null;
   }
 

@@ -15,7 +15,7 @@ import { recentJobs } from "../jobs/card.js";
 import { JobPanel } from "../job/panel.js";
 import { isDeformation, shapesOf } from "../job/shapes.js";
 import { threadOf, versionShapes } from "../job/versions.js";
-import { currentLink } from "../key.js";
+import { currentKey, currentLink, restUntilUsed } from "../key.js";
 import { showOutlook } from "../outlook.js";
 import { documentOf, fileKey, wishOf } from "../params.js";
 import { learnNames } from "../plain.js";
@@ -26,7 +26,7 @@ import { snippetsBlock } from "../snippets.js";
 import { debounced } from "../scope.js";
 import { catalogue } from "../vocabulary.js";
 import { movingControls } from "../viewer-box.js";
-import { AssetPanel, EXAMPLES } from "./asset-panel.js";
+import { AssetPanel } from "./asset-panel.js";
 import { Comparison } from "./comparison.js";
 import { controlParams, isEmpty, readingOf } from "./control/model.js";
 import { ControlPanel } from "./control/panel.js";
@@ -121,6 +121,10 @@ export class Workbench {
     this._words();
     this._build(root, job);
     if (job) this._attach(job, against);
+    else restUntilUsed(root, scope, () => {
+      this.parts.of = ""; // it was not read
+      void this._begin(from);
+    });
     this._begin(job ? job.id : from);
   }
 
@@ -261,7 +265,7 @@ export class Workbench {
   async _firstAsset(draft, from) {
     if (this.assets.choices) return null; // the user was faster
     if (from && !draft) return this._assetOf(from);
-    await (draft?.asset ? this.assets.use(draft.asset) : this.assets.example(EXAMPLES[0].name));
+    await (draft?.asset ? this.assets.use(draft.asset) : this.assets.example());
     return null;
   }
 
@@ -274,7 +278,7 @@ export class Workbench {
     this.control.restore(null);
     this.guide.restore(null, {});
     this.prompt.set("");
-    await this.assets.example(EXAMPLES[0].name);
+    await this.assets.example();
     this.begun = true;
     this.prompt.input.focus();
   }
@@ -310,7 +314,7 @@ export class Workbench {
     } catch (error) {
       if (isAbort(error)) return null;
       fill(this.problem, problemBox(error));
-      if (!this.panel) await this.assets.example(EXAMPLES[0].name);
+      if (!this.panel) await this.assets.example();
       return null;
     }
   }
@@ -696,6 +700,7 @@ export class Workbench {
   /** Say what was refused beside it. @param {unknown} error */
   _place(error) {
     this.estimate.textContent = "";
+    if (error instanceof MeshdeformError && error.status === 401 && !currentKey()) return void fill(this.estimate, "This server asks for a key once you change or keep something.");
     const code = error instanceof MeshdeformError ? error.code : "";
     const about = isAboutPrompt(error) && error instanceof MeshdeformError;
     this._block(true);

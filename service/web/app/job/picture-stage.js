@@ -9,7 +9,6 @@ export class PictureStage {
     this.job = job;
     this.scope = scope;
     this.flat = true;
-    this.chosenStep = null;
     this.ready = Promise.resolve();
     this.frame = h("div", { class: "stage pair-stage" }, h("p", { class: "viewer-note" }, job.state === "succeeded" ? "Loading the picture…" : "The picture comes with the result"));
     this.element = h("section", { class: "job-stage", "aria-label": "Result" }, this.frame);

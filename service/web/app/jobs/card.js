@@ -6,8 +6,10 @@ import { fill, h, icon } from "../dom.js";
 import { ago, jobTitle, percent, roughly, STATE_WORDS } from "../format.js";
 import { isTerminal, shareDone } from "../history.js";
 import { isDeformation } from "../job/shapes.js";
+import { currentKey } from "../key.js";
 import { routeHash } from "../router.js";
 import { verdictBadge } from "../verdict.js";
+import { viewsOf } from "./cutout.js";
 
 const GLYPHS = /** @type {Record<string, string>} */ ({
   queued: "clock", running: "play", canceling: "stop", succeeded: "check", failed: "warn", canceled: "cross", expired: "clock",
@@ -19,6 +21,12 @@ const LARGEST = 1 << 22;
 /** @param {string} state */
 export function stateBadge(state) {
   return h("span", { class: `badge badge-${state}` }, icon(GLYPHS[state] ?? "info"), STATE_WORDS[state] ?? state);
+}
+
+/** The two views of a job's picture that stand for it: before and after; of a field and of a family, of the result. @param {any} job @returns {[number, [number, number][]]} */
+function viewsIn({ kind = "" }) {
+  if (kind.startsWith("family_")) return [160, [[0, 0], [1, 0]]];
+  return [256, kind === "surface_fit" ? [[0, 1], [1, 1]] : [[0, 0], [0, 1]]];
 }
 
 export class JobCard {
@@ -88,9 +96,9 @@ export class JobCard {
   /** @param {any} job */
   async _thumbnail(job) {
     try {
-      const url = this.scope.url(await client.download(this.id, "preview.png", { signal: this.scope.signal }));
-      const image = () => h("img", { src: url, alt: "", loading: "lazy" });
-      if (!this.scope.over) fill(this.picture, isDeformation(job) ? [image(), image()].map((each) => h("span", { class: "card-half" }, each)) : image());
+      const sheet = await client.download(this.id, "preview.png", { signal: this.scope.signal });
+      const views = await viewsOf(sheet, ...viewsIn(job));
+      if (!this.scope.over) fill(this.picture, views.map((view) => h("img", { src: this.scope.url(view), alt: "" })));
     } catch {
       // There is no picture, or the view has gone.
       if (!this.scope.over) fill(this.picture, this.source);
@@ -102,7 +110,7 @@ export class JobCard {
 /** The newest jobs, below the form for a new one. @param {import("../scope.js").Scope} scope */
 export function recentJobs(scope) {
   const element = h("section", { class: "recent", "aria-labelledby": "recent-title", hidden: true });
-  client.jobPage({ limit: 6, signal: scope.signal }).then(
+  const load = () => client.jobPage({ limit: 6, signal: scope.signal }).then(
     ({ jobs }) => {
       if (!jobs.length || scope.over) return;
       element.hidden = false;
@@ -114,5 +122,7 @@ export function recentJobs(scope) {
     },
     () => {}, // The form works without them.
   );
+  scope.listen(document, "keychange", () => currentKey() && load());
+  void load();
   return element;
 }

@@ -56,10 +56,11 @@ export class Item {
 
   /** @param {string} sentence That acts on all; empty: none does. @returns {State} */
   state(sentence) {
-    if (this.doing) return this.doing;
+    const made = sentence !== "" && this.has(sentence);
+    if (this.doing && !(made && this.doing === "reading")) return this.doing;
     if (this.keeps(sentence)) return this.job.state;
+    if (made) return "changed";
     if (this.why && (this.why.sentence === null || this.why.sentence === sentence)) return "refused";
-    if (sentence && this.has(sentence)) return "changed";
     if (sentence) return "waiting";
     return this.reading || this.sample ? "read" : "waiting";
   }
@@ -68,8 +69,9 @@ export class Item {
   next(sentence) {
     if (this.doing || this.state(sentence) === "refused") return "";
     if (this.keeps(sentence)) return this.unseen && isTerminal(this.job.state) ? "look" : "";
-    if (!this.reading) return sentence || !this.sample ? "read" : "";
-    return sentence && !this.has(sentence) ? "change" : "";
+    // What it was read as is told after what was asked for.
+    if (sentence && !this.has(sentence)) return "change";
+    return !this.reading && this.why?.sentence !== null && (sentence || !this.sample) ? "read" : "";
   }
 
   /** @param {string} sentence */

@@ -69,8 +69,7 @@ export class ManyView {
       "section",
       { class: "panel many-panel", "aria-label": "All files" },
       h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop them here")),
-      h("div", { class: "row" }, button("Choose files", () => this.input.click(), { icon: "upload" }), button("Choose a folder", () => this.folder.click(), { icon: "upload" }), this.input, this.folder, h("span", { class: "small muted with-mouse" }, "Or drop files, a folder or a ZIP.")),
-      this.left,
+      h("div", { class: "row" }, button("Choose files", () => this.input.click(), { icon: "upload" }), button("Choose a folder", () => this.folder.click(), { icon: "upload" }), this.input, this.folder, h("span", { class: "small muted with-mouse" }, "Or drop files, a folder or a ZIP."), this.left),
       h("form", { class: "many-form", on: { submit: (/** @type {Event} */ event) => (event.preventDefault(), this._say(this.field.value)) } }, h("label", { class: "field-label", for: "many-sentence" }, "What all should become"), this.field, h("div", { class: "chips", role: "group", "aria-label": "Sentences to try" }, ideas)),
       h("div", { class: "row" }, this.keep, this.save, this.clear, this.tally),
     );

@@ -62,9 +62,10 @@ export class ManyWork {
 
   async _run() {
     this.busy = true;
-    // What was asked for first is done first: all are read while nothing is said.
+    // What was asked for comes first; what nobody waits for, such as reading them all, after it.
+    const next = () => this.items.find((each) => each.next(this.sentence) === "change") ?? this.items.find((each) => each.next(this.sentence));
     let item;
-    while (!this.scope.over && (item = this.items.find((each) => each.next(this.sentence)))) {
+    while (!this.scope.over && (item = next())) {
       this.asking = new AbortController();
       this.task = item.next(this.sentence);
       this.at = item;

@@ -126,6 +126,7 @@ export class PartsControl {
     const found = await this._answer(asked);
     if (asked.signal.aborted) return;
     this.element.setAttribute("aria-busy", "false");
+    if (!found && !this.said) say(this.note, "");
     if (!found) return this._draw();
     this.reading = found.reading ?? null;
     this.parts = found.parts;
