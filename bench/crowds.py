@@ -36,6 +36,7 @@ from meshdeform.record.schema import jobs
 from meshdeform.requests.document import JobRequest
 from tests.acceptance.cluster import SPHERE, Cluster, running_redis
 from tests.acceptance.service import until
+from tests.claims import claim_job
 from tests.servers import PostgresServer
 
 SHORT, ROUNDS, TURNS, POSTS = 1_000, 40, 2, 10
@@ -142,7 +143,7 @@ def progressing(cluster: Cluster, ids: list[str]) -> Iterator[None]:
                 cluster.record.leases.save_progress(job_id, 1, Progress(step=step, total_steps=10**6))
 
     for job_id in ids:
-        cluster.record.leases.claim(job_id, "worker", 3600.0)
+        claim_job(cluster.record.leases, job_id, "worker", 3600.0)
     thread = threading.Thread(target=write)
     thread.start()
     try:

@@ -181,8 +181,8 @@ class Document:
         """Append an accessor of floats and return its index.
 
         `values`, (N,), (N, 1..4) or (N, 16) float32: the elements; `like`: the accessor to replace, whose name, extras
-        and extensions are copied; `bounds`: whether to write `min` and `max`; `vertex`: whether the accessor holds
-        vertex attributes.
+        and extensions are copied; `bounds`: whether to write `min` and `max`, of what is finite, else 0; `vertex`:
+        whether the accessor holds vertex attributes.
         """
         rows = np.ascontiguousarray(values, dtype="<f4").reshape(len(values), -1)
         kept = {key: clone(value) for key, value in (like or {}).items() if key in {"name", "extras", "extensions"}}
@@ -193,8 +193,7 @@ class Document:
             "type": _TYPES[rows.shape[1]],
         }
         if bounds:
-            accessor["min"] = [float(value) for value in rows.min(axis=0)]
-            accessor["max"] = [float(value) for value in rows.max(axis=0)]
+            accessor |= _bounds(rows)
         accessors = self.items("accessors")
         accessors.append({**kept, **accessor})
         return len(accessors) - 1
@@ -458,10 +457,17 @@ def refresh_bounds(document: Document, accessor: int) -> None:
     description = document.root["accessors"][accessor]
     if not {"min", "max"} & description.keys():
         return
-    values = read_accessor(document, accessor)
-    for key, bound in (("min", values.min(axis=0)), ("max", values.max(axis=0))):
-        if key in description:
-            description[key] = bound.tolist()
+    description |= {k: bound for k, bound in _bounds(read_accessor(document, accessor)).items() if k in description}
+
+
+def _bounds(values: NDArray[Any]) -> dict[str, list[float]]:
+    """Return the `min` and `max` of what is finite of (N, C) values; 0 where nothing is."""
+    finite = np.isfinite(values)
+    if not finite.all():
+        some = np.where(finite.any(axis=0), values, 0)
+        values = np.where(np.isfinite(some), some, np.nan)
+        return {"min": np.nanmin(values, axis=0).tolist(), "max": np.nanmax(values, axis=0).tolist()}
+    return {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
 
 
 def read_floats(document: Document, accessor: int) -> NDArray[np.float32]:

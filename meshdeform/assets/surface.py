@@ -343,13 +343,15 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> NamedParts:
     counts = [count for block in blocks for count in block.triangles]
     owners = [block.node for block in blocks for _ in block.triangles]
     looks = [
-        _material(meshes[block.mesh]["primitives"][primitive]) for block in blocks for primitive in block.primitives
+        _material(meshes[block.mesh]["primitives"][primitive], len(materials))
+        for block in blocks
+        for primitive in block.primitives
     ]
     shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
     used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
     return NamedParts(
         [{"index": at, "name": _name(nodes[at]) or _name(_mesh(nodes[at], meshes))} for at in shown],
-        [{"index": at, "name": _name(materials[at]) if at < len(materials) else ""} for at in used],
+        [{"index": at, "name": _name(materials[at])} for at in used],
         [{"index": at, "name": _name(meshes[at])} for at in sorted({block.mesh for block in blocks})],
         [{"index": at, "name": _name(nodes[at])} for at in _joints(document, blocks)],
         np.repeat(np.array(owners, np.int64), counts),
@@ -381,9 +383,10 @@ def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:
     return meshes[node["mesh"]] if "mesh" in node else {}
 
 
-def _material(primitive: dict[str, Any]) -> int:
+def _material(primitive: dict[str, Any], count: int) -> int:
+    """Return the number of a primitive's material; -1 if it is none of so many."""
     number = primitive.get("material")
-    return number if type(number) is int and number >= 0 else -1
+    return number if type(number) is int and 0 <= number < count else -1
 
 
 def _name(item: Any) -> str:

@@ -427,12 +427,12 @@ def carry_targets(
                     after = _position(before, maps)
                     if name != "POSITION":
                         after = _direction(name, before, maps, *bases[name])
+                    with np.errstate(over="ignore"):
+                        after = after.astype(np.float32)
                     changed = np.asarray(moved & np.isfinite(after).all(1))
                     values = np.where(changed[:, None], after, before)
                     like = document.root["accessors"][old]
-                    copies[name, old] = document.append_accessor(
-                        values.astype(np.float32), like=like, bounds=name == "POSITION"
-                    )
+                    copies[name, old] = document.append_accessor(values, like=like, bounds=name == "POSITION")
                 target[name] = copies[name, old]
     return [(old, new) for (_, old), new in copies.items()]
 

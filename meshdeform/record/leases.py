@@ -85,10 +85,6 @@ class Leases:
         self._unreadable: set[str] = set()
         self._left: dict[str, float] = {}
 
-    def claim(self, job_id: str, worker_id: str, lease_s: float) -> Job | None:
-        """Claim a queued job as a new attempt. None: it is not queued, is over, was deleted, or cannot be read here."""
-        return self._claim(lambda readable: (readable.where(jobs.c.id == job_id),), worker_id, lease_s, USUAL)
-
     def claim_next(self, worker_id: str, lease_s: float, turns: Turns = USUAL) -> Job | None:
         """Claim a queued job of the highest priority; return None if there is none that this process may start.
 

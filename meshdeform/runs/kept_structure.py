@@ -6,9 +6,12 @@ What follows from that is decided in `meshdeform.runs.worth`.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from typing import Any
 
+from meshdeform.geometry.intersections import TooManyPairsError
 from meshdeform.geometry.mesh import TriangleMesh
+from meshdeform.geometry.moved_cuts import newly_cut
 from meshdeform.geometry.quality import measure_structure
 
 LIMITS = {
@@ -31,15 +34,20 @@ _SENTENCES = {
 }
 
 
-def kept_structure(source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any]) -> dict[str, Any]:
+def kept_structure(
+    source: TriangleMesh, result: TriangleMesh, quality: Mapping[str, Any], *, of_parts: bool = False
+) -> dict[str, Any]:
     """Measure how much a result kept of its source.
 
     `source` and `result`: with the same faces, +Y up; `quality`: the fields of
-    `meshdeform.geometry.quality.MeshQuality` for these two. Returns dict: the fields of
-    `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0 if not counted), `flipped_faces` and
-    `opened_junctions`.
+    `meshdeform.geometry.quality.MeshQuality` for these two; `of_parts`: whether only parts were changed, which may have
+    stood in others. Returns dict: the fields of `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0
+    if not counted; of parts beyond the limit without cuts that moved on), `flipped_faces` and `opened_junctions`.
     """
     cuts = quality["self_intersections_added"] or 0
+    if of_parts and cuts > LIMITS["cut_share"] * len(source.faces):
+        with suppress(TooManyPairsError):
+            cuts = int(newly_cut(source.verts, result.verts, source.faces).sum())
     faults = {name: quality[name] for name in ("flipped_faces", "opened_junctions")}
     return {**measure_structure(source, result).to_dict(), "cut_share": cuts / len(source.faces), **faults}
 

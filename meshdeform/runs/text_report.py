@@ -184,9 +184,11 @@ def change_report(
     `notes`: how misspelt words were read; `reading`: what the source was read as, if that was needed; `described`:
     whether the prompt describes it as that; `mode`: what became of the rig.
     """
+    of_parts = all(each.change.part != WHOLE for each in done)
     with log.phase("measure"):
         measured = measured_result(facts, outcome)
-        structure = kept_structure(outcome.shown.source, outcome.shown.result, measured.quality.to_dict())
+        source, result = outcome.shown.source, outcome.shown.result
+        structure = kept_structure(source, result, measured.quality.to_dict(), of_parts=of_parts)
     known = Recognition.of(facts.params, reading)
     doubted = described and not known.likely
     taken = [_BELIEVED.format(noun=ParsedPrompt(known.noun), probability=known.probability)] if doubted else []
@@ -200,7 +202,7 @@ def change_report(
         "verdict": verdict_of_change(
             structure,
             [*taken, *(doubt for each in done for doubt in each.doubts)],
-            of_parts=all(each.change.part != WHOLE for each in done),
+            of_parts=of_parts,
         ),
         "fingerprint": fingerprint(prompt=facts.request.prompt, asset=facts.file.sha256 or ""),
         "source_noun": {**known.to_dict(), "recognised": True} if described else None,

@@ -12,6 +12,7 @@ import jsonschema_rs
 
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.requests.document import JobRequest
+from tests.claims import claim_job
 from tests.integration.conftest import Api, stored_file, stored_result
 
 PROMPT = {"prompt": "a mushroom"}
@@ -72,7 +73,7 @@ def finished_job(
     """A job that a worker has brought to its end, with a result and more artifacts; at a step its result was stored."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
     job = api.record.create(NewJob(asked, files or {"asset": stored_file()}, owner_id=owner_id))
-    assert api.record.leases.claim(job.id, "worker", 60.0)
+    assert claim_job(api.record.leases, job.id, "worker", 60.0)
     made = {"result.glb": content, **(more or {})}
     results = [stored_result(api.store, f"jobs/{job.id}/1/{name}", data) for name, data in made.items()]
     if checkpoint:

@@ -10,6 +10,7 @@ from meshdeform.record.models import Artifact, EventType, Job, NewJob, Progress
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs as jobs_table
 from meshdeform.requests.document import JobRequest
+from tests.claims import claim_job
 from tests.integration.conftest import stored_file
 
 LEASE_S = 60.0
@@ -18,7 +19,7 @@ OVER = -1.0  # a lease that was over when it was given: nobody has to wait for i
 
 def claimed(record: JobRecord, job: Job, lease_s: float = LEASE_S) -> Job:
     """Take a queued job."""
-    taken = record.leases.claim(job.id, "worker", lease_s)
+    taken = claim_job(record.leases, job.id, "worker", lease_s)
     assert taken is not None
     return taken
 

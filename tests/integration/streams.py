@@ -12,6 +12,7 @@ import httpx
 
 from meshdeform.record.models import JobState, Progress
 from meshdeform.record.repository import JobRecord
+from tests.claims import claim_job
 from tests.waiting import until
 
 STREAM = {"Accept": "text/event-stream"}
@@ -66,13 +67,13 @@ def progress(record: JobRecord, job_id: str, attempt: int, step: int, total: int
 
 def recovered_run(record: JobRecord, job_id: str) -> None:
     """A whole life: a first attempt that loses its worker, and a second one that goes on from a checkpoint."""
-    assert record.leases.claim(job_id, "first", 60.0)
+    assert claim_job(record.leases, job_id, "first", 60.0)
     for step in (1, 2, 3, 4):
         progress(record, job_id, 1, step)
     record.leases.set_checkpoint(job_id, 1, f"jobs/{job_id}/1/checkpoint-2", 2, "a" * 64)
     assert record.leases.worker_ended("first")
     until(lambda: record.upkeep.reclaim_expired(3) or record.get(job_id).state is JobState.QUEUED, "it is taken back")
-    assert record.leases.claim(job_id, "second", 60.0)
+    assert claim_job(record.leases, job_id, "second", 60.0)
     for step in (3, 4, 5, 6, 7, 8):
         progress(record, job_id, 2, step)
     record.leases.finish(job_id, 2, JobState.SUCCEEDED)

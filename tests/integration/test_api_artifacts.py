@@ -12,6 +12,7 @@ import pytest
 from meshdeform.client import Client
 from meshdeform.errors import JobNotFinishedError, NumericalError
 from meshdeform.record.models import JobError, JobState
+from tests.claims import claim_job
 from tests.integration.conftest import Api, new_job, stored_result
 from tests.integration.http_calls import check_document, check_problem, finished_job
 from tests.waiting import until
@@ -63,7 +64,7 @@ def test_a_result_requested_too_early_or_of_a_job_without_one(api: Api, client: 
     for download in (lambda: client.read(job.id, "result.glb"), lambda: client.fetch(job.id, tmp_path)):
         with pytest.raises(JobNotFinishedError, match="queued"):
             download()
-    assert api.record.leases.claim(job.id, "worker", 60.0)
+    assert claim_job(api.record.leases, job.id, "worker", 60.0)
     error = JobError.of(NumericalError("The loss is not finite."))
     api.record.leases.finish(job.id, 1, JobState.FAILED, error)
     problem = check_problem(api.http.get(url), 404, "not_found")
@@ -95,7 +96,7 @@ def test_checkpoints_are_listed_by_step_and_the_newest_attempt_counts(api: Api, 
     job = new_job(api.record)
     path = f"/v1/jobs/{job.id}/checkpoints"
     assert api.http.get(path).json() == {"checkpoints": []}
-    assert api.record.leases.claim(job.id, "first", 60.0)
+    assert claim_job(api.record.leases, job.id, "first", 60.0)
     store_checkpoint(api, job.id, 1, 5, b"five of the first")
     store_checkpoint(api, job.id, 1, 10, b"ten of the first")
     store_checkpoint(api, job.id, 1, 15, None)
@@ -103,7 +104,7 @@ def test_checkpoints_are_listed_by_step_and_the_newest_attempt_counts(api: Api, 
     # The server's own reconciler may be the one that takes it back.
     api.record.upkeep.reclaim_expired(3)
     until(lambda: api.record.get(job.id).state is JobState.QUEUED, "it is taken back")
-    assert api.record.leases.claim(job.id, "second", 60.0)
+    assert claim_job(api.record.leases, job.id, "second", 60.0)
     store_checkpoint(api, job.id, 2, 10, b"ten of the second")
     store_checkpoint(api, job.id, 2, 20, b"twenty of the second")
     listed = api.http.get(path).json()
@@ -130,7 +131,7 @@ def test_a_mesh_that_is_not_there_says_which_are(api: Api) -> None:
     job = new_job(api.record)
     path = f"/v1/jobs/{job.id}/checkpoints"
     assert check_problem(api.http.get(f"{path}/5/mesh.glb"), 404, "not_found")["steps"] == []
-    assert api.record.leases.claim(job.id, "worker", 60.0)
+    assert claim_job(api.record.leases, job.id, "worker", 60.0)
     store_checkpoint(api, job.id, 1, 5, b"five")
     store_checkpoint(api, job.id, 1, 7, None)
     for step in ("6", "7"):

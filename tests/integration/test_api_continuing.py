@@ -13,6 +13,7 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.record.models import Job, JobError, JobState, NewJob, OriginMode
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, kept
 
@@ -30,7 +31,7 @@ def interrupted_job(
     """A job that a worker has ended, with checkpoints."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", **request})
     job = api.record.create(NewJob(asked, {"asset": kept(api, b"the asset")}))
-    assert api.record.leases.claim(job.id, "worker", 60.0)
+    assert claim_job(api.record.leases, job.id, "worker", 60.0)
     for step in steps:
         name = f"jobs/{job.id}/1/checkpoint-{step:06}"
         made = api.store.put(name, f"{job.id} {step}".encode())
@@ -150,7 +151,7 @@ def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
     job = made_of(api, api.http.post(path, json=named))
     assert api.store.get(job.files["target"].key) == sphere
     # Its own branch inherits the target, and one that is led by a prompt does not.
-    api.record.leases.claim(job.id, "worker", 60.0)
+    claim_job(api.record.leases, job.id, "worker", 60.0)
     made = api.store.put(f"jobs/{job.id}/1/checkpoint-000010", b"ten")
     api.record.leases.set_checkpoint(job.id, 1, f"jobs/{job.id}/1/checkpoint-000010", 10, made.sha256)
     path = f"/v1/jobs/{job.id}/checkpoints/10/branch"

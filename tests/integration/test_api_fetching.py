@@ -26,6 +26,7 @@ from meshdeform.settings import Settings
 from service.jobs import arrivals, creation_routes
 from tests.acceptance.service import until
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import DEADLINE_S, Api, serving, serving_api
 from tests.integration.http_calls import PROMPT, check_document, check_problem, post
 
@@ -242,7 +243,7 @@ def early(api: Api, url: str, **more: Any) -> str:
 
 
 def claim(api: Api, job_id: str) -> Any:
-    return api.record.leases.claim(job_id, "w", 60.0)
+    return claim_job(api.record.leases, job_id, "w", 60.0)
 
 
 @pytest.mark.usefixtures("soon")

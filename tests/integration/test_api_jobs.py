@@ -12,6 +12,7 @@ from meshdeform.record.models import JobState, NewJob, Progress
 from meshdeform.record.queue import JobQueue
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import Api, new_job, serving_app, stored_file
 from tests.integration.http_calls import check_document, check_problem, finished_job
 from tests.waiting import until
@@ -19,7 +20,7 @@ from tests.waiting import until
 
 def test_a_job_shows_its_progress_and_its_version(api: Api, openapi: dict[str, Any]) -> None:
     job = new_job(api.record)
-    api.record.leases.claim(job.id, "worker", 60.0)
+    claim_job(api.record.leases, job.id, "worker", 60.0)
     progress = Progress(
         step=3, total_steps=10, fraction=0.3, phase="optimizing", losses={"guidance": 0.5}, eta_s=2.0, attempt=1
     )
@@ -65,7 +66,7 @@ def test_a_bad_query_is_a_clear_problem(api: Api, query: str, loc: str) -> None:
 
 def test_cancel_and_delete_follow_the_state(api: Api) -> None:
     job = new_job(api.record)
-    api.record.leases.claim(job.id, "worker", 60.0)
+    claim_job(api.record.leases, job.id, "worker", 60.0)
     check_problem(api.http.delete(f"/v1/jobs/{job.id}"), 409, "conflict")
     queue = JobQueue(api.settings.redis_url, api.settings.queue)
     with queue.listen_for_cancel(job.id) as listener:

@@ -14,6 +14,7 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from service.jobs.estimates import estimate
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import Api, stored_file
 from tests.integration.http_calls import check_problem, finished_job, kept, post
 from tests.integration.other_versions import accepted_elsewhere
@@ -27,7 +28,7 @@ MESHES = {"meshes": stored_file().model_dump()}
 def test_a_queued_lesson_fails_and_no_worker_takes_it(record: JobRecord, redis_url: str) -> None:
     record.webhooks.create("", "https://hooks.example/")
     lesson, other = accepted_elsewhere(record, LESSON, files=MESHES), posted(record)
-    assert record.leases.claim(lesson.id, "worker", LEASE_S) is None
+    assert claim_job(record.leases, lesson.id, "worker", LEASE_S) is None
     estimate(record.database, record.leases, other.request, default_model="builtin", queue="test")
     queue = JobQueue(redis_url, "test")
     try:

@@ -12,6 +12,7 @@ import httpx
 
 from meshdeform.record.models import JobState
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import Api
 from tests.integration.http_calls import check_problem, post
 
@@ -37,7 +38,7 @@ def test_an_asset_comes_back_in_any_state(api: Api, sphere: bytes) -> None:
     assert queued.headers["content-type"] == "model/gltf-binary"
     assert (queued.headers["etag"], queued.headers["accept-ranges"]) == (tag, "bytes")
     assert queued.headers["x-content-type-options"] == "nosniff"
-    assert api.record.leases.claim(job_id, "worker", 60.0)
+    assert claim_job(api.record.leases, job_id, "worker", 60.0)
     assert api.http.get(url).content == sphere
     api.record.leases.finish(job_id, 1, JobState.SUCCEEDED, results=[])
     assert api.http.get(url).content == sphere

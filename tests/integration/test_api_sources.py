@@ -9,6 +9,7 @@ import pytest
 
 from meshdeform.record.models import JobState
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import Api, new_job
 from tests.integration.http_calls import PROMPT, check_document, check_problem, finished_job, post
 from tests.integration.record_calls import set_to
@@ -87,7 +88,7 @@ def test_the_estimate_goes_by_jobs_that_were_measured(api: Api, sphere: bytes) -
     request = {**PROMPT, "params": {"preset": "preview"}}
     job = api.record.get(post(api, sphere, request).json()["id"])
     assert (job.faces, job.parts) == (5120, 1)
-    api.record.leases.claim(job.id, "worker", 60.0)
+    claim_job(api.record.leases, job.id, "worker", 60.0)
     api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.5)
     set_to(api.record, job, ran_s=80 * 0.5 + 9.0, total_steps=80)
     for steps in (80, 10):

@@ -21,6 +21,7 @@ from meshdeform.runs.word_pins import pins_of
 from meshdeform.settings import Settings
 from meshdeform.words import MAX_WORDS, Word, joined, read_words
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.client_flavors import FLAVORS, opened
 from tests.integration.conftest import Api, serving_api
 from tests.integration.http_calls import check_document, check_problem, finished_job, post
@@ -184,7 +185,7 @@ def test_a_branch_has_the_words_of_its_job_and_further_ones(own: Api) -> None:
     given(own, FRUIT, BOX)
     posted = post(own, mesh(), {"prompt": "a pitaya"}).json()
     asked = own.record.get(posted["id"])
-    assert own.record.leases.claim(asked.id, "worker", 60.0)
+    assert claim_job(own.record.leases, asked.id, "worker", 60.0)
     state = own.store.put(f"jobs/{asked.id}/1/checkpoint-000010", b"ten")
     own.record.leases.set_checkpoint(asked.id, 1, f"jobs/{asked.id}/1/checkpoint-000010", 10, state.sha256)
     own.record.leases.finish(asked.id, 1, JobState.FAILED)

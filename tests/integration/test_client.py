@@ -28,6 +28,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.models import JobError, JobState, Progress
 from meshdeform.requests.document import DeformParams, OutputOptions
+from tests.claims import claim_job
 from tests.client_flavors import both_clients, opened
 from tests.integration.conftest import DEADLINE_S, Api, new_job, stored_result
 
@@ -73,7 +74,7 @@ def test_from_a_file_to_a_file(api: Api, client: Client, sphere: Path, tmp_path:
     assert job.params == params
     assert job.params.model_fields_set == {"preset", "seed", "guidance"}
     assert (job.output.morph, job.metadata) == (True, {"a": "b"})
-    assert api.record.leases.claim(job.id, "worker", 60.0)
+    assert claim_job(api.record.leases, job.id, "worker", 60.0)
     seen: list[JobView] = []
 
     def work() -> None:
@@ -137,7 +138,7 @@ def test_problems_are_the_errors_that_they_were(api: Api, client: Client, sphere
 @both_clients
 def test_waiting_raises_what_the_job_failed_with(api: Api, client: Client) -> None:
     job = new_job(api.record)
-    api.record.leases.claim(job.id, "worker", 60.0)
+    claim_job(api.record.leases, job.id, "worker", 60.0)
     api.record.leases.finish(job.id, 1, JobState.FAILED, JobError.of(NumericalError("A loss is NaN.")))
     with pytest.raises(NumericalError, match="A loss is NaN") as caught:
         client.wait(job.id)

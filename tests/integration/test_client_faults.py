@@ -17,6 +17,7 @@ from meshdeform.errors import NotFoundError
 from meshdeform.record.models import JobState
 from tests.acceptance.cluster import SPHERE, Cluster, deployed
 from tests.acceptance.service import until
+from tests.claims import claim_job
 from tests.client_flavors import both_clients, opened
 from tests.fault_proxy import FaultProxy
 from tests.integration.conftest import stored_result
@@ -102,7 +103,7 @@ def test_events_go_on_over_a_line_that_breaks_within_them(cluster: Cluster, prox
 @both_clients
 def test_a_line_that_hangs_is_left(cluster: Cluster, proxy: FaultProxy, client: Client) -> None:
     job_id = cluster.submit()
-    assert cluster.record.leases.claim(job_id, "worker", 60.0)
+    assert claim_job(cluster.record.leases, job_id, "worker", 60.0)
     events: list[EventView] = []
     for event in client.watch(job_id):
         events.append(event)
@@ -160,7 +161,7 @@ def test_a_download_goes_on_where_it_broke_off(
 ) -> None:
     content = bytes(range(256)) * 4096
     job_id = cluster.submit()
-    assert cluster.record.leases.claim(job_id, "worker", 60.0)
+    assert claim_job(cluster.record.leases, job_id, "worker", 60.0)
     names = ("result.glb", "report.json")
     results = [stored_result(cluster.store, f"jobs/{job_id}/1/{name}", content + name.encode()) for name in names]
     cluster.record.leases.finish(job_id, 1, JobState.SUCCEEDED, results=results)

@@ -24,6 +24,7 @@ from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs
 from meshdeform.settings import Settings
+from tests.claims import claim_job
 from tests.fault_proxy import FaultProxy
 from tests.integration.conftest import DEADLINE_S, new_job, serving, serving_api
 from tests.integration.http_calls import check_problem, post
@@ -37,7 +38,7 @@ def test_postgresql_ends_a_session_that_sleeps_in_a_transaction(postgres_url: st
     sleeper.database._engine.dialect.idle_s = 0.3
     try:
         job = new_job(record)
-        claimed = record.leases.claim(job.id, "the sleeper", -1.0)
+        claimed = claim_job(record.leases, job.id, "the sleeper", -1.0)
         assert claimed is not None
         held, woken = threading.Event(), threading.Event()
         errors: list[BaseException] = []

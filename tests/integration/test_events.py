@@ -17,6 +17,7 @@ from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from service.events import routes as events_module
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import DEADLINE_S, Api, new_job, serving_app
 from tests.integration.http_calls import check_document, check_problem
 from tests.integration.streams import STREAM, progress, recovered_run, stream
@@ -70,7 +71,7 @@ def test_events_come_while_they_happen_also_beyond_the_end(api: Api) -> None:
     with stream(api.http, job.id) as all_of_them, stream(api.http, job.id, 3) as beyond, far as nothing:
         everything = all_of_them.events()
         assert next(everything)["type"] == "queued"
-        assert api.record.leases.claim(job.id, "worker", 60.0)
+        assert claim_job(api.record.leases, job.id, "worker", 60.0)
         assert next(everything)["type"] == "started"
         progress(api.record, job.id, 1, 1)
         assert next(everything)["data"]["step"] == 1
@@ -84,7 +85,7 @@ def test_events_come_while_they_happen_also_beyond_the_end(api: Api) -> None:
 
 def test_many_events_come_in_order_in_one_stream(api: Api) -> None:
     job = new_job(api.record)
-    assert api.record.leases.claim(job.id, "worker", 60.0)
+    assert claim_job(api.record.leases, job.id, "worker", 60.0)
     for step in range(250):
         progress(api.record, job.id, 1, step, 250)
     api.record.leases.finish(job.id, 1, JobState.SUCCEEDED)
@@ -120,7 +121,7 @@ def test_a_server_that_ends_lets_its_readers_go_on_with_the_next_one(
     with ThreadPoolExecutor() as pool:
         with serving_app(own) as (url, _):
             first = pool.submit(read, url)
-            assert record.leases.claim(job.id, "worker", 60.0)
+            assert claim_job(record.leases, job.id, "worker", 60.0)
             for step in (1, 2, 3):
                 progress(record, job.id, 1, step)
             assert told.wait(DEADLINE_S)
@@ -206,7 +207,7 @@ def test_an_empty_page_can_be_held_back_until_something_happens(api: Api) -> Non
         at_once = api.http.get(url, headers=wait)
         assert [event["seq"] for event in at_once.json()["events"]] == [1]
         assert not waiting.done()
-        assert api.record.leases.claim(job.id, "worker", 60.0)
+        assert claim_job(api.record.leases, job.id, "worker", 60.0)
         answer = waiting.result(DEADLINE_S)
     assert [event["type"] for event in answer.json()["events"]] == ["started"]
     assert answer.headers["preference-applied"] == "wait=30"

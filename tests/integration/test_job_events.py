@@ -14,6 +14,7 @@ from meshdeform.record.models import EventType, Job, JobError, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import webhooks
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import DEADLINE_S, new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, history, late, posted
 
@@ -160,7 +161,7 @@ def test_events_tell_what_happened_without_a_gap_and_end_once(record: JobRecord,
         assert (done.progress.fraction == 1.0) == (done.state is JobState.SUCCEEDED)
         record.upkeep.reclaim_expired(1)
         record.upkeep.expire_deadlines()
-        assert record.leases.claim(job.id, "another", LEASE_S) is None
+        assert claim_job(record.leases, job.id, "another", LEASE_S) is None
         for again in (
             lambda: record.leases.finish(job.id, done.attempt, JobState.FAILED),
             lambda: record.leases.save_progress(job.id, done.attempt, at(9)),

@@ -14,6 +14,7 @@ from meshdeform.record.models import EventType, JobError, JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs as jobs_table
 from meshdeform.record.schema import workers
+from tests.claims import claim_job
 from tests.integration.conftest import new_job
 from tests.integration.record_calls import LEASE_S, OVER, artifact, at, claimed, ids, posted
 
@@ -49,9 +50,9 @@ def test_new_progress_forgives_lost_attempts_and_the_same_progress_again_does_no
 
 def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_does(record: JobRecord) -> None:
     lost, kept = new_job(record), new_job(record)
-    held = record.leases.claim(lost.id, "gone", LEASE_S)
+    held = claim_job(record.leases, lost.id, "gone", LEASE_S)
     assert held is not None
-    record.leases.claim(kept.id, "alive", LEASE_S)
+    claim_job(record.leases, kept.id, "alive", LEASE_S)
     assert record.leases.worker_ended("gone")
     assert not record.leases.worker_ended("gone")
     for taken_back in (False, True):  # a heartbeat renews nothing before it either
@@ -61,7 +62,7 @@ def test_a_worker_that_is_known_to_be_gone_loses_its_job_at_once_and_no_other_do
             record.leases.heartbeat(lost.id, held.attempt, LEASE_S)
     assert (record.get(lost.id).state, record.get(kept.id).state) == (JobState.QUEUED, JobState.RUNNING)
     # It counts as a lost attempt.
-    record.leases.claim(lost.id, "gone too", LEASE_S)
+    claim_job(record.leases, lost.id, "gone too", LEASE_S)
     assert record.leases.worker_ended("gone too")
     assert record.upkeep.reclaim_expired(2) == []
     assert record.get(lost.id).state is JobState.FAILED
@@ -89,7 +90,7 @@ def test_an_attempt_that_is_over_writes_nothing(record: JobRecord) -> None:
     assert record.upkeep.reclaim_expired(3) == []  # a heartbeat keeps the lease
     record.leases.heartbeat(old.id, 1, OVER)
     # Whoever has not taken it back yet does not give it away either.
-    assert record.leases.claim(old.id, "another", LEASE_S) is None
+    assert claim_job(record.leases, old.id, "another", LEASE_S) is None
     assert record.upkeep.reclaim_expired(3) == [old.id]
     new = claimed(record, old)
     assert (new.attempt, new.started_at) == (2, old.started_at)

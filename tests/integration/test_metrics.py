@@ -9,6 +9,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState
 from meshdeform.record.schema import metadata
+from tests.claims import claim_job
 from tests.integration.conftest import Api, new_job
 
 Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
@@ -39,9 +40,9 @@ def value(samples: Samples, name: str, **labels: str) -> float:
 @pytest.mark.both_databases
 def test_the_record_is_counted(api: Api) -> None:
     jobs = [new_job(api.record) for _ in range(4)]
-    api.record.leases.claim(jobs[0].id, "a worker", 60.0)
+    claim_job(api.record.leases, jobs[0].id, "a worker", 60.0)
     api.record.leases.finish(jobs[0].id, 1, JobState.SUCCEEDED, step_s=0.03)
-    api.record.leases.claim(jobs[1].id, "a worker", 60.0)
+    claim_job(api.record.leases, jobs[1].id, "a worker", 60.0)
     api.record.leases.worker_ended("a worker")
     api.record.upkeep.reclaim_expired(max_attempts=3)
     api.record.request_cancel(jobs[2].id)

@@ -11,6 +11,7 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from service.jobs.estimates import estimate
+from tests.claims import claim_job
 from tests.integration.other_versions import LATER, accepted_elsewhere
 from tests.integration.record_calls import LEASE_S, OVER, artifact, history, ids, posted, set_to
 from tests.integration.test_reconciler import Paused
@@ -106,7 +107,7 @@ def test_workers_pass_over_it_and_take_the_others_in_their_order(record: JobReco
     # Owners take turns, as if the others were not there.
     assert [job.id if job else None for job in taken] == [*ids(ordinary), None]
     for job in later:
-        assert record.leases.claim(job.id, "worker", LEASE_S) is None
+        assert claim_job(record.leases, job.id, "worker", LEASE_S) is None
         now = record.get(job.id)
         assert (now.state, now.attempt, now.version, now.event_seq) == (JobState.QUEUED, 0, 1, 1)
 

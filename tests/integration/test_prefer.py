@@ -15,6 +15,7 @@ from meshdeform.errors import UnavailableError
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
+from tests.claims import claim_job
 from tests.integration.conftest import DEADLINE_S, new_job, serving_app
 from tests.waiting import until
 
@@ -40,7 +41,7 @@ def test_an_answer_is_held_back_until_the_job_is_over(server: tuple[httpx.Client
     with ThreadPoolExecutor() as pool:
         answer = pool.submit(http.get, f"/v1/jobs/{job.id}", headers=WAIT)
         waiting(app, 1)
-        assert record.leases.claim(job.id, "worker", 60.0)
+        assert claim_job(record.leases, job.id, "worker", 60.0)
         assert not answer.done()
         record.leases.finish(job.id, 1, JobState.SUCCEEDED)
         found = answer.result(DEADLINE_S)

@@ -12,6 +12,7 @@ from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, O
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.integration.conftest import new_job, stored_file
 from tests.integration.record_calls import LEASE_S, artifact, claimed, history, ids, posted
 
@@ -59,7 +60,7 @@ def test_the_version_changes_with_everything_that_a_user_sees(record: JobRecord)
         seen.append(record.get(job.id).version)
         return seen[-1] > seen[-2]
 
-    record.leases.claim(job.id, "worker", LEASE_S)
+    claim_job(record.leases, job.id, "worker", LEASE_S)
     assert changed()
     record.leases.save_progress(job.id, 1, Progress(step=1, total_steps=2, fraction=0.5, phase="optimizing"))
     assert changed()

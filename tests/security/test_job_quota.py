@@ -20,6 +20,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from service.http.auth import principal
+from tests.claims import claim_job
 from tests.integration.conftest import DEADLINE_S, serving_app
 from tests.integration.http_calls import PROMPT, check_problem
 from tests.integration.record_calls import artifact, set_to
@@ -64,7 +65,7 @@ def test_the_bytes_of_an_owners_jobs_are_limited(
         assert post(vase, **{"x-owner": "bob"}).status_code == 202, "the files of others do not count"
 
         # What its job has written counts, and a retry needs room too.
-        record.leases.claim(first["id"], "worker", 60.0)
+        claim_job(record.leases, first["id"], "worker", 60.0)
         record.leases.set_checkpoint(first["id"], 1, "k", 5, "c" * 64, size=LIMIT)
         record.request_cancel(first["id"])
         record.leases.finish(first["id"], 1, JobState.CANCELED)
@@ -136,7 +137,7 @@ def test_what_workers_store_and_delete_is_counted(record: JobRecord) -> None:
     job = made(record, 1)
     made(record, 10**9, owner="bob")
     assert stored(record) == 1
-    record.leases.claim(job.id, "worker", 60.0)
+    claim_job(record.leases, job.id, "worker", 60.0)
     mesh = artifact("mesh.glb")
     for step, size in ((5, 100), (10, 200)):
         record.leases.set_checkpoint(job.id, 1, f"k{step}", step, "c" * 64, size=size, mesh=mesh)

@@ -99,3 +99,11 @@ def test_materials_that_are_none_have_no_name() -> None:
         root["meshes"][0]["primitives"][0]["material"] = material
         root["materials"] = materials
         assert load_asset(pack(root, binary)).summary.materials in ((), ({"index": 0, "name": ""},))
+
+
+def test_materials_that_the_file_does_not_have_are_no_parts() -> None:
+    root, binary, _ = unpack(quad())
+    root["materials"] = [{"name": "red"}]
+    for material in (1, 2**80):
+        root["meshes"][0]["primitives"][0]["material"] = material
+        assert load_asset(pack(root, binary)).summary.materials == ()

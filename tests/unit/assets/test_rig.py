@@ -200,3 +200,19 @@ def test_targets_of_a_placed_mesh_are_carried_in_its_own_space() -> None:
     deltas = [p.read(p.root["meshes"][0]["primitives"][0]["targets"][0]["POSITION"]) for p in (source, result)]
     placed = [delta @ source.worlds(None)[0][:3, :3].T for delta in deltas]
     np.testing.assert_allclose(placed[1], placed[0] @ linear.T, atol=1e-6)
+
+
+def test_displacements_of_a_target_that_are_not_finite_stay_as_they_are() -> None:
+    added = np.eye(4, 3, dtype=np.float32)
+    added[0], added[1, 2], added[2] = np.nan, -np.inf, 3e38
+    builder = Builder()
+    primitive = builder.primitive()
+    nowhere = np.full((4, 3), np.nan, np.float32)
+    primitive["targets"] = [{"POSITION": builder.accessor(added)}, {"POSITION": builder.accessor(nowhere)}]
+    builder.node(builder.mesh(primitive))
+    player = Player(deformed(builder, 2.0 * np.eye(3), np.zeros(3)))
+    written = [target["POSITION"] for target in player.root["meshes"][0]["primitives"][0]["targets"]]
+    np.testing.assert_array_equal(player.read(written[0])[:3], added[:3])
+    np.testing.assert_array_equal(player.read(written[1]), nowhere)
+    bounds = [player.root["accessors"][at] for at in written]
+    assert [each["max"] for each in bounds] == [[np.float32(3e38)] * 3, [0.0] * 3]

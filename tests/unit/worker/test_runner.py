@@ -27,6 +27,7 @@ from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
 from meshdeform.settings import Settings
 from meshdeform.support.sources import build, digest_of
 from tests.cases import each_case
+from tests.claims import claim_job
 from tests.fake_kind import OutOfMemoryError
 from tests.unit.plain.shapes import chair, plain_glb
 from tests.worker_world import STEPS, World, away, fail_for_a_while, new_world
@@ -378,7 +379,7 @@ def test_a_torn_checkpoint_falls_back_to_the_one_before(
 def test_a_checkpoint_that_the_kind_refuses_is_passed_over(world: World) -> None:
     job = world.create()
     lose(world, job, at=35)
-    claimed = world.record.leases.claim(job.id, "another", 30.0)
+    claimed = claim_job(world.record.leases, job.id, "another", 30.0)
     assert claimed is not None
     data = b"whole, but of another format"
     world.store.put("jobs/x", data, "application/octet-stream")
@@ -397,7 +398,7 @@ def test_an_attempt_that_lost_its_lease_writes_nothing_more(world: World) -> Non
         if step == 15:
             world.expire(job)
             assert world.record.upkeep.reclaim_expired(3) == [job.id]
-            assert world.record.leases.claim(job.id, "another", 30.0) is not None
+            assert claim_job(world.record.leases, job.id, "another", 30.0) is not None
 
     world.kind.on_step = usurp
     world.runner(settings=Settings(lease_s=1.0)).run(job.id)
