@@ -44,6 +44,7 @@ from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.support.giving_way import give_way
 from meshdeform.support.recent import Recent
 from meshdeform.vocabulary.nouns import AFLOAT
 from meshdeform.vocabulary.solids import PART_NAMES
@@ -289,6 +290,7 @@ class _Chooser:
 
     def _draw(self, graded: _Graded) -> Exemplar:
         """Draw a member, give it the asset's posture, place and grade it."""
+        give_way()
         wish, asset = self._wish, self._asset
         member = candidate_member(wish.noun, graded.number, wish.attributes)
         if asset.has_parts and is_living(asset.shape.noun):
