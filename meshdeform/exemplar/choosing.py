@@ -44,6 +44,7 @@ from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, candidate_
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.support.giving_way import give_way
 from meshdeform.support.recent import Recent
 from meshdeform.vocabulary.nouns import AFLOAT
 from meshdeform.vocabulary.solids import PART_NAMES
@@ -239,8 +240,9 @@ class _Chooser:
         numbers = [np.bincount(one.kinds, minlength=len(LIMBS)) for one in (own, held)]
         lone = float(np.abs(numbers[0] - numbers[1]).sum()) / max(len(own.kinds) + len(held.kinds), 1)
         living = is_living(self._asset.shape.noun) and is_living(self._wish.noun)
+        held_unlike = unlikeness(own, held) if living else 0.0
         unseen = LIMBS.index("leg") not in own.kinds and self._pose(number) in _OF_LEGS
-        return _POSTURE * unlikeness(own, held) * living + _SHARES * differing + _LONE * lone + _UNSEEN * unseen
+        return _POSTURE * held_unlike + _SHARES * differing + _LONE * lone + _UNSEEN * unseen
 
     @staticmethod
     def _dearer(turn_deg: float) -> float:
@@ -289,6 +291,7 @@ class _Chooser:
 
     def _draw(self, graded: _Graded) -> Exemplar:
         """Draw a member, give it the asset's posture, place and grade it."""
+        give_way()
         wish, asset = self._wish, self._asset
         member = candidate_member(wish.noun, graded.number, wish.attributes)
         if asset.has_parts and is_living(asset.shape.noun):

@@ -13,7 +13,13 @@ import numpy as np
 
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.folds import FaceNeighbours, area_vectors, longest_squared, without_rounding
-from meshdeform.geometry.intersections import TooManyPairsError, faces_near, intersecting_faces, newly_cutting_pairs
+from meshdeform.geometry.intersections import (
+    TooManyPairsError,
+    cutting_pairs,
+    faces_near,
+    intersecting_faces,
+    touching_at_rest,
+)
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["Faults", "Found"]
@@ -21,6 +27,8 @@ __all__ = ["Faults", "Found"]
 _LOCAL = 0.5
 """Share of changed faces from which the whole surface is searched again."""
 _GIVEN_UP = 10
+_KNOWN = 200_000
+"""Pairs of which it is known whether they touch at rest: shapes on one way have mostly the same."""
 _NO_PAIRS = np.zeros((0, 2), np.int64)
 
 
@@ -75,6 +83,7 @@ class Faults:
         self._areas: Floats = np.linalg.norm(area_vectors(self._rest, self._faces), axis=1) / 2
         self._solid = np.flatnonzero(self._areas > COLLAPSED_SHAPE * longest_squared(self._rest, self._faces))
         self.searched = 0
+        self._seen = self._touching_at_rest = np.zeros(0, np.int64)
         self._neighbours = FaceNeighbours(self._faces[self._solid], self._rest)
 
     @cached_property
@@ -114,9 +123,21 @@ class Faults:
             changed = self._touching(np.logical_or.reduce((verts != last.verts).T))
         if last is None or changed.mean() > _LOCAL:
             self.searched += len(self._faces)
-            return newly_cutting_pairs(self._rest, verts, self._faces)
+            return self._new(cutting_pairs(verts, self._faces))
         near = np.flatnonzero(faces_near(verts, self._faces, changed))
         self.searched += len(near)
-        pairs = near[newly_cutting_pairs(self._rest, verts, self._faces[near])]
+        pairs = self._new(near[cutting_pairs(verts, self._faces[near])])
         pairs = np.concatenate([pairs[changed[pairs].any(1)], last.pairs[~changed[last.pairs].any(1)]])
         return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])
+
+    def _new(self, pairs: Index) -> Index:
+        """Return those pairs (P, 2) that do not touch at rest."""
+        if len(self._seen) > _KNOWN:
+            self._seen = self._touching_at_rest = np.zeros(0, np.int64)
+        keys = pairs @ [len(self._faces), 1]
+        unseen = ~np.isin(keys, self._seen)
+        if unseen.any():
+            touching = touching_at_rest(self._rest, self._faces, pairs[unseen])
+            self._seen = np.concatenate([self._seen, keys[unseen]])
+            self._touching_at_rest = np.concatenate([self._touching_at_rest, keys[unseen][touching]])
+        return np.asarray(pairs[~np.isin(keys, self._touching_at_rest)])

@@ -20,6 +20,7 @@ from meshdeform.exemplar.invertible import affine_map, invertible_stages
 from meshdeform.exemplar.measures import kept_share
 from meshdeform.exemplar.regions import Surroundings, mended_by_regions
 from meshdeform.nouns.labels import Floats, Index
+from meshdeform.support.giving_way import give_way
 
 __all__ = ["MOST_CUTTING", "Mended", "mended"]
 
@@ -101,6 +102,7 @@ class _Mending:
         for step in _STEPS:
             free, hits = np.ones(len(way)), np.zeros(len(way), np.int64)
             for _ in range(_TRIES):
+                give_way()
                 tried = gone + step * (1 - gone) * free
                 if self._faults.searched > self._most:
                     return best

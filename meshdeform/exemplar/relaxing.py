@@ -32,6 +32,7 @@ from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.places import SurfaceTree, blend_matrix
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
+from meshdeform.support.giving_way import give_way
 
 __all__ = ["relaxed"]
 
@@ -69,6 +70,7 @@ def relaxed(
     relaxing = _Relaxing(rest, start, faces, _Goal(goal_verts, goal_faces), stiffness)
     now = start
     for number in range(_ROUNDS):
+        give_way()
         now = relaxing.step(now, number)
     return now
 
@@ -112,6 +114,8 @@ class _Relaxing:
         places = nodes.mean @ start
         laplacian = laplacian_of(places, nodes, self._diagonal)
         bending = laplacian.T @ laplacian * (stiffness * _STIFFNESS / len(places) / self._diagonal**2)
+        # Of vertices that are nodes themselves, nothing is to be spread.
+        self._is_spread = len(places) < len(start)
         across = _across_rims(rest, faces) @ nodes.weights
         bending += across.T @ across * (_RIMS / max(across.shape[0], 1) / self._diagonal**2)
         self._spread = sparse.kron(nodes.weights, sparse.identity(3), format="csr")
@@ -153,9 +157,10 @@ class _Relaxing:
         """Return the vertices (V, 3) after one more round."""
         ties = self._tied(now, number)
         rows, goals = self._squares(now, ties)
-        rows = rows @ self._spread
         loose = ties.rows.T @ sparse.diags(ties.weights * (_ALONG / self._diagonal**2)) @ ties.rows
-        loose = self._spread.T @ sparse.kron(loose, sparse.identity(3), format="csr") @ self._spread
+        loose = sparse.kron(loose, sparse.identity(3), format="csr")
+        if self._is_spread:
+            rows, loose = rows @ self._spread, self._spread.T @ loose @ self._spread
         matrix = (rows.T @ rows + loose + self._smooth).tocsr()
         change = _solved(matrix, rows.T @ goals - self._smooth @ self._gone)
         length, before = 1.0, self._energy(now, np.zeros_like(now), ties) + self._bent(self._gone)

@@ -44,6 +44,7 @@ from meshdeform.exemplar.conjugate_gradients import conjugate_gradients
 from meshdeform.exemplar.splines import SplineGrid, Terms
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
+from meshdeform.support.giving_way import give_way
 
 __all__ = ["LEVELS", "LIMITS", "Pull", "PullRows", "smooth_fit"]
 
@@ -320,6 +321,7 @@ class _Fit:
             self._start, self._start_jacobians = self._places, self._jacobians
             self._passed.append((grid, numbers))
             for _ in range(rounds):
+                give_way()
                 share = number / max(total - 1, 1)
                 number += 1
                 step = self._step(level, numbers, share, limits, pulls)

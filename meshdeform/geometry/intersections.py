@@ -420,25 +420,32 @@ def newly_cutting_pairs(rest: _Floats, verts: _Floats, faces: _Index) -> _Index:
     Faces that touch without cutting cut each other, by rounding, as soon as they are turned.
     """
     pairs = cutting_pairs(verts, faces)
-    reach = _TOUCHING * float(np.linalg.norm(np.ptp(rest, axis=0))) if len(rest) else 0.0
+    return np.asarray(pairs[~touching_at_rest(rest, faces, pairs)])
+
+
+def touching_at_rest(rest: _Floats, faces: _Index, pairs: _Index) -> _Flags:
+    """Return which pairs (P, 2) int64 of faces (F, 3) int64 cut each other or touch where the vertices rest, (V, 3)."""
+    if not len(pairs):
+        return np.zeros(0, np.bool_)
+    reach = _TOUCHING * float(np.linalg.norm(np.ptp(rest, axis=0)))
     points, corners = np.ascontiguousarray(rest.T, np.float64), np.ascontiguousarray(faces.T)
-    return np.asarray(pairs[~touch(points, corners, pairs[:, 0], pairs[:, 1], reach)])
+    return touch(points, corners, pairs[:, 0], pairs[:, 1], reach)
 
 
 def _in_marked_cells(low: _Index, high: _Index, some: _Flags, shape: tuple[int, ...]) -> _Flags:
     """Return which boxes (F,), in cells of a grid, meet a cell that some of them meet."""
     # Sums over a box are those from the origin to its corners: of what begins and ends in cells, and of what is met.
-    met = np.zeros([side + 1 for side in shape], np.int64)
+    met = np.zeros([side + 1 for side in shape], np.int32)
     for corner in product((0, 1), repeat=3):
         at = np.where(corner, high[some] + 1, low[some])
         np.add.at(met, tuple(at.T), (-1) ** sum(corner))
     for axis in range(3):
-        met = met.cumsum(axis)
-    sums = np.zeros([side + 1 for side in shape], np.int64)
+        np.cumsum(met, axis, out=met)
+    sums = np.zeros([side + 1 for side in shape], np.int32)
     sums[1:, 1:, 1:] = met[:-1, :-1, :-1] > 0
     for axis in range(3):
-        sums = sums.cumsum(axis)
-    found = np.zeros(len(low), np.int64)
+        np.cumsum(sums, axis, out=sums)
+    found = np.zeros(len(low), np.int32)
     for corner in product((0, 1), repeat=3):
         at = np.where(corner, high + 1, low)
         found += (-1) ** (3 - sum(corner)) * sums[tuple(at.T)]

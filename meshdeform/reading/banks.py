@@ -32,6 +32,7 @@ from meshdeform.nouns.poses import POSES, posed
 from meshdeform.reading.samples import spread
 from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.support.files import write_files
+from meshdeform.support.giving_way import give_way
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from meshdeform.words.in_use import own_word
@@ -194,7 +195,10 @@ def _name(called: str, attributes: Attributes) -> str:
 
 
 def _drawn(noun: str, attributes: Attributes) -> Bank:
-    members = [candidate_member(noun, number, attributes) for number in range(members_of(noun, attributes))]
+    members = []
+    for number in range(members_of(noun, attributes)):
+        give_way()
+        members.append(candidate_member(noun, number, attributes))
     samples = [spread(member.verts, member.faces, SAMPLES, 2) for member in members]
     mixed = np.random.default_rng(5).permutation(SAMPLES)  # so that the first few are spread as all are
     places = np.stack([one.places[mixed] for one in samples])

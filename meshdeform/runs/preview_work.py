@@ -25,6 +25,7 @@ from meshdeform.runs.reading import reading_document
 from meshdeform.runs.shape_run import ShapeRun
 from meshdeform.runs.warm_processes import StoppedError
 from meshdeform.runs.word_pins import KnowingRun
+from meshdeform.support.giving_way import stopped_by
 from meshdeform.support.recent import Recent
 
 __all__ = ["answer", "positions_of"]
@@ -52,6 +53,16 @@ def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]
 
     Raises what a job does, and StoppedError.
     """
+
+    def check() -> None:
+        if stopped():
+            raise StoppedError
+
+    with stopped_by(check):
+        return _answered(task, check)
+
+
+def _answered(task: dict[str, Any], check: Callable[[], None]) -> dict[str, bool]:
     files = {
         name: InputFile(Path(each["path"]).read_bytes(), each["filename"], each["sha256"])
         for name, each in task["files"].items()
@@ -61,7 +72,7 @@ def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]
     made: list[_Made] = []
     for seed in task["seeds"]:
         same = made and made[0].change and task["as"] != "glb"  # seeds are nothing to a change
-        made.append(made[0] if same else _made(task, seed, files, readings, stopped))
+        made.append(made[0] if same else _made(task, seed, files, readings, check))
     target = Path(task["result"])
     if task["as"] == "glb":
         target.write_bytes(made[0].glb)
@@ -76,7 +87,7 @@ def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]
 
 
 def _made(
-    task: dict[str, Any], seed: int, files: dict[str, InputFile], readings: FolderReadings, stopped: Callable[[], bool]
+    task: dict[str, Any], seed: int, files: dict[str, InputFile], readings: FolderReadings, check: Callable[[], None]
 ) -> _Made:
     request, resolved = (json.loads(json.dumps(task[name])) for name in ("request", "resolved"))
     request.setdefault("params", {})["seed"] = resolved["seed"] = seed
@@ -97,8 +108,7 @@ def _made(
     )
     run = text_deform.start(given)
     for _ in run:
-        if stopped():
-            raise StoppedError
+        check()
     made = _as_made(run, resolved)
     _recent.put((key, made.draft), made, len(made.glb))
     return made
