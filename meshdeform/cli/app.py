@@ -141,7 +141,7 @@ def _options(
 for _panel, _commands in {
     _MACHINE: (
         *(run, batch, apply, convert, animate),
-        *(command for module in brought("commands") for command in module.COMMANDS),
+        *(command for module in brought("commands") for command in getattr(module, "COMMANDS", ())),
         *(inspect, models, doctor, version),
     ),
     _CLIENT: (watch, wait, fetch, cancel, retry, branch, delete, jobs, mcp),

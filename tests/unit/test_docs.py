@@ -16,8 +16,8 @@ from typing import Any
 import typer.main
 from pydantic import BaseModel
 
-from meshdeform.kinds.words.routes.documents import WordDocument
 from meshdeform.requests.document import JobRequest
+from meshdeform.requests.kind_folders import brought
 from meshdeform.settings import Settings
 from service.jobs.documents import PreviewDocument
 from tests.cases import each_case
@@ -116,7 +116,10 @@ def test_the_path_of_a_reader_is_short_and_ends_in_something_that_works(reader: 
     assert sum(len((repository / "docs" / page).read_text().split()) for page in pages) <= 3000
 
 
-_DOCUMENTS: dict[str, type[BaseModel]] = {"/v1/words": WordDocument, "/v1/jobs:preview": PreviewDocument}
+_DOCUMENTS: dict[str, type[BaseModel]] = {
+    "/v1/jobs:preview": PreviewDocument,
+    **{each.ROUTERS[0].prefix: each.MODELS[0] for each in brought("routes")},
+}
 
 
 def test_every_json_request_that_is_shown_is_valid(repository: Path) -> None:

@@ -21,6 +21,8 @@ from meshdeform.requests.kind_folders import brought
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)
 
+GROUPS = {"words": words}
+
 _NounArgument = Annotated[str, typer.Argument(help="A word of yours.")]
 _ReplaceOption = Annotated[
     bool, typer.Option("--replace", help="Take the place of your word of that noun, or of ours, for yourself.")
@@ -254,8 +256,3 @@ def _described(word: dict[str, Any]) -> str:
         for each in word["sources"]
     ]
     return "\n".join(lines) + table(("MESH", "FACES", "LICENCE", "SHA-256 OF THE FILE"), rows)
-
-
-COMMANDS = ()
-
-GROUPS = {"words": words}

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.kinds.surface_fit import fit, sample, unfold
+from meshdeform.kinds.surface_fit.gluing import glue, topology
+from meshdeform.kinds.surface_fit.reader import read_field
 
 
 def test_a_ball_is_fitted_unfolded_and_sampled() -> None:
@@ -33,3 +37,12 @@ def test_a_ball_is_fitted_unfolded_and_sampled() -> None:
     np.testing.assert_array_equal(points, sample(data, 500, seed=3)[0])
     with pytest.raises(ValueError, match="not a"):
         unfold(data[4:], 1)
+
+
+def test_the_field_unfolds_to_a_torus_of_64_000_triangles(repository: Path) -> None:
+    file = repository / "examples" / "bumpy_torus.ndf"
+    verts, faces = read_field(file).unfold(3)
+    assert len(faces) == 64_000
+    assert file.stat().st_size < 7000
+    assert topology(faces, glue(verts, faces)).genus == 1
+    assert np.ptp(verts, axis=0) == pytest.approx([1.97, 0.57, 1.97], abs=0.05)
