@@ -22,14 +22,14 @@ PICTURES = ROOT / "docs" / "pictures"
 LARGEST_BYTES = 420_000
 EXAMPLES = ROOT / "service" / "web" / "examples"
 JOBS = (
-    ("animal.glb", "a giraffe", 0),
+    ("horse.glb", "a longer neck and longer legs", 0),
+    ("animal.glb", "a giraffe with a long neck", 0),
     ("sphere.glb", "a mushroom with a big cap", 0),
     ("walker.glb", "longer legs", 0),
     ("robot.glb", "bigger head", 0),
     ("cube.glb", "a chair", 4),
     ("car.glb", "30 % longer", 0),
     ("teapot.glb", "longer spout", 0),
-    ("horse.glb", "longer neck", 0),
 )
 """Assets, prompts and seeds; the first is shown by itself."""
 JOB: dict[str, Any] = {"viewport": {"width": 1200, "height": 860}}

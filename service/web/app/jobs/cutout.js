@@ -68,13 +68,13 @@ function flooded(light, side) {
 /** Views of a picture, without their ground, as PNG. @param {Blob} picture @param {number} side Of a view, in pixels. @param {[number, number][]} places Columns and rows. @returns {Promise<Blob[]>} */
 export async function viewsOf(picture, side, places) {
   const image = await createImageBitmap(picture);
-  return Promise.all(places.map(async ([column, row]) => {
-    const canvas = new OffscreenCanvas(side, side);
-    const context = /** @type {OffscreenCanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  return Promise.all(places.map(([column, row]) => {
+    const canvas = Object.assign(document.createElement("canvas"), { width: side, height: side });
+    const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
     context.drawImage(image, -column * side, -row * side);
     const view = context.getImageData(0, 0, side, side);
     clearGround(view.data, side);
     context.putImageData(view, 0, 0);
-    return canvas.convertToBlob();
+    return /** @type {Promise<Blob>} */ (new Promise((resolve, reject) => canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("The picture could not be written."))))));
   }));
 }
