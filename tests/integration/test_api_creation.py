@@ -189,7 +189,7 @@ def test_a_body_over_the_limit_is_refused_before_it_is_read(api: Api, declared: 
     headers = {"Content-Type": "multipart/form-data; boundary=x"}
     if declared:
         headers["Content-Length"] = str(total + len(head))
-    with httpx.Client(base_url=api.url, timeout=30) as client:
+    with httpx.Client(base_url=api.url, timeout=240) as client:
         problem = check_problem(client.post("/v1/jobs", content=body(), headers=headers), 413, "asset_too_large")
     assert problem["limit"] == api.settings.max_upload_bytes
     assert sent < total
