@@ -20,6 +20,7 @@ from typing import Any
 import pytest
 import typer.testing
 
+from meshdeform.runs.kept_readings import Unkept
 from tests.acceptance.service import Service, serving
 from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
 from tests.servers import NotInstalledError, postgres_database, postgres_server, redis_server
@@ -149,33 +150,22 @@ def _one_torch_thread() -> None:
         torch.set_num_threads(1)
 
 
-def keep_members() -> None:
-    """Let what reads an asset without a folder for members of nouns share that of the session: a noun takes a second.
-
-    Those with given attributes are left out: how many there are differs where a test is marked `as_shipped`.
-    """
-    banks = sys.modules.get("meshdeform.reading.banks")
-    if banks is None or not hasattr(banks._bank_of, "cache_info"):
-        return
-    drawn, folder = banks._bank_of, Path(os.environ["MESHDEFORM_CACHE_DIR"], "nouns")
-
-    def kept(noun: str, called: str, given: Path | None, attributes: Any) -> Any:
-        return drawn(noun, called, folder if given is None and attributes is None else given, attributes)
-
-    vars(banks)["_bank_of"] = kept
-
-
 _shipped: dict[str, dict[str, Any]] = {}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Draw and measure less in this process, except in tests that are marked `as_shipped`; fixtures do so, too."""
-    keep_members()
+    """Draw and measure less in this process, except in tests that are marked `as_shipped`; fixtures do so, too.
+
+    Members of nouns, a second of a noun, are those of the folder that all share.
+    """
+    shipped = item.get_closest_marker("as_shipped") is not None
+    made: Any = Unkept.__init__
+    made.__defaults__ = (None if shipped else Path(os.environ["MESHDEFORM_CACHE_DIR"], "nouns"),)
     for name, smaller in SMALLER.items():
         if module := sys.modules.get(name):
-            shipped = _shipped.setdefault(name, {constant: getattr(module, constant) for constant in smaller})
-            vars(module).update(shipped if item.get_closest_marker("as_shipped") else smaller)
+            as_shipped = _shipped.setdefault(name, {constant: getattr(module, constant) for constant in smaller})
+            vars(module).update(as_shipped if shipped else smaller)
 
 
 @pytest.fixture(params=["cpu", "cuda"])
