@@ -20,6 +20,7 @@ from typing import Any
 import pytest
 import typer.testing
 
+from meshdeform.runs.kept_readings import Unkept
 from tests.acceptance.service import Service, serving
 from tests.s3_fixtures import s3_server, s3_store_url  # noqa: F401 - fixtures
 from tests.servers import NotInstalledError, postgres_database, postgres_server, redis_server
@@ -65,10 +66,7 @@ SHARING = {
     # One page with one WebGL context, whose shaders take seconds.
     "the viewer": ("tests/browser/viewer/",),
     # What imports diffusers or transformers, which takes seconds, and shares their small models.
-    "Stable Diffusion": (
-        "tests/unit/evaluation/test_clip_judge.py",
-        "tests/unit/priors/test_stable_diffusion",
-    ),
+    "Stable Diffusion": ("tests/unit/priors/test_stable_diffusion",),
     "the S3 server": (
         "tests/acceptance/test_storage_faults.py",
         "tests/acceptance/test_worker_outages.py",
@@ -152,16 +150,22 @@ def _one_torch_thread() -> None:
         torch.set_num_threads(1)
 
 
-_shipped: dict[str, dict[str, int]] = {}
+_shipped: dict[str, dict[str, Any]] = {}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Draw and measure less in this process, except in tests that are marked `as_shipped`; fixtures do so, too."""
+    """Draw and measure less in this process, except in tests that are marked `as_shipped`; fixtures do so, too.
+
+    Members of nouns, a second of a noun, are those of the folder that all share.
+    """
+    shipped = item.get_closest_marker("as_shipped") is not None
+    made: Any = Unkept.__init__
+    made.__defaults__ = (None if shipped else Path(os.environ["MESHDEFORM_CACHE_DIR"], "nouns"),)
     for name, smaller in SMALLER.items():
         if module := sys.modules.get(name):
-            shipped = _shipped.setdefault(name, {constant: getattr(module, constant) for constant in smaller})
-            vars(module).update(shipped if item.get_closest_marker("as_shipped") else smaller)
+            as_shipped = _shipped.setdefault(name, {constant: getattr(module, constant) for constant in smaller})
+            vars(module).update(as_shipped if shipped else smaller)
 
 
 @pytest.fixture(params=["cpu", "cuda"])

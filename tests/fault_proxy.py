@@ -55,7 +55,7 @@ class FaultProxy:
     ) -> None:
         self._switch("refuse")
         for thread in self._threads:
-            thread.join(timeout=60)
+            thread.join(timeout=240)
 
     def pass_through(self) -> None:
         """Be as if not there."""
@@ -142,7 +142,7 @@ class FaultProxy:
                     self._connect(client)
 
     def _connect(self, client: socket.socket) -> None:
-        with socket.create_connection(("127.0.0.1", self._target), timeout=60) as server, self._tracked(server):
+        with socket.create_connection(("127.0.0.1", self._target), timeout=240) as server, self._tracked(server):
             server.settimeout(None)
             with self._changed:
                 limit = self._limit if self._mode == "cut" else None

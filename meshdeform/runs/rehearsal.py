@@ -13,13 +13,14 @@ from meshdeform.assets.build import build_glb
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.priors import load_prior
 from meshdeform.requests.document import BUILTIN_MODEL, JobRequest
-from meshdeform.runs import text_deform
+from meshdeform.runs import start_run
 from meshdeform.runs.base import job_input
 
 if TYPE_CHECKING:
     from meshdeform.runs.base import JobRun
 
 _PROMPT = "a mushroom"
+_CHANGE = "twice as tall"
 
 
 def rehearse() -> None:
@@ -28,7 +29,7 @@ def rehearse() -> None:
 
 
 def main() -> None:
-    """Also do what only some jobs do: fit a target or an exemplar, carry parts, walk a morph's path."""
+    """Also do what only some jobs do: fit a target or a surface, carry parts, walk a morph's path, change by words."""
     prior = load_prior(BUILTIN_MODEL, device="cpu")
     for glb in (_glb(1), _glb(2)):
         _run(
@@ -38,6 +39,8 @@ def main() -> None:
         ).finish()
         _run(glb, {"params": {"guidance": {"kind": "target"}}}, target=_glb(1), target_filename="sphere.glb").finish()
         _run(glb, {"prompt": _PROMPT, "params": {"guidance": {"kind": "exemplar"}}}).finish()
+    _run(_glb(1), {"prompt": _CHANGE, "params": {"guidance": {"kind": "exemplar"}}}).finish()
+    _run(_glb(1), {"kind": "surface_fit", "params": {"base_faces": 100, "steps": 2, "level": 0}}).finish()
 
 
 def _glb(components: int) -> bytes:
@@ -47,10 +50,10 @@ def _glb(components: int) -> bytes:
 
 
 def _run(glb: bytes, document: dict[str, Any], **files: Any) -> JobRun:
-    if document["params"]["guidance"]["kind"] != "exemplar":
+    if document["params"].get("guidance", {}).get("kind") in ("sds", "target"):
         document["params"] |= {"preset": "preview", "steps": 2}
     request = JobRequest.model_validate(document)
-    run = text_deform.start(job_input(asset=glb, filename="sphere.glb", request=request, **files))
+    run = start_run(job_input(asset=glb, filename="sphere.glb", request=request, **files))
     for _ in run:
         pass
     return run

@@ -18,6 +18,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from meshdeform.cli.app import app
+from tests.acceptance.service import smaller
 
 DEADLINE_S = 240.0
 
@@ -28,8 +29,8 @@ def command(*arguments: object) -> list[str]:
 
 
 def environment(**more: str) -> dict[str, str]:
-    """The environment for it: one thread, and a terminal that knows what terminals know."""
-    return {**os.environ, "MESHDEFORM_THREADS": "1", "TERM": "xterm", "COLUMNS": "100", **more}
+    """The environment for it: one thread, small pictures, and a terminal that knows what terminals know."""
+    return {**os.environ, **smaller(), "MESHDEFORM_THREADS": "1", "TERM": "xterm", "COLUMNS": "100", **more}
 
 
 def run(*arguments: object, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:

@@ -24,7 +24,7 @@ from meshdeform.requests.groups import grouped
 T = TypeVar("T")
 DEADLINE_S = 240.0
 SMALLER = Path(__file__).parents[1] / "smaller"
-"""On the module path of a service, its jobs draw small previews and measure with few samples."""
+"""On the module path of a process, its jobs draw small previews and measure with few samples."""
 TERMINAL = {"succeeded", "failed", "canceled", "expired"}
 
 
@@ -39,6 +39,11 @@ def until(what: str, value: Callable[[], T | None], *, deadline_s: float = DEADL
         time.sleep(pause_s)
         # A request or a picture of the page each time: what is waited for needs the processor more.
         pause_s = min(1.5 * pause_s, 0.25)
+
+
+def smaller() -> dict[str, str]:
+    """What puts `SMALLER` on the module path of a process."""
+    return {"PYTHONPATH": os.pathsep.join(filter(None, [str(SMALLER), os.environ.get("PYTHONPATH")]))}
 
 
 def lives(process: psutil.Process) -> bool:
@@ -85,7 +90,7 @@ class Service:
             [sys.executable, "-P", "-m", "meshdeform", "serve", "--port", "0", "--data-dir", str(data_dir), *flags],
             env={
                 **os.environ,
-                "PYTHONPATH": os.pathsep.join(filter(None, [str(SMALLER), os.environ.get("PYTHONPATH")])),
+                **smaller(),
                 "MESHDEFORM_THREADS": "1",
                 "MESHDEFORM_LEASE_S": "5",
                 "MESHDEFORM_FAILPOINTS": f"worker.step=pause:{self.gate.path}",

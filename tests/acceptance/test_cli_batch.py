@@ -51,7 +51,7 @@ def kill_after_a_row(out: Path, *arguments: object, cwd: Path) -> None:
         process.wait()
         assert process.returncode == -signal.SIGKILL, "it was over before it could be killed"
         # Nobody goes on deforming behind the next run's back.
-        _, alive = psutil.wait_procs(children, timeout=30.0)
+        _, alive = psutil.wait_procs(children, timeout=240)
         assert not alive
 
 

@@ -128,7 +128,7 @@ def test_a_supervisor_killed_while_it_takes_a_job_back_loses_nothing(cluster: Cl
     job_id = cluster.submit(24)
     for point in ("supervisor.reclaimed", "reconciler.reclaimed", "reconciler.told"):
         points = f"worker.step=kill@6;{tmp_path / point}-1,{point}=kill;{tmp_path / point}-2"
-        cluster.start_worker(point, MESHDEFORM_FAILPOINTS=points).process.wait(timeout=60)
+        cluster.start_worker(point, MESHDEFORM_FAILPOINTS=points).process.wait(timeout=240)
     cluster.start_worker("last")
     cluster.check(job_id, steps=24)
 

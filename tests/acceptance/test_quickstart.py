@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.acceptance.service import Service
+from tests.acceptance.service import Service, smaller
 
 pytestmark = pytest.mark.acceptance
 
@@ -28,6 +28,7 @@ def test_the_quickstart_runs_as_written(service: Service, repository: Path, tmp_
     url = str(service.http.base_url).rstrip("/")
     environment = {
         **os.environ,
+        **smaller(),
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
         "MESHDEFORM_URL": url,
     }

@@ -128,5 +128,5 @@ def test_a_burst_of_signals_in_the_midst_of_a_job_ends_the_worker_in_order(clust
     until("the worker is there", Path(f"{gate}.reached").exists)
     worker.send(signal.SIGTERM)
     Path(f"{gate}.go").touch()
-    assert worker.process.wait(timeout=120.0) == 0
+    assert worker.process.wait(timeout=240) == 0
     assert cluster.job(job_id).state == JobState.QUEUED

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.acceptance.service import until
+from tests.acceptance.service import DEADLINE_S, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page
@@ -31,26 +31,30 @@ _KEPT_FILES = """() => new Promise((resolve) => {
 })"""
 
 
+DEADLINE_MS = 1000 * DEADLINE_S  # only a hang takes so long, on a busy machine too
 _FEW_STEPS = """
 (() => {
   if (window.__stringify) return;
   const stringify = (window.__stringify = JSON.stringify);
   JSON.stringify = (value, ...more) => {
-    const asked = value?.params?.preset && !value.kept;
-    return stringify(asked ? { ...value, params: { ...value.params, steps: window.__steps } } : value, ...more);
+    if (!value?.params?.preset || value.kept) return stringify(value, ...more);
+    const params = { ...value.params, steps: window.__steps };
+    // The search for the front takes as long as the rest.
+    if (value.prompt) params.guidance = { orientation: "keep", ...params.guidance };
+    return stringify({ ...value, params }, ...more);
   };
 })();
 """
 
 
 def expect(what: Page | Locator) -> Any:
-    """Return Playwright's assertions, which wait for a minute.
+    """Return Playwright's assertions, which wait for as long as only a hang takes.
 
     Every worker of the tests reads these files, and Playwright takes it a second: only those that use it import it.
     """
     from playwright.sync_api import expect
 
-    expect.set_options(timeout=60_000)
+    expect.set_options(timeout=DEADLINE_MS)
     return expect(what)
 
 

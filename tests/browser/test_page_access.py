@@ -256,6 +256,7 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     expect(page.get_by_label("Before and after")).to_have_attribute("aria-valuetext", "0 percent before")
 
 
+@pytest.mark.live
 @pytest.mark.without_3d
 def test_nothing_is_wider_than_a_phone(
     browser: Browser, service: Service, finished: str, request: pytest.FixtureRequest, tmp_path: Path
@@ -294,6 +295,7 @@ def widest(page: Page) -> list[str]:
     return found
 
 
+@pytest.mark.live
 @pytest.mark.without_pictures
 def test_no_barrier_is_found(
     browser: Browser, service: Service, finished: str, axe: str, request: pytest.FixtureRequest, tmp_path: Path

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from meshdeform.geometry.shapes import icosphere
@@ -51,6 +52,7 @@ def packed_ball(path: Path) -> Path:
     return path
 
 
+@pytest.mark.live
 def test_a_zip_is_shown_its_front_said_and_deformed(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
     open_form(page)
     choose(page, packed_ball(tmp_path / "ball.zip"))

@@ -130,6 +130,7 @@ def test_painted_faces_are_kept(page: Page, service: Service, tmp_path: Path) ->
     expect(rows).to_have_count(0)
 
 
+@pytest.mark.live
 @pytest.mark.without_pictures
 def test_a_part_is_kept_by_the_keyboard_alone(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
     open_form(page)

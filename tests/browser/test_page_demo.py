@@ -43,7 +43,7 @@ def host(service: Service, small_sphere: Path, tmp_path_factory: pytest.TempPath
     for name, data in zip(("rigged.glb", "taller.glb"), rigged(), strict=True):
         (folder / "demo" / name).write_bytes(data)
     page = folder / "demo" / "index.html"
-    page.write_text(page.read_text().replace('data-demo="12000"', 'data-demo="1500"'))
+    page.write_text(page.read_text().replace('data-demo="12000"', 'data-demo="4000"'))
     handler = functools.partial(_Quiet, directory=str(folder))
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)

@@ -22,6 +22,7 @@ EXAMPLES: list[dict[str, Any]] = json.loads((FOLDER / "gallery.json").read_text(
 CHAIR = next(example for example in EXAMPLES if example["id"] == "chair")
 
 
+@pytest.mark.live
 def test_an_example_is_seen_at_once_and_runs_with_one_click(page: Page, watch: Watch, service: Service) -> None:
     open_form(page)
     expect(page.get_by_role("region", name="Examples").get_by_role("listitem")).to_have_count(6)

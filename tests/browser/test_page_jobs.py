@@ -65,7 +65,7 @@ def test_a_file_becomes_a_result_that_is_looked_at_and_kept(
     assert difference(picture(before), deformed) > 0.02
     strength.fill("0")
     # But for the ground, which lies below the lower of both shapes: the upper half is compared.
-    until("both sides are alike", lambda: difference(upper_half(before), upper_half(after)) < 0.002, deadline_s=60)
+    until("both sides are alike", lambda: difference(upper_half(before), upper_half(after)) < 0.002)
     strength.fill("100")
     until("the deformation is back", lambda: difference(deformed, picture(after)) < 0.002)
 

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
     from tests.browser.conftest import Watch
 
+pytestmark = pytest.mark.live
+
 
 class Previews:
     """Answers previews of an asset in place of the server: taller with each seed, in the way of the last prompt."""

@@ -62,6 +62,7 @@ def archive_of(page: Page) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
+@pytest.mark.live
 @pytest.mark.without_pictures
 def test_a_folder_is_changed_by_one_sentence_and_what_is_kept_comes_back(
     page: Page, watch: Watch, service: Service, small_sphere: Path, axe: str

@@ -31,6 +31,8 @@ from tests.unit.plain.shapes import rigged_dog
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page, Route
 
+pytestmark = pytest.mark.live
+
 
 def chip(page: Page, name: str) -> Locator:
     return page.locator(".parts").get_by_role("button", name=name, exact=True)

@@ -220,7 +220,7 @@ def test_the_search_ends_when_the_caller_goes(api: Api, monkeypatch: pytest.Monk
     monkeypatch.setattr(questions, "run_child", search)
 
     async def give_up() -> None:
-        async with httpx.AsyncClient(base_url=api.url, timeout=30) as client:
+        async with httpx.AsyncClient(base_url=api.url, timeout=240) as client:
             form = {"asset": ("a.glb", DOG), "request": (None, "{}")}
             call = asyncio.create_task(client.post("/v1/jobs:parts", files=form))
             while not asked.is_set():

@@ -72,7 +72,7 @@ def two(own_settings: Callable[..., Settings]) -> Iterator[tuple[Api, Api]]:
         patch.setattr(conftest, "create_app", application)
         with (
             conftest.serving_api(own_settings(max_upload_bytes=2**20)) as ann,
-            httpx.Client(base_url=ann.url, timeout=30, headers={"x-owner": "bob"}) as other,
+            httpx.Client(base_url=ann.url, timeout=240, headers={"x-owner": "bob"}) as other,
         ):
             yield ann, replace(ann, http=other)
     _servers.clear()
@@ -322,7 +322,7 @@ def test_the_work_ends_when_the_caller_goes(two: tuple[Api, Api], monkeypatch: p
     holding = Holding(monkeypatch)
 
     async def give_up() -> None:
-        async with httpx.AsyncClient(base_url=ann.url, timeout=30) as client:
+        async with httpx.AsyncClient(base_url=ann.url, timeout=240) as client:
             sent = {"data": base64.b64encode(ASSET).decode()}
             body = {"prompt": "a giraffe", "params": GIVEN, "asset": sent}
             call = asyncio.create_task(client.post("/v1/jobs:preview", json=body))
@@ -363,7 +363,7 @@ def test_a_flood_of_many_owners_leaves_each_its_own_and_nothing_behind(
 
     def attack(job: tuple[int, str]) -> None:
         turn, owner = job
-        with httpx.Client(base_url=ann.url, timeout=30, headers={"x-owner": owner}) as http:
+        with httpx.Client(base_url=ann.url, timeout=240, headers={"x-owner": owner}) as http:
             me, other = replace(ann, http=http), hashes[f"owner{(int(owner[5:]) + 1) % 20}"]
             if turn == 0:  # closes early
                 http.timeout = 0.05
@@ -428,7 +428,7 @@ def test_a_client_sends_a_file_once_and_again_when_it_was_forgotten(two: tuple[A
         sizes.append(int(request.headers.get("content-length", 0)))
 
     asset = build_glb(1.3 * BALL.verts, BALL.faces)
-    with httpx.Client(base_url=ann.url, timeout=30, event_hooks={"request": [note]}) as http:
+    with httpx.Client(base_url=ann.url, timeout=240, event_hooks={"request": [note]}) as http:
         client = Client(http=http)
         found = client.preview(asset, "a giraffe", params=GIVEN, seeds=[0, 1])
         assert [each.seed for each in found.shapes] == [0, 1]

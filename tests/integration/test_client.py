@@ -203,7 +203,7 @@ def test_a_file_is_sent_once_and_its_progress_is_told(api: Api, monkeypatch: pyt
     def upload(filename: str = "big.glb") -> str:
         hooks = {"request": [lambda request: sent.append(request.method)]}
         with (
-            httpx.Client(base_url=api.url, event_hooks=hooks, timeout=60) as http,
+            httpx.Client(base_url=api.url, event_hooks=hooks, timeout=240) as http,
             Client(http=http, on_upload=told.append) as client,
         ):
             return client.upload(data, filename=filename).id

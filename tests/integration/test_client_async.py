@@ -134,7 +134,7 @@ def test_ctrl_c_cancels_the_job(cluster: Cluster, url: str) -> None:
         job_id = child.stdout.readline().strip()
         assert job_id
         child.send_signal(signal.SIGINT)
-        _, errors = child.communicate(timeout=60)
+        _, errors = child.communicate(timeout=240)
     finally:
         child.kill()
         child.communicate()

@@ -11,6 +11,8 @@ import pytest
 from tests.cases import each_case
 from training.evaluation.__main__ import main
 
+pytestmark = pytest.mark.training
+
 JUDGE = "tests.unit.evaluation.stand_ins:HeightJudge"
 FIRST = "sphere--a-mushroom--seed0"
 QUICK = ["--kind", "sds", "--set", "steps=2", "--set", "orientation=keep"]

@@ -52,7 +52,7 @@ async def agent(url: str, key: str) -> Any:
     from mcp.client.streamable_http import streamable_http_client
 
     async with (
-        httpx2.AsyncClient(headers={"Authorization": f"Bearer {key}"}, timeout=60) as http,
+        httpx2.AsyncClient(headers={"Authorization": f"Bearer {key}"}, timeout=240) as http,
         Client(streamable_http_client(url, http_client=http)) as client,
     ):
         yield client

@@ -119,7 +119,7 @@ def test_what_is_copied_in_typescript_fits_the_types(repository: Path, tmp_path:
     options = ["--noEmit", "--strict", "--skipLibCheck", "--target", "es2022", "--module", "nodenext"]
     options += ["--lib", "es2023,dom,dom.iterable,dom.asynciterable", "--types", "node"]
     command = [shutil.which("node") or "node", compiler, *options, *sorted(tmp_path.glob("*.mts"))]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, cwd=tmp_path)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=240, cwd=tmp_path)
     wrong = [line for line in done.stdout.splitlines() if not line.startswith("copied4.mts")]
     assert not wrong, done.stdout
     assert "Type 'number' is not assignable to type 'string'" in done.stdout, "a wrong document is found"

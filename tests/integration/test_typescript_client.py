@@ -67,7 +67,7 @@ def test_the_page_has_the_client_as_it_is_built(repository: Path, tmp_path: Path
 
     def check(folder: Path) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, repository / "scripts/vendor-client", "--check", "--dist", dist, "--folder", folder]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=240)
 
     done = check(repository / "service/web/client")
     assert done.returncode == 0, done.stdout
@@ -101,5 +101,5 @@ def test_what_the_readme_shows_fits_the_types(repository: Path, tmp_path: Path) 
     options = ["--noEmit", "--strict", "--skipLibCheck", "--target", "es2022", "--module", "nodenext"]
     options += ["--lib", "es2023,dom,dom.iterable,dom.asynciterable"]
     command = [shutil.which("node") or "node", compiler, *options, *sorted(tmp_path.glob("*.mts"))]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=240)
     assert done.returncode == 0, done.stdout

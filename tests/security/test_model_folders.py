@@ -42,7 +42,7 @@ def test_no_answer_shows_a_model_folder(
         return http.post(route, files={"asset": ("a.glb", sphere), "request": (None, request)})
 
     settings = settings.model_copy(update={"redis_url": redis_url})
-    with serving(settings) as url, httpx.Client(base_url=url, timeout=60) as http:
+    with serving(settings) as url, httpx.Client(base_url=url, timeout=240) as http:
         listed = http.get("/v1/models")
         ids = [model["id"] for model in listed.json()["models"]]
         assert listed.json()["default"] == ids[0]

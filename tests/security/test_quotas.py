@@ -50,7 +50,7 @@ def test_uploads_are_limited_in_number_and_bytes(url: str, sphere: bytes) -> Non
     assert httpx.post(path, json={"sha256": digest}, headers=headers).status_code == 200
     assert begin(1).status_code == 429
     job = {**PROMPT, "asset": {"upload_id": first["id"]}}
-    assert httpx.post(f"{url}/v1/jobs", json=job, headers=headers, timeout=60).status_code == 202
+    assert httpx.post(f"{url}/v1/jobs", json=job, headers=headers, timeout=240).status_code == 202
     assert begin(200_000 - 2).status_code == 201
 
 

@@ -12,15 +12,17 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
-SMALLER = {
+SMALLER: dict[str, dict[str, Any]] = {
     "meshdeform.kinds.surface_fit.oriented_points": {"_MOST": 48},
     "meshdeform.geometry.quality": {"_FIT_SAMPLES": 2000},
     "meshdeform.guidance.points": {"SAMPLES": 2000},
     "meshdeform.reading.banks": {"_WISHED": 48, "_WISHED_WITH_ATTRIBUTES": 24},
     "meshdeform.rendering.studio": {"_SIZE": 32},
+    "meshdeform.runs.rehearsal": {"rehearse": lambda: None},
 }
 """What takes a short job longer than its steps: previews, the samples by which it fits and measures fits, the members
-that it chooses an exemplar from, and the grid that points are made a surface on."""
+that it chooses an exemplar from, the grid that points are made a surface on, and what a worker does before its first
+job, which the jobs of most tests do not need."""
 
 
 class _Changing(Loader):

@@ -30,7 +30,7 @@ def node_tool(repository: Path) -> Tool:
 
     def run(name: str, *arguments: str | Path) -> str:
         command = [node, modules / ".bin" / name, *arguments]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=240)
         assert done.returncode == 0, f"{name} {arguments}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
         return done.stdout
 

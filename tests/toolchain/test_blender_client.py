@@ -122,7 +122,7 @@ def started(*arguments: Any) -> Any:
 
 
 def finished(thread: Any) -> Any:
-    thread.join(timeout=120)
+    thread.join(timeout=240)
     assert not thread.is_alive()
     return thread.status
 

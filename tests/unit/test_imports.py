@@ -10,6 +10,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+from tests.acceptance.service import smaller
+
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
 NUMPY_FREE = [
     "meshdeform.errors",
@@ -169,7 +171,8 @@ _SDS = ["torch", "diffusers", "transformers"]
 def command(folder: Path, *arguments: str, refused: list[str]) -> subprocess.CompletedProcess[str]:
     """Run a command of ours in a folder where packages are not installed."""
     program = [sys.executable, "-c", _MISSING % refused + _COMMAND, *arguments]
-    return subprocess.run(program, cwd=folder, capture_output=True, text=True, check=False)
+    environment = {**os.environ, **smaller()}
+    return subprocess.run(program, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
 def test_the_extra_deform_is_enough_to_fit_and_to_change_without_torch(repository: Path, tmp_path: Path) -> None:

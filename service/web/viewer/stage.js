@@ -17,7 +17,7 @@ export class Stage {
     this.scene.environmentIntensity = 0.5;
     this.key = new DirectionalLight(0xfffaf2, 1.55);
     this.key.castShadow = true;
-    this.key.shadow.mapSize.set(1024, 1024);
+    this.key.shadow.mapSize.setScalar(1024 * Math.min(1, globalThis.devicePixelRatio ?? 1)); // no finer than the screen
     this.key.shadow.radius = 8;
     this.key.shadow.bias = -0.0004;
     this.key.shadow.intensity = 0.75;

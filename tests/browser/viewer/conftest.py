@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import DEADLINE_MS, FEW_SAMPLES, Kept, Watch
+from tests.browser.conftest import FEW_SAMPLES, Kept, Watch
+from tests.browser.steps import DEADLINE_MS
 from tests.browser.viewer.assets import bent
 from tests.browser.viewer.site import ViewerSite
 

@@ -14,6 +14,8 @@ from tests.unit.evaluation.tiny_clip import build_tiny_clip
 from training.evaluation.clip_judge import ClipJudge, draw, refuse_the_guides_own
 from training.shapes import box
 
+pytestmark = pytest.mark.training
+
 PROMPTS = ("a giraffe", "a dragon", "an octopus")
 
 

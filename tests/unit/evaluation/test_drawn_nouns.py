@@ -6,10 +6,14 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from bench.nouns.drawn import drawn, titles
 from bench.nouns.grids import told
 from meshdeform.nouns.families import FAMILIES
 from meshdeform.vocabulary.grammar import parse
+
+pytestmark = pytest.mark.training
 
 BENCH = Path(__file__).parents[3] / "bench"
 

@@ -21,6 +21,8 @@ from bench.keep.runs import CHILD, command, verdict
 from meshdeform.vocabulary.grammar import parse
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 
+pytestmark = pytest.mark.training
+
 
 class TestList:
     def test_splits(self) -> None:

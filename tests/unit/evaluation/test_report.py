@@ -12,6 +12,8 @@ from tests.cases import each_case
 from training.evaluation.report import interval, summarise, table
 from training.evaluation.retrieval import load_judge, ranked
 
+pytestmark = pytest.mark.training
+
 QUALITY = {
     "flipped_faces": 0,
     "self_intersections_added": 0,

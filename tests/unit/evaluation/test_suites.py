@@ -12,6 +12,8 @@ from tests.cases import each_case
 from training.evaluation.sources import SOURCES, source_mesh
 from training.evaluation.suite import ASSET_PAIRS, SUITES, files_in
 
+pytestmark = pytest.mark.training
+
 
 def volume(mesh: TriangleMesh) -> float:
     return float((mesh.verts[mesh.faces[:, 0]] * face_cross(mesh.verts, mesh.faces)).sum() / 6)

@@ -71,7 +71,7 @@ def test_a_folder_that_cannot_be_written_keeps_nothing(tmp_path: Path) -> None:
 
 def test_what_one_place_has_all_get(tmp_path: Path) -> None:
     near, far = FolderReadings(tmp_path / "near"), FolderReadings(tmp_path / "far")
-    both = Several(Unkept(), near, far)
+    both = Several(Unkept(None), near, far)
     far.put("a", b"far")
     assert both.get("a") == near.get("a") == b"far"
     both.put("b", b"b")

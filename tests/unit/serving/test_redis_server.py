@@ -105,7 +105,7 @@ def test_it_dies_with_a_parent_that_was_killed(folder: Path) -> None:
         assert parent.stdout is not None
         server = psutil.Process(int(parent.stdout.readline()))
         parent.kill()
-        server.wait(timeout=30.0)
+        server.wait(timeout=240)
 
 
 def test_one_that_cannot_start_says_why(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

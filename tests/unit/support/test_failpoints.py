@@ -22,7 +22,7 @@ TWICE = (
 
 def run(points: str, code: str = TWICE) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "MESHDEFORM_FAILPOINTS": points}
-    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=240)
 
 
 def test_the_list_and_the_calls_agree(repository: Path) -> None:

@@ -121,7 +121,7 @@ def test_ranges_cover_everything_once_and_all_of_them_end(monkeypatch: pytest.Mo
 
 
 def test_works_meet_if_there_are_two_threads_and_take_turns_if_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    meeting = threading.Barrier(2, timeout=60)
+    meeting = threading.Barrier(2, timeout=240)
     monkeypatch.setattr("meshdeform.support.threads._chosen", 2)
     assert sorted(side_by_side(meeting.wait, meeting.wait)) == [0, 1]
     with pytest.raises(ZeroDivisionError):

@@ -68,7 +68,7 @@ def test_it_unfolds_what_the_reader_in_python_does(tmp_path: Path) -> None:
     place = {"centre": np.array([1.0, -2.0, 3.0]), "scale": 2.5}
     file.write_bytes(write_field(base, network, **place, scalars=scalars))
     run = [node, "--input-type=module", "-e", SCRIPT, MODULE.as_uri(), str(file)]
-    found = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
+    found = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=240).stdout)
     field = read_field(file)
     wanted_verts, wanted_faces = field.unfold(2)
     places, corners = np.reshape(found["places"], (-1, 3)), np.reshape(found["corners"], (-1, 3))
@@ -172,7 +172,7 @@ def test_both_readers_refuse_a_file_that_lies_below_a_good_checksum(tmp_path: Pa
     for path, data in zip(paths, [*files.values(), good], strict=True):
         path.write_bytes(data)
     run = [node, "--input-type=module", "-e", REFUSE, MODULE.as_uri(), *map(str, paths)]
-    *said, last = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=120).stdout)
+    *said, last = json.loads(subprocess.run(run, capture_output=True, check=True, timeout=240).stdout)
     assert last == "read"
     for name, words in zip(files, said, strict=True):
         assert any(part in words for part in ("contradicts itself", "impossible counts", "another size")), (name, words)
