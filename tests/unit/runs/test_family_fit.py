@@ -87,10 +87,59 @@ def test_a_collection_becomes_all_artifacts_and_a_resumed_run_equals_it_bit_for_
     _check_report(json.loads(artifacts["report.json"].data))
     _check_wall(artifacts, glbs)
     assert Image.open(io.BytesIO(artifacts["preview.png"].data)).size[0] >= 480
-    assert load_asset(run.snapshot().data).surface.triangles.shape == (20 * 8, 3)
     machine = safetensors.numpy.load(artifacts["family.safetensors"].data)
     assert machine["template.points"].shape == (20, 3)
     assert machine["machine.a"].shape[0] == 60
+
+
+def unfinished_at(run, step):
+    """The artifacts of a run that is ended after a step, and its report."""
+    for report in run:
+        if report.step == step:
+            break
+    artifacts = {name: artifact.data for name, artifact in run.so_far().items()}
+    return artifacts, json.loads(artifacts["report.json"])
+
+
+@each_case(
+    ("step", "read", "said"),
+    [(6, 6, "6 of 10 assets are read"), (10, 10, "new shapes cannot be made"), (13, 10, "the best one so far")],
+)
+def test_a_run_that_is_ended_leaves_the_parts_that_it_found_so_far(chairs, glbs, step, read, said):
+    run = begin(packed(glbs, labels_document("chairs", chairs, 4)))
+    artifacts, report = unfinished_at(run, step)
+    assert report["unfinished"] == {"step": step, "total_steps": 15}
+    assert said in report["warnings"][-1]
+    assert not any("cannot be read" in warning for warning in report["warnings"])
+    assert [asset["name"] for asset in report["assets"]] == list(glbs)[:read]
+    with zipfile.ZipFile(io.BytesIO(artifacts["labelled.zip"])) as archive:
+        assert archive.namelist() == list(glbs)[:read]
+    found = np.load(io.BytesIO(artifacts["segmentation.npz"]))
+    for number in range(4):  # given labels are kept
+        assert [report["parts"][part] for part in found[f"{number:04d}"]] == chairs[number].parts()
+    assert ("family.safetensors" in artifacts) is (step > 12)
+    before = run.checkpoint()
+    assert same_state(before, begin(packed(glbs, labels_document("chairs", chairs, 4)), before).checkpoint())
+
+
+def test_of_a_run_that_has_read_one_asset_nothing_is_left(glbs):
+    run = begin(packed(glbs))
+    next(iter(run))
+    assert run.so_far() == {}
+
+
+def test_a_checkpoint_shows_the_assets_in_the_colours_of_their_parts_so_far(chairs, glbs, monkeypatch):
+    read_as_their_nodes(monkeypatch, chairs)
+    run = begin(packed(glbs), read=True, points=60, samples=200)
+    seen = {}
+    for report in run:
+        if report.step in (3, 12):
+            seen[report.step] = load_asset(run.snapshot().data).parts()
+    for step, count in ((3, 3), (12, 10)):
+        named = {node["name"] for node in seen[step].nodes}
+        assert {name.partition(": ")[0] for name in named} == set(list(glbs)[:count])
+        assert {name.partition(": ")[2] for name in named} <= {"seat", "back", "leg", "arm"}
+        assert len(named) > 2 * count
 
 
 def _check_arrays(artifacts, glbs, chairs):
