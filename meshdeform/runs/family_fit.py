@@ -30,7 +30,7 @@ from meshdeform.requests.family import FamilyParams
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
 from meshdeform.runs.family_fit_kind import READ_STEPS, total_steps
 from meshdeform.runs.family_pictures import shown
-from meshdeform.runs.family_reading import MemberReading, believed_nouns, named_parts, read_member
+from meshdeform.runs.family_reading import MemberReading, agreed_nouns, named_parts, read_member
 from meshdeform.runs.family_results import FamilyResults, Unfinished, labels_of
 from meshdeform.runs.family_rows import StandingShape, in_rows, simple_surface
 from meshdeform.runs.kept_readings import Readings
@@ -198,12 +198,12 @@ class FamilyFitRun(JobRun):
         return dataclasses.replace(found, codes=found.codes[shape.triangles], sure=found.sure[shape.triangles])
 
     def _agree_on_nouns(self) -> None:
-        """Read members again whose noun few of the collection are said to be, as the noun that most are."""
-        nouns = believed_nouns([each.probabilities for each in self._read_as])
-        for t, (name, each) in enumerate(zip(self._names, self._read_as, strict=True)):
-            if each.noun and each.noun not in nouns:
+        """Read members again that are something else by all of the collection than they were read as."""
+        for t, noun in enumerate(agreed_nouns([each.probabilities for each in self._read_as])):
+            if noun and noun != self._read_as[t].noun:
+                name = self._names[t]
                 asset = load_asset(self._files.assets[name], name, self._limits)
-                self._read_as[t] = self._reading(asset, name, nouns[0], self._shapes[t])
+                self._read_as[t] = self._reading(asset, name, noun, self._shapes[t])
 
     def _labels_of(self, name: str) -> AssetLabels:
         by_name = self._files.labels.assets if self._files.labels else {}

@@ -1,7 +1,8 @@
 """Read the members of a collection by their nouns: what an inference knows of their parts before it begins.
 
 Each member is read as what it is most likely to be (`runs/reading.py`). Nouns that few of the collection are said to be
-are not believed: their members are read again, as the noun that most are.
+are not believed: their members are read again, as the noun that most are. Of a kit of many things, where no noun is
+that of most, each is believed that is not unlikely by itself; else what others are counts too.
 """
 
 from __future__ import annotations
@@ -23,11 +24,12 @@ from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.reading import ReadingSource, corrected, read_source
 from meshdeform.vocabulary.solids import PART_NAMES
 
-__all__ = ["MemberReading", "believed_nouns", "named_parts", "read_member"]
+__all__ = ["MemberReading", "agreed_nouns", "named_parts", "read_member"]
 
 _FITTED = 3
-_BELIEVED = 0.15
-"""Share of the collection that a noun must have to be believed."""
+_BELIEVED, _OF_MOST, _SURE = 0.15, 0.5, 0.3
+"""Share of the collection that a noun must have to be believed, where one noun is that of this share of the members;
+where none is, its probability of a member from which on it is believed."""
 _FEWEST, _LEAST_AREA = 0.1, 0.01
 """Share of the members that must have a part for it to count, and of their area."""
 _MOST_PARTS = 15
@@ -62,14 +64,20 @@ def read_member(asset: Asset, data: bytes, name: str, noun: str | None, readings
     return MemberReading(reading.noun, dict(reading.probabilities), codes, sure)
 
 
-def believed_nouns(probabilities: list[dict[str, float]]) -> list[str]:
-    """Return the nouns that enough of a collection are, the commonest first, by the probabilities of all members."""
+def agreed_nouns(probabilities: list[dict[str, float]]) -> list[str]:
+    """Return what each member of a collection is, by the probabilities of all; empty where nothing is known of it."""
     total: Counter[str] = Counter()
     for each in probabilities:
         total.update(each)
-    known = max(sum(bool(each) for each in probabilities), 1)
-    common = [noun for noun, share in total.most_common() if share >= _BELIEVED * known]
-    return common or [noun for noun, _ in total.most_common(1)]
+    own = [max(each, key=lambda noun: each[noun]) if each else "" for each in probabilities]
+    known = max(sum(bool(noun) for noun in own), 1)
+    if max(Counter(filter(None, own)).values(), default=0) >= _OF_MOST * known:
+        common = total.most_common(1)[0][0]
+        return [noun if not noun or total[noun] >= _BELIEVED * known else common for noun in own]
+    return [
+        noun if not noun or each[noun] >= _SURE else max(each, key=lambda other: each[other] * total[other])
+        for noun, each in zip(own, probabilities, strict=True)
+    ]
 
 
 def named_parts(codes: NDArray[np.int64]) -> list[int]:

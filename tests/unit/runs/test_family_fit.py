@@ -29,7 +29,7 @@ from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, start_run
 from meshdeform.runs.base import InputFile, RunInput
-from meshdeform.runs.family_reading import MemberReading
+from meshdeform.runs.family_reading import MemberReading, agreed_nouns
 from meshdeform.settings import Settings
 from meshdeform.vocabulary.solids import PART_NAMES
 from tests.cases import each_case
@@ -106,7 +106,8 @@ def unfinished_at(run, step):
     [(6, 6, "6 of 10 assets are read"), (10, 10, "new shapes cannot be made"), (13, 10, "the best one so far")],
 )
 def test_a_run_that_is_ended_leaves_the_parts_that_it_found_so_far(chairs, glbs, step, read, said):
-    run = begin(packed(glbs, labels_document("chairs", chairs, 4)))
+    data = packed(glbs, labels_document("chairs", chairs, 4))
+    run = begin(data)
     artifacts, report = unfinished_at(run, step)
     assert report["unfinished"] == {"step": step, "total_steps": 15}
     assert said in report["warnings"][-1]
@@ -118,8 +119,7 @@ def test_a_run_that_is_ended_leaves_the_parts_that_it_found_so_far(chairs, glbs,
     for number in range(4):  # given labels are kept
         assert [report["parts"][part] for part in found[f"{number:04d}"]] == chairs[number].parts()
     assert ("family.safetensors" in artifacts) is (step > 12)
-    before = run.checkpoint()
-    assert same_state(before, begin(packed(glbs, labels_document("chairs", chairs, 4)), before).checkpoint())
+    assert same_state(run.checkpoint(), begin(data, run.checkpoint()).checkpoint())
 
 
 def test_of_a_run_that_has_read_one_asset_nothing_is_left(glbs):
@@ -349,6 +349,16 @@ def test_parts_have_the_names_that_most_members_are_read_with(chairs, glbs, monk
     for number, chair in enumerate(chairs):
         named = np.array([report["parts"][part] for part in found[f"{number:04d}"]])
         assert (named == chair.parts()).mean() > 0.7
+
+
+def test_a_noun_that_few_are_is_believed_only_where_no_noun_is_that_of_most():
+    chairs = [{"chair": 0.8, "stool": 0.2}] * 9
+    assert agreed_nouns([*chairs, {"throne": 0.9}, {}]) == [*["chair"] * 10, ""]
+    kit = [{"car": 0.9, "van": 0.1}] * 4 + [{"bus": 1.0}] * 3 + [{"tractor": 0.9}, {"rover": 1.0}, {}]
+    assert agreed_nouns(kit) == [*["car"] * 4, *["bus"] * 3, "tractor", "rover", ""]
+    unsure = {"truck": 0.26, "car": 0.2, "jeep": 0.12}
+    assert agreed_nouns([*kit, unsure])[-1] == "car"
+    assert agreed_nouns([{}]) == [""]
 
 
 def test_few_labels_are_enough_where_assets_are_read(chairs, glbs, monkeypatch):
