@@ -199,7 +199,7 @@ class FamilyFitRun(JobRun):
 
     def _agree_on_nouns(self) -> None:
         """Read members again that are something else by all of the collection than they were read as."""
-        for t, noun in enumerate(agreed_nouns([each.probabilities for each in self._read_as])):
+        for t, noun in enumerate(agreed_nouns(self._read_as)):
             if noun and noun != self._read_as[t].noun:
                 name = self._names[t]
                 asset = load_asset(self._files.assets[name], name, self._limits)

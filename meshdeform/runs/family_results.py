@@ -497,18 +497,22 @@ class SynthesisResults:
             points, exists = (np.stack([each[i] for each in self.drawn]) for i in (0, 1))
             arrays = {"points": points, "exists": exists, "part": self.family.labels}
             artifacts["points.npz"] = packed_arrays(arrays)
-            pictures = [load_asset(shape, self._name(n), self.limits) for n, shape in enumerate(self.shapes)]
-            titles = [str(number) for number in range(len(pictures))]
-            shapes = [self._shape(number, asset) for number, asset in enumerate(pictures)]
+            titles = [str(number) for number in range(len(self.shapes))]
+            shapes = [self._shape(number, self._made(number)) for number in range(len(self.shapes))]
+            pictured = map(self._made, range(len(self.shapes)))
         else:
             rows = [self.members[0], *(self.family.names.index(each["name"]) for each in found)]
-            pictures = [self.load(row) for row in rows]
             titles = [self.family.names[row] for row in rows]
-            shapes = [self._member(row, asset, len(rows)) for row, asset in zip(rows, pictures, strict=True)]
+            shapes = [self._member(row, self.load(row), len(rows)) for row in rows]
+            pictured = map(self.load, rows)
         artifacts["wall.glb"] = wall(shapes, self.family.parts, self.family.labels)
-        artifacts["preview.png"] = ArtifactData(assets_png(pictures, titles), "image/png")
+        # One by one: an asset takes many times the bytes of its file.
+        artifacts["preview.png"] = ArtifactData(assets_png(pictured, titles), "image/png")
         artifacts["report.json"] = ArtifactData(self._report(found), "application/json")
         return artifacts
+
+    def _made(self, number: int) -> Asset:
+        return load_asset(self.shapes[number], self._name(number), self.limits)
 
     def _shape(self, number: int, asset: Asset) -> WallShape:
         parts, frame = asset.parts(), self.about[number]["frame"]

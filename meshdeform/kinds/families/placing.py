@@ -5,9 +5,9 @@ A joint j is a ball of radius r_j around c_j, all of which moves by w_j. Other p
     u(x) = sum_j w_j / d_j(x)^2 / sum_j 1 / d_j(x)^2,    d_j(x) = max(|x - c_j| - r_j, small).
 
 Where a joint alone leaves a place off its neighbour, since the two are not of one form, a seam bends the surface to it:
-each of the places p_j goes its own way r_j, and what is nearer than R to one of them goes along,
+each of the places p_j goes its own way r_j, evened over a distance s, and what is nearer than R to one goes along,
 
-    v(x) = (1 - (d(x) / R)^2)^2 sum_j r_j / |x - p_j|^2 / sum_j 1 / |x - p_j|^2,    d(x) that of the nearest.
+    v(x) = (1 - (d(x) / R)^2)^2 sum_j r_j / (|x - p_j|^2 + s^2) / sum_j 1 / (|x - p_j|^2 + s^2),  d(x) = min |x - p_j|.
 
 Source: Shepard 1968, A two-dimensional interpolation function for irregularly-spaced data.
 """
@@ -26,6 +26,8 @@ _FLAT = 0.03**2
 """Variance, in squared diagonals, below which an extent says little about a scale: the scale is drawn to 1."""
 _LEAST, _MOST = 0.2, 5.0
 _INSIDE, _STEP = 1e-4, 1e-5
+_EVEN = 0.004
+"""Distance, in diagonals, over which the ways of a seam are evened out."""
 
 
 def axis_fit(source: _Floats, target: _Floats) -> tuple[_Floats, _Floats]:
@@ -66,7 +68,7 @@ class PartSeam:
         apart = np.linalg.norm(points[rows, None] - self.points, axis=2)
         nearest = apart.min(1, initial=np.inf)
         near = nearest < self.reach
-        rows, weights = rows[near], 1 / np.maximum(apart[near], _INSIDE) ** 2
+        rows, weights = rows[near], 1 / (apart[near] ** 2 + _EVEN**2)
         fading = (1 - (nearest[near, None] / self.reach) ** 2) ** 2
         ways[rows] = fading * (weights @ self.ways) / weights.sum(1, keepdims=True)
         return ways
@@ -76,12 +78,13 @@ class PartSeam:
 class PartFloor:
     """A plane beside which a part ends: what is deeper, and no farther aside than `reach` from a place, goes up to it.
 
-    Half as far again, the way fades.
+    Nothing goes farther than `most`, which what is far deeper goes as a whole; half as far aside again, the way fades.
     """
 
     place: _Floats  # (3,) float64
     normal: _Floats  # (3,) float64: unit, away from what is not to be entered
     reach: float
+    most: float
     patch: int
 
     def moved(self, points: _Floats) -> _Floats:
@@ -90,7 +93,7 @@ class PartFloor:
         height = away @ self.normal
         aside = np.linalg.norm(away - height[:, None] * self.normal, axis=1)
         share = np.clip(3 - 2 * aside / max(self.reach, _INSIDE), 0.0, 1.0)
-        return (share * np.maximum(-height, 0.0))[:, None] * self.normal
+        return (share * np.clip(-height, 0.0, self.most))[:, None] * self.normal
 
 
 @dataclass(frozen=True)

@@ -351,14 +351,20 @@ def test_parts_have_the_names_that_most_members_are_read_with(chairs, glbs, monk
         assert (named == chair.parts()).mean() > 0.7
 
 
+def read_as(*nouns):
+    """Readings of members, each with its nouns and their probabilities, the first of which it was read as."""
+    return [MemberReading(next(iter(each), ""), each, np.empty(0, int), np.empty(0)) for each in nouns]
+
+
 def test_a_noun_that_few_are_is_believed_only_where_no_noun_is_that_of_most():
     chairs = [{"chair": 0.8, "stool": 0.2}] * 9
-    assert agreed_nouns([*chairs, {"throne": 0.9}, {}]) == [*["chair"] * 10, ""]
+    assert agreed_nouns(read_as(*chairs, {"throne": 0.9}, {})) == [*["chair"] * 10, ""]
     kit = [{"car": 0.9, "van": 0.1}] * 4 + [{"bus": 1.0}] * 3 + [{"tractor": 0.9}, {"rover": 1.0}, {}]
-    assert agreed_nouns(kit) == [*["car"] * 4, *["bus"] * 3, "tractor", "rover", ""]
-    unsure = {"truck": 0.26, "car": 0.2, "jeep": 0.12}
-    assert agreed_nouns([*kit, unsure])[-1] == "car"
-    assert agreed_nouns([{}]) == [""]
+    assert agreed_nouns(read_as(*kit)) == [*["car"] * 4, *["bus"] * 3, "tractor", "rover", ""]
+    assert agreed_nouns(read_as({})) == [""]
+    # What is unsure, or of another kind, is what others are.
+    more = {"truck": 0.26, "car": 0.2, "jeep": 0.12}, {"microwave": 0.6, "bus": 0.2}, {"chest": 0.95, "bus": 0.01}
+    assert agreed_nouns(read_as(*kit, *more))[-3:] == ["car", "bus", "chest"]
 
 
 def test_few_labels_are_enough_where_assets_are_read(chairs, glbs, monkeypatch):
