@@ -38,10 +38,9 @@ def main() -> None:
         else:
             others.append(likely[order[0]] >= SURE)
     first, is_sure = np.array(places), np.array(sure)
-    right = (first == 0)[is_sure].mean() if is_sure.any() else float("nan")
     print(f"{len(first)} drawings: first {np.mean(first == 0):.1%}, among three {np.mean(first < 3):.1%}")
-    print(f"sure of {is_sure.mean():.1%}, of which right {right:.1%}")
-    print(f"sure of {np.mean(others):.1%} of {len(others)} of other things")
+    print(f"sure of {int(is_sure.sum())}, of which {int((first == 0)[is_sure].sum())} are right")
+    print(f"sure of {sum(others)} of {len(others)} of other things")
 
 
 if __name__ == "__main__":

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 _FORCE = "Choose another name with -o, or overwrite it with --force."
 _ELSEWHERE = "Choose another path with -o."
 _REPORT = "report.json"
+_UNFINISHED = "unfinished"
+"""What a report has of a run that was ended before its last step (`JobRun.so_far`)."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class LocalJob:
     _losses: dict[str, float] = field(default_factory=dict, init=False)
     _step: tuple[int, int] | None = field(default=None, init=False)
     _saved_step: int | None = field(default=None, init=False)
+    _unfinished: list[Path] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
         """Decide the kind of guidance of a request that names none, and pin the words that it names."""
@@ -98,7 +101,8 @@ class LocalJob:
     def run(self, progress: ProgressView) -> FinishedRun:
         """Run the job to its end and write the outputs, all or none.
 
-        A Ctrl-C is an OutcomeError (`interrupted`); the checkpoint is written if requested.
+        A Ctrl-C is an OutcomeError (`interrupted`); the checkpoint is written if requested, and what the run has of its
+        results, where that is something, and none of an earlier run would go for it.
         """
         try:
             return self._run(progress)
@@ -158,11 +162,26 @@ class LocalJob:
         self._optimize(run, progress)
         progress.phase("writing")
         artifacts = {name: artifact.data for name, artifact in run.finish().items() if name in self.outputs}
-        missing = [path for name, path in self.outputs.items() if name not in artifacts] if self.whole_folder else []
-        write_all({self.outputs[name]: data for name, data in artifacts.items()}, remove=missing)
+        self._write(artifacts)
         elapsed_s = round(time.perf_counter() - began, 3)
         report = json.loads(artifacts[_REPORT])
         return FinishedRun(report, artifacts, run.step, first or None, self._losses, elapsed_s)
+
+    def _write(self, artifacts: Mapping[str, bytes]) -> None:
+        """Write artifacts, all or none, in place of all that an earlier run wrote."""
+        missing = [path for name, path in self.outputs.items() if name not in artifacts] if self.whole_folder else []
+        write_all({self.outputs[name]: data for name, data in artifacts.items()}, remove=missing)
+
+    def _write_so_far(self, run: JobRun, progress: ProgressView) -> None:
+        """Write what a run that is interrupted has of its results, unless whole ones of an earlier run are there."""
+        before = _read_report(self.outputs[_REPORT], str(self.request.kind))
+        if before is not None and _UNFINISHED not in before:
+            return
+        progress.phase("writing")
+        artifacts = {name: made.data for name, made in run.so_far().items() if name in self.outputs}
+        if artifacts:
+            self._write(artifacts)
+            self._unfinished = [self.outputs[name] for name in artifacts]
 
     def _optimize(self, run: JobRun, progress: ProgressView) -> None:
         path, every = self.checkpoint, self.request.params.checkpoint_every_steps
@@ -176,6 +195,8 @@ class LocalJob:
                         _write({path: run.checkpoint()})
                     self._saved_step = report.step
                 if stop:
+                    if report.step < report.total_steps:
+                        self._write_so_far(run, progress)
                     raise KeyboardInterrupt
 
     def _interruption(self) -> OutcomeError:
@@ -191,6 +212,11 @@ class LocalJob:
                 advice = f"The same command continues from {self.resume} again."
             elif path is None:
                 advice += " With --checkpoint FILE it could be resumed."
+        if self._unfinished:
+            place = self._unfinished[0].parent if self.whole_folder else self._unfinished[0]
+            so_far = f"What was done so far is in {place}."
+            detail = f"{so_far} {detail}" if extra else so_far
+            extra["unfinished"] = [str(path) for path in self._unfinished]
         return OutcomeError(ExitCode.INTERRUPTED, "interrupted", f"Interrupted {where}. {detail}", advice, **extra)
 
 

@@ -292,6 +292,14 @@ class JobRun(ABC):
     def finish(self) -> dict[str, ArtifactData]:
         """Return the results, by artifact name."""
 
+    def so_far(self) -> dict[str, ArtifactData]:
+        """Return those results that the steps done are enough for, of a run that is ended before its last step.
+
+        The report among them says so: `unfinished`, with `step` and `total_steps`. Empty if they would be worth nothing
+        by themselves, which is the default. Call only between two steps.
+        """
+        return {}
+
 
 StartRun = Callable[[RunInput], JobRun]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +71,7 @@ def _drawn(shape: Shown) -> Image.Image:
     return _photograph(asset)
 
 
-def assets_png(assets: Sequence[Asset], titles: Sequence[str]) -> bytes:
+def assets_png(assets: Iterable[Asset], titles: Sequence[str]) -> bytes:
     """Draw assets in rows as their materials show them, each above its title."""
     sheet, places = _in_rows([_photograph(asset) for asset in assets], between=_MARGIN)
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)

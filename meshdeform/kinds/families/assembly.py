@@ -2,7 +2,8 @@
 
 A part is scaled along the axes to its points of the shape. Then each place where it touches a neighbour in its own
 member goes to that neighbour here, with the offset that it has there, and what stands on the ground stays on it; the
-rest of the part follows smoothly (`placing`).
+rest of the part follows smoothly (`placing`). What is left, since the two are not of one form, is bent; what would go
+deeper into the neighbour than in its member is pushed out.
 """
 
 from __future__ import annotations
@@ -17,8 +18,17 @@ from scipy.spatial import cKDTree
 from meshdeform.assets import Asset
 from meshdeform.assets.assemble import AssetPart
 from meshdeform.kinds.families.family_file import FamilyFile
-from meshdeform.kinds.families.members import Contact, MemberPart, MemberShape, PlacedSurface, depth_beyond, turned
-from meshdeform.kinds.families.placing import PartJoint, Placing, axis_fit
+from meshdeform.kinds.families.members import (
+    ONE_SIDE,
+    Contact,
+    MemberPart,
+    MemberShape,
+    PlacedSurface,
+    depth_beyond,
+    reach_aside,
+    turned,
+)
+from meshdeform.kinds.families.placing import PartFloor, PartJoint, PartSeam, Placing, axis_fit
 from meshdeform.kinds.families.sampling import Drawn
 
 _Floats = NDArray[np.float64]
@@ -27,6 +37,8 @@ _Index = NDArray[np.int64]
 _FAR, _LEAST_FAR = 2.5, 0.04
 """Points farther from their places than so many times the median, and than so many diagonals, are no match."""
 _FEWEST = 4
+_SEAM, _MOST_BENT = 0.08, 0.03
+"""How far from a place what is bent with it reaches, and how far a place may go so, in diagonals."""
 _STILL = 1e-4
 """Gaps below this share of the diagonal are none."""
 _REACH, _OTHER = 0.15, 0.05
@@ -35,7 +47,7 @@ that is no neighbour there is met within the second."""
 _MEETINGS, _OFFERS, _GOOD, _BESIDE = 3, 3, 0.008, 0.06
 _FIRM = 1e9
 """Weight of a vertex of a part that may not move, beside one of a part that may."""
-_KEPT = 8
+_KEPT = 4
 
 
 @dataclass
@@ -194,18 +206,20 @@ class Assembler:
         shape: tuple[_Floats, NDArray[np.bool_]],
     ) -> tuple[PlacedPart, bool]:
         """Return the part of the first of some members that meets what is in place, or of that which nearly does."""
-        best, least = (first, False), np.inf
+        best, sites, least = first, list[_Site](), np.inf
         for member in members[:_OFFERS]:
             each = first if member == first.member else self._placed(*shape, first.number, member, False)
-            met = _meet(each, standing, ground)
+            found = _meet(each, standing, ground)
             surfaces = {**standing.surfaces, each.number: each.surface()}
             fault = max([each.gap, *(_beyond(each, other, surfaces) for other in standing.parts)])
-            fault += 0.0 if met or not standing.parts else _OTHER
+            fault += 0.0 if found or not standing.parts else _OTHER
             if fault < least:
-                best, least = (each, met), fault
+                best, sites, least = each, found, fault
             if fault < _GOOD or each.still:
                 break
-        return best
+        if not best.still:
+            _bend(best, sites, standing)
+        return best, bool(sites)
 
     def _placed(self, points: _Floats, exists: NDArray[np.bool_], part: int, member: int, kept: bool) -> PlacedPart:
         family, shape = self.family, self.shape(member)
@@ -275,8 +289,8 @@ def _ground(placed: list[PlacedPart]) -> float | None:
     return float(heights[0] if still else np.mean(heights))
 
 
-def _meet(each: PlacedPart, standing: _Standing, ground: float | None) -> bool:
-    """Move the joints of a part to what is in place and to the ground, measure the gaps, and say whether it met any."""
+def _meet(each: PlacedPart, standing: _Standing, ground: float | None) -> list[_Site]:
+    """Move the joints of a part to what is in place and to the ground, measure the gaps; return where it met any."""
     sites = [_site(each, other, c) for other in each.shape.present for c in each.shape.contacts(each.number, other)]
     feet = [_site(each, -1, contact) for contact in each.shape.feet(each.number)]
     if not each.still:
@@ -291,7 +305,7 @@ def _meet(each: PlacedPart, standing: _Standing, ground: float | None) -> bool:
             _stand(each, feet, ground)
     gaps = [_way(each, site, standing)[1] for site in sites if site.met >= 0 or each.still]
     each.gap = max(gaps, default=0.0)
-    return any(site.met >= 0 for site in sites)
+    return [site for site in sites if site.met >= 0]
 
 
 def _site(each: PlacedPart, neighbour: int, contact: Contact) -> _Site:
@@ -310,12 +324,44 @@ def _way(each: PlacedPart, site: _Site, standing: _Standing) -> tuple[_Floats, f
         site.met = -1
         return np.zeros(3), 0.0
     site.met, place = found
-    other = next(part for part in standing.parts if part.number == site.met)
-    whole = each.member == other.member and each.shape.of_one_piece(each.number, other.number)
+    whole = _of_one_piece(each, site, standing)
     # All points of a contact go the same way, so that the end of a leg keeps its shape.
     way = (place + contact.offsets - here).mean(0)
     now, before = (float(np.linalg.norm(apart, axis=1).mean()) for apart in (here - place, contact.offsets))
     return way * (float(np.linalg.norm(way)) > _STILL), 0.0 if whole else max(now - before, 0.0)
+
+
+def _bend(each: PlacedPart, sites: list[_Site], standing: _Standing) -> None:
+    """Bend the places of a part that its joints leave off what they meet, and push out what goes too deep into it."""
+    sites = [site for site in sites if not _of_one_piece(each, site, standing)]
+    for site in sites:
+        contact = site.contact
+        here = contact.points + each.moved(contact.points, contact.patches)
+        ways = standing.surfaces[site.met].nearest(here, contact.normals)[2] + contact.offsets - here
+        length = np.linalg.norm(ways, axis=1, keepdims=True)
+        ways *= np.minimum(1.0, _MOST_BENT / np.maximum(length, _STILL))
+        if length.max() > _STILL:
+            each.placing.seams.append(PartSeam(here, ways, site.joint.patch, _SEAM))
+    for site in sites:
+        contact, surface = site.contact, standing.surfaces[site.met]
+        normal = contact.normals.mean(0)
+        if (length := float(np.linalg.norm(normal))) < ONE_SIDE:
+            continue
+        normal /= length
+        here = contact.points + each.moved(contact.points, contact.patches)
+        around = each.part.beside(here, contact.patches, each.surface().verts)
+        excess = min(depth_beyond(surface, around, contact.normals) - contact.depth, _MOST_BENT)
+        if excess > _STILL:
+            place = surface.nearest(here, contact.normals)[2].mean(0) - contact.depth * normal
+            floor = PartFloor(place, normal, reach_aside(here, normal), excess, site.joint.patch)
+            each.placing.seams.append(floor)
+    each.gap = max((_way(each, site, standing)[1] for site in sites), default=0.0)
+
+
+def _of_one_piece(each: PlacedPart, site: _Site, standing: _Standing) -> bool:
+    """Return whether a part and what it meets were cut out of one piece of a mesh, along which they are sewn."""
+    other = next(part for part in standing.parts if part.number == site.met)
+    return each.member == other.member and each.shape.of_one_piece(each.number, other.number)
 
 
 def _stand(each: PlacedPart, feet: list[_Site], ground: float | None) -> None:

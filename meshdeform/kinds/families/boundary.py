@@ -18,9 +18,10 @@ _Index = NDArray[np.int64]
 _STRAY = 0.25
 """A patch of a part is stray if it has less than this share of the area of the part's largest one."""
 _ROUNDS = 4
-_MAJORITY, _WHOLE = 0.6, 0.9
-"""A part with more than the first share of a connected piece has all of it, where the piece is at most the second share
-of the surface: a model that is welded to one piece says nothing by its pieces."""
+_MAJORITY, _OF_LARGE, _LARGE, _WHOLE = 0.6, 0.85, 0.25, 0.9
+"""A part with more than the first share of a connected piece has all of it; with more than the second, where the piece
+is more than the third share of the surface, as a car's body with its cabin is; none has it where it is more than the
+last: a model that is welded to one piece says nothing by its pieces."""
 _LIMB = 1.5
 """A patch of another part is no mistake within a piece if its boundary is shorter than this many roots of its area, as
 around the trunk of a tree: mistakes have 2.1 and more on vehicles and trees, and limbs 0.9 and less."""
@@ -86,7 +87,8 @@ def _voted(corners: _Index, parts: _Index, smooth: _Index, areas: _Floats, faces
     patches = components(len(parts), faces[~cut])
     around = np.bincount(patches[faces[cut]].reshape(-1), np.repeat(lengths[cut], 2), len(parts))[patches]
     limb = (around < _LIMB * np.sqrt(np.bincount(patches, areas)[patches])) & (smooth != most[piece])
-    clear = (share.max(1) > _MAJORITY * size) & (size <= _WHOLE * size.sum())
+    majority = np.where(size > _LARGE * size.sum(), _OF_LARGE, _MAJORITY)
+    clear = (share.max(1) > majority * size) & (size <= _WHOLE * size.sum())
     clear[piece[limb]] = False
     return np.where(clear[piece], most[piece], parts)
 

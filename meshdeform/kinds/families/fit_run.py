@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import posixpath
 from collections.abc import Iterator
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.assets import Asset, Limits, build_glb, load_asset
 from meshdeform.assets.collection import MIN_COLLECTION, AssetLabels, CollectionFiles, open_collection, own_labels
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint
 from meshdeform.errors import AssetError
+from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.tensors import arrays_of, tensors_of
 from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
 from meshdeform.kinds.families.fit_description import READ_STEPS, total_steps
@@ -24,14 +27,18 @@ from meshdeform.kinds.families.learning import Learning
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import correspondences, visible_points
 from meshdeform.kinds.families.params import FamilyParams
-from meshdeform.kinds.families.reading import MemberReading, believed_nouns, named_parts, read_member
-from meshdeform.kinds.families.results import FamilyResults, labels_of
+from meshdeform.kinds.families.reading import MemberReading, agreed_nouns, named_parts, read_member
+from meshdeform.kinds.families.results import FamilyResults, Unfinished, labels_of
+from meshdeform.kinds.families.rows import StandingShape, in_rows, simple_surface
 from meshdeform.reading import NO_PART
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
 from meshdeform.runs.kept_readings import Readings
+from meshdeform.runs.sheets import shown
 from meshdeform.vocabulary.solids import PART_NAMES
 
-_REST = "rest"
+_REST, _UNKNOWN, _GLB = "rest", "not known yet", "model/gltf-binary"
+_FEWEST = 2
+"""Fewer assets have nothing in common."""
 _ARRAYS = ("points", "normals", "triangles", "weights", "centre")
 _OF_INFERENCE = ("deformed", "variance", "mass", "parts", "crowding", "likelihood", "s1", "s2", "s3", "edges")
 _OF_LEARNING = ("rate", "error", "best_error", "epoch")
@@ -77,6 +84,7 @@ class FamilyFitRun(JobRun):
         self._inference: Inference | None = None
         self._learning: Learning | None = None
         self._wrong: AssetError | None = None
+        self._simple: dict[str, TriangleMesh] = {}
         if state is not None:
             self._resume(state)
 
@@ -102,20 +110,50 @@ class FamilyFitRun(JobRun):
         return dump_checkpoint(Checkpoint(self.step, arrays_of(tensors)), self._run, self._sha256)
 
     def snapshot(self) -> ArtifactData:
-        """Return a GLB of the template's points, or of the first samples before there is a template."""
+        """Return a GLB of the assets that were read, in the colours of their parts so far."""
+        if not self._shapes:
+            return ArtifactData(build_glb(FamilyResults.markers(np.zeros((1, 3)), np.zeros(1, np.int64))), _GLB)
+        parts = self._part_names()
+        standing = []
+        for t in shown(len(self._names)):
+            name, shape = self._names[t], self._shapes[t]
+            if name not in self._simple:
+                self._simple[name] = simple_surface(load_asset(self._files.assets[name], name, self._limits))
+            mesh = self._simple[name]
+            near = cKDTree(shape.points).query(mesh.verts[mesh.faces].mean(1))[1]
+            standing.append(StandingShape(name, mesh.verts, mesh.faces, self._parts_so_far(t, parts)[near]))
+        return ArtifactData(in_rows(standing, [*parts, _UNKNOWN]), _GLB)
+
+    def _parts_so_far(self, t: int, parts: list[str]) -> NDArray[np.int64]:
+        """Return the part of each sample of an asset, a place in `parts`, or after the last where nothing is known."""
         if self._inference is not None:
-            points, labels = self._inference.template.points.numpy(), self._inference.template.labels.numpy()
-        elif self._shapes:
-            points, labels = self._shapes[0].points, np.zeros(len(self._shapes[0].points), np.int64)
-        else:
-            points, labels = np.zeros((1, 3)), np.zeros(1, np.int64)
-        return ArtifactData(build_glb(FamilyResults.markers(points, labels)), "model/gltf-binary")
+            return self._inference.parts[t].argmax(1).numpy()
+        named = np.array([parts.index(name) if name in parts else len(parts) for name in (*PART_NAMES, "")])
+        codes = self._read_as[t].codes
+        return np.where(self._truth[t] >= 0, self._truth[t], named[np.where(codes >= 0, codes, -1)])
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return the results, by artifact name."""
         assert self._inference is not None
-        assert self._learning is not None
-        results = FamilyResults(
+        return self._results(self._inference).artifacts()
+
+    def so_far(self) -> dict[str, ArtifactData]:
+        """Return parts and correspondences of the assets that were read; nothing of a single one."""
+        if len(self._names) < _FEWEST:
+            return {}
+        inference = self._inference
+        if inference is None:
+            inference = self._begun()
+            inference.step()
+        tried = self._every[: len(self._every) * min(self.step, READ_STEPS) // READ_STEPS]
+        results = dataclasses.replace(
+            self._results(inference), unread=tuple(self._every[len(tried) :]), unfinished=Unfinished.of(self)
+        )
+        return results.artifacts()
+
+    def _results(self, inference: Inference) -> FamilyResults:
+        learning = self._learning
+        return FamilyResults(
             self._files,
             self._params,
             self._limits,
@@ -125,12 +163,11 @@ class FamilyFitRun(JobRun):
             parts=self._part_names(),
             shapes=self._shapes,
             truth=torch.from_numpy(np.stack(self._truth)),
-            inference=self._inference,
-            machine=self._learning.finished(),
-            best_error=self._learning.best_error,
+            inference=inference,
+            machine=None if learning is None else learning.finished(),
+            best_error=math.inf if learning is None else learning.best_error,
             nouns=[each.noun for each in self._read_as],
         )
-        return results.artifacts()
 
     def _read(self) -> dict[str, float]:
         """Read and sample a tenth of the assets."""
@@ -161,12 +198,12 @@ class FamilyFitRun(JobRun):
         return dataclasses.replace(found, codes=found.codes[shape.triangles], sure=found.sure[shape.triangles])
 
     def _agree_on_nouns(self) -> None:
-        """Read members again whose noun few of the collection are said to be, as the noun that most are."""
-        nouns = believed_nouns([each.probabilities for each in self._read_as])
-        for t, (name, each) in enumerate(zip(self._names, self._read_as, strict=True)):
-            if each.noun and each.noun not in nouns:
+        """Read members again that are something else by all of the collection than they were read as."""
+        for t, noun in enumerate(agreed_nouns(self._read_as)):
+            if noun and noun != self._read_as[t].noun:
+                name = self._names[t]
                 asset = load_asset(self._files.assets[name], name, self._limits)
-                self._read_as[t] = self._reading(asset, name, nouns[0], self._shapes[t])
+                self._read_as[t] = self._reading(asset, name, noun, self._shapes[t])
 
     def _labels_of(self, name: str) -> AssetLabels:
         by_name = self._files.labels.assets if self._files.labels else {}
@@ -180,12 +217,14 @@ class FamilyFitRun(JobRun):
         if self._inference is None:
             if self._params.noun is None:
                 self._agree_on_nouns()
-            given = self._given()
-            self._inference = Inference.start(
-                self._collection(), given, self._params.points, self._part_count(), self._prior(given)
-            )
+            self._inference = self._begun()
         losses = self._inference.step()
         return {"total": -losses["log_likelihood"], **losses}
+
+    def _begun(self) -> Inference:
+        """Return an inference over what was read."""
+        given = self._given()
+        return Inference.start(self._collection(), given, self._params.points, self._part_count(), self._prior(given))
 
     def _learn(self) -> dict[str, float]:
         assert self._inference is not None

@@ -25,7 +25,8 @@ _SITE = 0.06
 _PER_SITE, _CELL = 24, 0.008
 _GROUND = 0.01
 _OPPOSITE = 0.2
-_ONE_SIDE, _ASIDE = 0.5, 0.005
+ONE_SIDE, _ASIDE = 0.8, 0.005
+"""Length of a mean of normals above which a place has one side, and how far aside of it counts, in diagonals."""
 _TIED, _DENSE = 0.008, 20_000
 """Pieces of one part move together if samples of them are no farther apart than this, in diagonals; most samples."""
 
@@ -203,14 +204,19 @@ def depth_beyond(surface: PlacedSurface, points: tuple[_Floats, _Floats], normal
     """
     touching, around = points
     normal = normals.mean(0)
-    if np.linalg.norm(normal) < _ONE_SIDE:
+    if np.linalg.norm(normal) < ONE_SIDE:
         return 0.0
     normal /= np.linalg.norm(normal)
     place = surface.nearest(touching, normals)[2].mean(0)
-    aside = [each - (each @ normal)[:, None] * normal for each in (touching, around)]
-    reach = np.linalg.norm(aside[0] - aside[0].mean(0), axis=1).max() + _ASIDE
-    near = around[np.linalg.norm(aside[1] - aside[0].mean(0), axis=1) <= reach]
+    away = around - touching.mean(0)
+    near = around[np.linalg.norm(away - (away @ normal)[:, None] * normal, axis=1) <= reach_aside(touching, normal)]
     return float(((place - np.concatenate([touching, near])) @ normal).max())
+
+
+def reach_aside(points: _Floats, normal: _Floats) -> float:
+    """Return how far aside of the mean of points (P, 3), on the plane of a unit normal, parts count as beside them."""
+    away = points - points.mean(0)
+    return float(np.linalg.norm(away - (away @ normal)[:, None] * normal, axis=1).max()) + _ASIDE
 
 
 def _tied(verts: _Floats, faces: _Index, pieces: _Index) -> _Index:

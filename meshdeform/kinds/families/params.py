@@ -100,9 +100,7 @@ class FamilySynthesisParams(StrictModel):
         examples=[["seat", "leg"]],
     )
     seed: int = Field(0, ge=0, le=2**63 - 1, description="Seed of the sampling.", examples=[0])
-    checkpoint_every_steps: int = Field(
-        10, ge=1, le=10_000, description="Steps between two checkpoints.", examples=[10]
-    )
+    checkpoint_every_steps: int = Field(4, ge=1, le=10_000, description="Steps between two checkpoints.", examples=[10])
 
 
 PARAMS = {"family_fit": FamilyParams, "family_synthesize": FamilySynthesisParams}

@@ -1,12 +1,14 @@
 """Read the members of a collection by their nouns: what an inference knows of their parts before it begins.
 
 Each member is read as what it is most likely to be (`runs/reading.py`). Nouns that few of the collection are said to be
-are not believed: their members are read again, as the noun that most are.
+are not believed: their members are read again, as the noun that most are. Of a kit of many things, where no noun is
+that of most, each is believed that is not unlikely by itself; else what others are counts too.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,13 +23,17 @@ from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.runs.base import sha256_hex
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.reading import ReadingSource, corrected, read_source
+from meshdeform.vocabulary.nouns import TABLE
 from meshdeform.vocabulary.solids import PART_NAMES
 
-__all__ = ["MemberReading", "believed_nouns", "named_parts", "read_member"]
+__all__ = ["MemberReading", "agreed_nouns", "named_parts", "read_member"]
 
 _FITTED = 3
-_BELIEVED = 0.15
-"""Share of the collection that a noun must have to be believed."""
+_BELIEVED, _OF_MOST = 0.15, 0.5
+"""Share of the collection that a noun must have to be believed, where one noun is that of the second share of it."""
+_SURE, _VERY_SURE = 0.3, 0.9
+"""Probabilities of a member's noun from which on it is believed where none is: if it is of the kind that most are, such
+as vehicles, and if it is not."""
 _FEWEST, _LEAST_AREA = 0.1, 0.01
 """Share of the members that must have a part for it to count, and of their area."""
 _MOST_PARTS = 15
@@ -62,14 +68,34 @@ def read_member(asset: Asset, data: bytes, name: str, noun: str | None, readings
     return MemberReading(reading.noun, dict(reading.probabilities), codes, sure)
 
 
-def believed_nouns(probabilities: list[dict[str, float]]) -> list[str]:
-    """Return the nouns that enough of a collection are, the commonest first, by the probabilities of all members."""
+def agreed_nouns(readings: Sequence[MemberReading]) -> list[str]:
+    """Return what each member of a collection is by the readings of all; empty where nothing is known of it."""
     total: Counter[str] = Counter()
-    for each in probabilities:
-        total.update(each)
-    known = max(sum(bool(each) for each in probabilities), 1)
-    common = [noun for noun, share in total.most_common() if share >= _BELIEVED * known]
-    return common or [noun for noun, _ in total.most_common(1)]
+    for each in readings:
+        total.update(each.probabilities)
+    firsts = Counter(each.noun for each in readings if each.noun)
+    known = max(sum(firsts.values()), 1)
+    if max(firsts.values(), default=0) >= _OF_MOST * known:
+        common = total.most_common(1)[0][0]
+        return [common if each.noun and total[each.noun] < _BELIEVED * known else each.noun for each in readings]
+    groups: Counter[str] = Counter()
+    for noun, share in total.items():
+        groups[_group(noun)] += share
+    alike = {noun: share for noun, share in total.items() if _group(noun) == max(groups, key=lambda each: groups[each])}
+    return [_among(each, alike) for each in readings]
+
+
+def _among(reading: MemberReading, alike: dict[str, float]) -> str:
+    """Return what a member of a kit is; `alike` are the nouns of one kind with most of it, and how many are each."""
+    sure = _SURE if reading.noun in alike else _VERY_SURE
+    likely = {noun: share * alike[noun] for noun, share in reading.probabilities.items() if noun in alike}
+    if not likely or reading.probabilities.get(reading.noun, 0.0) >= sure:
+        return reading.noun
+    return max(likely, key=lambda noun: likely[noun])
+
+
+def _group(noun: str) -> str:
+    return TABLE[noun].group if noun in TABLE else ""
 
 
 def named_parts(codes: NDArray[np.int64]) -> list[int]:

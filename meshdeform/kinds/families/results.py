@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import math
@@ -27,7 +28,6 @@ from meshdeform.assets.inspect import UNSIGNED_INT
 from meshdeform.assets.parted import PartLabels, parts_of, with_parts
 from meshdeform.assets.surface import Surface
 from meshdeform.errors import AssetError
-from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import simplified
 from meshdeform.kinds.families.boundary import without_strays
 from meshdeform.kinds.families.collection import SampledShape
@@ -47,7 +47,8 @@ from meshdeform.kinds.families.matching import (
 )
 from meshdeform.kinds.families.members import turned
 from meshdeform.kinds.families.params import FamilyParams, FamilySynthesisParams, SynthesisMode
-from meshdeform.runs.base import ArtifactData, versions
+from meshdeform.kinds.families.rows import without_seams
+from meshdeform.runs.base import ArtifactData, JobRun, versions
 from meshdeform.runs.sheets import COLOURS, assets_png, family_png, shown
 from meshdeform.support.files import zipped
 
@@ -64,8 +65,30 @@ _APART = 1.15
 
 
 @dataclass(frozen=True)
+class Unfinished:
+    """How far a run came that was ended before its last step."""
+
+    step: int
+    total_steps: int
+
+    @classmethod
+    def of(cls, run: JobRun) -> Unfinished:
+        """Return how far a run is."""
+        return cls(run.step, run.total_steps)
+
+    def told(self, what: str) -> str:
+        """Return a sentence about results; `what` says in a sentence what they are."""
+        return f"The run was ended after step {self.step} of {self.total_steps}. {what}"
+
+
+def _told(unfinished: Unfinished | None) -> Json:
+    """Return what a report says of a run that was ended; nothing of one that was not."""
+    return {} if unfinished is None else {"unfinished": dataclasses.asdict(unfinished)}
+
+
+@dataclass(frozen=True)
 class FamilyResults:
-    """Results of a finished fit. Attributes as in `FamilyFitRun`; all lists are in the order of `names`."""
+    """Results of a fit. Attributes as in `FamilyFitRun`; all lists are in the order of `names`."""
 
     files: CollectionFiles
     params: FamilyParams
@@ -77,9 +100,11 @@ class FamilyResults:
     shapes: list[SampledShape]
     truth: Tensor
     inference: Inference
-    machine: BetaMachine
+    machine: BetaMachine | None  # None if the run was ended before it learned one
     best_error: float
     nouns: list[str]  # what each was read as, or empty
+    unread: tuple[str, ...] = ()  # assets that a run did not come to, since it was ended
+    unfinished: Unfinished | None = None
 
     def artifacts(self) -> dict[str, ArtifactData]:
         """Return all artifacts by name."""
@@ -116,10 +141,10 @@ class FamilyResults:
             "segmentation.npz": packed_arrays({"names": names, "parts": np.array(self.parts), **segments}),
             "correspondences.npz": packed_arrays({"names": names, **self._correspondence_arrays()}),
             "descriptors.npz": packed_arrays({"names": names, "descriptors": self._descriptors}),
-            "family.safetensors": ArtifactData(
-                self._family(digests, list(segments.values())), "application/octet-stream"
-            ),
         }
+        if self.machine is not None:
+            family = self._family(self.machine, digests, list(segments.values()))
+            result["family.safetensors"] = ArtifactData(family, "application/octet-stream")
         if self.params.embed_labels:
             result["labelled.zip"] = ArtifactData(labelled.getvalue(), "application/zip")
         return result
@@ -196,14 +221,13 @@ class FamilyResults:
             "part": self.inference.template.labels.numpy(),
         }
 
-    def _family(self, digests: list[str], segments: list[NDArray[np.uint8]]) -> bytes:
+    def _family(self, machine: BetaMachine, digests: list[str], segments: list[NDArray[np.uint8]]) -> bytes:
         template, collection = self.inference.template, self.inference.collection
         family = FamilyFile(
             names=self.names,
             parts=self.parts,
             digests=digests,
-            machine={name: value.numpy() for name, value in self.machine.weights.items()}
-            | {"sees": self.machine.sees.numpy()},
+            machine={name: value.numpy() for name, value in machine.weights.items()} | {"sees": machine.sees.numpy()},
             labels=template.labels.numpy(),
             scaling=self._visible[1].numpy(),
             points=self._points,
@@ -226,7 +250,9 @@ class FamilyResults:
     ) -> bytes:
         likelihood = self.inference.likelihood
         other, warnings = self._strangers()
-        fit = self.machine.log_likelihood(self._visible[0], self._matched.exists)
+        machine, fit = self.machine, None
+        if machine is not None:
+            fit = machine.log_likelihood(self._visible[0], self._matched.exists)
         turns = torch.rad2deg(self.inference.collection.turns)
         assets = []
         for t, name in enumerate(self.names):
@@ -240,7 +266,7 @@ class FamilyResults:
                     **({"noun": self.nouns[t]} if self.nouns[t] else {}),
                     "turn_deg": round(float(turns[t]), 3),
                     "log_likelihood": float(likelihood[t]),
-                    "machine_log_likelihood": float(fit[t]),
+                    **({} if fit is None else {"machine_log_likelihood": float(fit[t])}),
                     "points": int(self._matched.exists[t].sum()),
                     **({"accuracy": accuracy[t]} if accuracy[t] is not None else {}),
                 }
@@ -252,7 +278,7 @@ class FamilyResults:
                 f"Farthest from the others are: {_listed([self.names[t] for t in farthest])}."
             )
         copies = [self.names[t] for t, digest in enumerate(digests) if digest in digests[:t]]
-        left_out = [name for name in self.files.assets if name not in self.names]
+        left_out = [name for name in self.files.assets if name not in {*self.names, *self.unread}]
         for names, what in ((left_out, "cannot be read and are left out"), (copies, "are copies of others")):
             if names:
                 warnings.append(f"{len(names)} of {len(self.files.assets)} assets {what}: {_listed(names)}.")
@@ -260,6 +286,8 @@ class FamilyResults:
             warnings.append(
                 f"{turned} of {len(self.names)} assets were turned around the vertical axis to face as the others do."
             )
+        if self.unfinished is not None:
+            warnings.append(self.unfinished.told(self._what_is_there()))
         scores = [score for score in accuracy if score is not None]
         report = {
             "kind": "family_fit",
@@ -272,10 +300,20 @@ class FamilyResults:
             "strangers": [self.names[t] for t in other],
             "accuracy": {"held_out": len(scores), "parts": float(np.mean(scores))} if scores else None,
             "classes": self._class_accuracy(),
-            "machine": {"reconstruction_error": self.best_error},
+            "machine": None if machine is None else {"reconstruction_error": self.best_error},
+            **_told(self.unfinished),
             "warnings": warnings,
         }
         return json.dumps(report, indent=1, allow_nan=False).encode()
+
+    def _what_is_there(self) -> str:
+        """Return a sentence about what a run that was ended has done."""
+        count, every = len(self.names), len(self.names) + len(self.unread)
+        if self.unread:
+            return f"{count} of {every} assets are read, and have the parts that they were read with."
+        if self.machine is None:
+            return "Parts and correspondences are those so far; new shapes cannot be made of them."
+        return "Parts and correspondences are whole; the machine is the best one so far."
 
     def _strangers(self) -> tuple[list[int], list[str]]:
         """Return the assets that seem to be of another family, and the warning about them."""
@@ -404,7 +442,7 @@ def wall_shape(
     share = min(_OF_ONE, _TRIANGLES // count) / max(len(triangles), 1)
     pieces = []
     for part in np.unique(parts):
-        piece = _welded(verts, triangles[parts == part])
+        piece = without_seams(verts, triangles[parts == part])
         fewest = max(int(share * len(piece.faces)), _LEAST)
         less = simplified(piece, fewest) if len(piece.faces) > fewest and share < 1 else piece
         pieces.append((less if len(less.faces) else piece, part))
@@ -419,12 +457,6 @@ def wall_shape(
     )
 
 
-def _welded(verts: NDArray[np.float64], faces: NDArray[np.int64]) -> TriangleMesh:
-    """Return the triangles with one vertex at each place: across seams nothing could be collapsed."""
-    places, rows = np.unique(verts[faces.reshape(-1)], axis=0, return_inverse=True)
-    return TriangleMesh(places, rows.reshape(-1, 3).astype(np.int64))
-
-
 def nearest_members(
     family: FamilyFile, points: NDArray[np.float64], exists: NDArray[np.bool_], count: int
 ) -> list[dict[str, Any]]:
@@ -437,7 +469,7 @@ def nearest_members(
 
 @dataclass(frozen=True)
 class SynthesisResults:
-    """Results of a finished synthesis. Attributes as in `FamilySynthesisRun`."""
+    """Results of a synthesis. Attributes as in `FamilySynthesisRun`."""
 
     family: FamilyFile
     params: FamilySynthesisParams
@@ -449,6 +481,7 @@ class SynthesisResults:
     about: list[dict[str, Any]]
     drawn: list[tuple[NDArray[np.float64], NDArray[np.bool_]]]
     load: Callable[[int], Asset]
+    unfinished: Unfinished | None = None
 
     def artifacts(self) -> dict[str, ArtifactData]:
         """Return all artifacts by name."""
@@ -463,18 +496,22 @@ class SynthesisResults:
             points, exists = (np.stack([each[i] for each in self.drawn]) for i in (0, 1))
             arrays = {"points": points, "exists": exists, "part": self.family.labels}
             artifacts["points.npz"] = packed_arrays(arrays)
-            pictures = [load_asset(shape, self._name(n), self.limits) for n, shape in enumerate(self.shapes)]
-            titles = [str(number) for number in range(len(pictures))]
-            shapes = [self._shape(number, asset) for number, asset in enumerate(pictures)]
+            titles = [str(number) for number in range(len(self.shapes))]
+            shapes = [self._shape(number, self._made(number)) for number in range(len(self.shapes))]
+            pictured = map(self._made, range(len(self.shapes)))
         else:
             rows = [self.members[0], *(self.family.names.index(each["name"]) for each in found)]
-            pictures = [self.load(row) for row in rows]
             titles = [self.family.names[row] for row in rows]
-            shapes = [self._member(row, asset, len(rows)) for row, asset in zip(rows, pictures, strict=True)]
+            shapes = [self._member(row, self.load(row), len(rows)) for row in rows]
+            pictured = map(self.load, rows)
         artifacts["wall.glb"] = wall(shapes, self.family.parts, self.family.labels)
-        artifacts["preview.png"] = ArtifactData(assets_png(pictures, titles), "image/png")
+        # One by one: an asset takes many times the bytes of its file.
+        artifacts["preview.png"] = ArtifactData(assets_png(pictured, titles), "image/png")
         artifacts["report.json"] = ArtifactData(self._report(found), "application/json")
         return artifacts
+
+    def _made(self, number: int) -> Asset:
+        return load_asset(self.shapes[number], self._name(number), self.limits)
 
     def _shape(self, number: int, asset: Asset) -> WallShape:
         parts, frame = asset.parts(), self.about[number]["frame"]
@@ -524,6 +561,8 @@ class SynthesisResults:
         for number, about in enumerate(self.about):
             if about["loose"]:
                 warnings.append(f"{self._name(number)}: no member says where {', '.join(about['loose'])} would touch.")
+        if self.unfinished is not None:
+            warnings.append(self.unfinished.told(f"{len(self.shapes)} of {self.params.count} shapes are made."))
         report = {
             "kind": "family_synthesize",
             "versions": versions(),
@@ -536,6 +575,7 @@ class SynthesisResults:
             ],
             "shapes": [{"name": self._name(number), **about} for number, about in enumerate(self.about)],
             "nearest_members": neighbours,
+            **_told(self.unfinished),
             "warnings": warnings,
         }
         return json.dumps(report, indent=1, allow_nan=False).encode()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Iterator
 from pathlib import PurePosixPath
@@ -21,7 +22,8 @@ from meshdeform.kinds.families.assembly import Assembler, Assembly
 from meshdeform.kinds.families.family_file import FamilyFile, has_digest, read_family
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.params import FamilySynthesisParams, SynthesisMode
-from meshdeform.kinds.families.results import FamilyResults, SynthesisResults, nearest_members
+from meshdeform.kinds.families.results import FamilyResults, SynthesisResults, Unfinished, nearest_members
+from meshdeform.kinds.families.rows import StandingShape, in_rows, standing_shape
 from meshdeform.kinds.families.sampling import Drawn, FreeEnergy, between, completed, sampled, to_machine
 from meshdeform.kinds.families.synthesis_description import total_steps
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
@@ -29,6 +31,7 @@ from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
 _ITS_COLLECTION = "Send the collection of that job, or its labelled.zip."
 _AGAIN = "Run family_fit again, and use the family.safetensors that it writes."
 _SAME = 1e-6
+_GLB = "model/gltf-binary"
 
 
 def machine_of(family: FamilyFile) -> BetaMachine:
@@ -80,6 +83,7 @@ class FamilySynthesisRun(JobRun):
         self._shapes: list[bytes] = []
         self._about: list[dict[str, Any]] = []
         self._drawn: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
+        self._standing: list[StandingShape] = []
         if state is not None:
             self._resume(state)
         self._assembler: Assembler | None = None
@@ -107,15 +111,28 @@ class FamilySynthesisRun(JobRun):
         return dump_checkpoint(Checkpoint(self.step, tensors), self._run, self._digests["family"])
 
     def snapshot(self) -> ArtifactData:
-        """Return the newest shape, or the points of the first member before there is one."""
-        if self._shapes:
-            return ArtifactData(self._shapes[-1], "model/gltf-binary")
-        there = self.family.exists[0]
-        markers = FamilyResults.markers(self.family.points[0][there], self.family.labels[there])
-        return ArtifactData(build_glb(markers), "model/gltf-binary")
+        """Return the shapes so far in the colours of their parts; before the first, the points of a member."""
+        if not self._shapes:
+            there = self.family.exists[0]
+            markers = FamilyResults.markers(self.family.points[0][there], self.family.labels[there])
+            return ArtifactData(build_glb(markers), _GLB)
+        for number in range(len(self._standing), len(self._shapes)):
+            name = f"shape {number}"
+            asset = load_asset(self._shapes[number], f"{name}.glb", self._limits)
+            self._standing.append(standing_shape(name, asset, self.family.parts))
+        return ArtifactData(in_rows(self._standing, self.family.parts), _GLB)
 
     def finish(self) -> dict[str, ArtifactData]:
         """Return the results, by artifact name."""
+        return self._results().artifacts()
+
+    def so_far(self) -> dict[str, ArtifactData]:
+        """Return the shapes that were made."""
+        if not self._shapes:
+            return {}
+        return dataclasses.replace(self._results(), unfinished=Unfinished.of(self)).artifacts()
+
+    def _results(self) -> SynthesisResults:
         return SynthesisResults(
             self.family,
             self._params,
@@ -127,7 +144,7 @@ class FamilySynthesisRun(JobRun):
             about=self._about,
             drawn=self._drawn,
             load=self.asset,
-        ).artifacts()
+        )
 
     def _known(self, points: NDArray[np.float64], exists: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:
         """Return points (S, K, 3) and which exist (S, K) as the machine sees them."""

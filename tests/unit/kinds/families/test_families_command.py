@@ -61,12 +61,31 @@ def test_a_fit_is_interrupted_and_resumed(monkeypatch: pytest.MonkeyPatch) -> No
         patch.setattr(FamilyFitRun, "_infer", interrupted)
         stopped = CliRunner().invoke(app, f"{command} --checkpoint chairs.state".split())
     assert stopped.exit_code == 130, stopped.output
-    assert "Interrupted at step 11 of 14. The state is in chairs.state." in stopped.output
-    assert names("chairs-family") == set()
+    said = "Interrupted at step 11 of 14. What was done so far is in chairs-family. The state is in chairs.state."
+    assert said in " ".join(stopped.output.split())
+    assert names("chairs-family") == _FILES - {"family.safetensors"}
+    assert json.loads(Path("chairs-family/report.json").read_bytes())["unfinished"]["step"] == 11
     summary = json.loads(done(f"{command} --resume chairs.state --json").stdout)
     assert summary["resumed"] is True
     assert summary["accuracy"]["held_out"] == 4
     assert set(summary["files"]) == _FILES == names("chairs-family")
+
+
+def test_an_interrupted_fit_leaves_the_whole_results_of_an_earlier_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    done(f"family-fit chairs -o whole {_SMALL} -q")
+    before = {path: path.read_bytes() for path in Path("whole").iterdir()}
+    learn = FamilyFitRun._learn
+
+    def interrupted(self: FamilyFitRun) -> dict[str, float]:
+        signal.raise_signal(signal.SIGINT)
+        return learn(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FamilyFitRun, "_learn", interrupted)
+        stopped = CliRunner().invoke(app, f"family-fit chairs -o whole {_SMALL} --seed 1".split())
+    assert stopped.exit_code == 130, stopped.output
+    assert "Interrupted at step 13 of 14. Nothing was written." in " ".join(stopped.output.split())
+    assert {path: path.read_bytes() for path in Path("whole").iterdir()} == before
 
 
 def test_a_fit_without_labelled_assets_leaves_none_of_an_earlier_one() -> None:

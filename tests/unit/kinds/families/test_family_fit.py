@@ -25,7 +25,7 @@ from meshdeform.errors import (
     CheckpointError,
     ParameterError,
 )
-from meshdeform.kinds.families.reading import MemberReading
+from meshdeform.kinds.families.reading import MemberReading, agreed_nouns
 from meshdeform.requests.document import JobRequest
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import check_request, start_run
@@ -87,10 +87,59 @@ def test_a_collection_becomes_all_artifacts_and_a_resumed_run_equals_it_bit_for_
     _check_report(json.loads(artifacts["report.json"].data))
     _check_wall(artifacts, glbs)
     assert Image.open(io.BytesIO(artifacts["preview.png"].data)).size[0] >= 480
-    assert load_asset(run.snapshot().data).surface.triangles.shape == (20 * 8, 3)
     machine = safetensors.numpy.load(artifacts["family.safetensors"].data)
     assert machine["template.points"].shape == (20, 3)
     assert machine["machine.a"].shape[0] == 60
+
+
+def unfinished_at(run, step):
+    """The artifacts of a run that is ended after a step, and its report."""
+    for report in run:
+        if report.step == step:
+            break
+    artifacts = {name: artifact.data for name, artifact in run.so_far().items()}
+    return artifacts, json.loads(artifacts["report.json"])
+
+
+@each_case(
+    ("step", "read", "said"),
+    [(6, 6, "6 of 10 assets are read"), (10, 10, "new shapes cannot be made"), (13, 10, "the best one so far")],
+)
+def test_a_run_that_is_ended_leaves_the_parts_that_it_found_so_far(chairs, glbs, step, read, said):
+    data = packed(glbs, labels_document("chairs", chairs, 4))
+    run = begin(data)
+    artifacts, report = unfinished_at(run, step)
+    assert report["unfinished"] == {"step": step, "total_steps": 15}
+    assert said in report["warnings"][-1]
+    assert not any("cannot be read" in warning for warning in report["warnings"])
+    assert [asset["name"] for asset in report["assets"]] == list(glbs)[:read]
+    with zipfile.ZipFile(io.BytesIO(artifacts["labelled.zip"])) as archive:
+        assert archive.namelist() == list(glbs)[:read]
+    found = np.load(io.BytesIO(artifacts["segmentation.npz"]))
+    for number in range(4):  # given labels are kept
+        assert [report["parts"][part] for part in found[f"{number:04d}"]] == chairs[number].parts()
+    assert ("family.safetensors" in artifacts) is (step > 12)
+    assert same_state(run.checkpoint(), begin(data, run.checkpoint()).checkpoint())
+
+
+def test_of_a_run_that_has_read_one_asset_nothing_is_left(glbs):
+    run = begin(packed(glbs))
+    next(iter(run))
+    assert run.so_far() == {}
+
+
+def test_a_checkpoint_shows_the_assets_in_the_colours_of_their_parts_so_far(chairs, glbs, monkeypatch):
+    read_as_their_nodes(monkeypatch, chairs)
+    run = begin(packed(glbs), read=True, points=60, samples=200)
+    seen = {}
+    for report in run:
+        if report.step in (3, 12):
+            seen[report.step] = load_asset(run.snapshot().data).parts()
+    for step, count in ((3, 3), (12, 10)):
+        named = {node["name"] for node in seen[step].nodes}
+        assert {name.partition(": ")[0] for name in named} == set(list(glbs)[:count])
+        assert {name.partition(": ")[2] for name in named} <= {"seat", "back", "leg", "arm"}
+        assert len(named) > 2 * count
 
 
 def _check_arrays(artifacts, glbs, chairs):
@@ -300,6 +349,22 @@ def test_parts_have_the_names_that_most_members_are_read_with(chairs, glbs, monk
     for number, chair in enumerate(chairs):
         named = np.array([report["parts"][part] for part in found[f"{number:04d}"]])
         assert (named == chair.parts()).mean() > 0.7
+
+
+def read_as(*nouns):
+    """Readings of members, each with its nouns and their probabilities, the first of which it was read as."""
+    return [MemberReading(next(iter(each), ""), each, np.empty(0, int), np.empty(0)) for each in nouns]
+
+
+def test_a_noun_that_few_are_is_believed_only_where_no_noun_is_that_of_most():
+    chairs = [{"chair": 0.8, "stool": 0.2}] * 9
+    assert agreed_nouns(read_as(*chairs, {"throne": 0.9}, {})) == [*["chair"] * 10, ""]
+    kit = [{"car": 0.9, "van": 0.1}] * 4 + [{"bus": 1.0}] * 3 + [{"tractor": 0.9}, {"rover": 1.0}, {}]
+    assert agreed_nouns(read_as(*kit)) == [*["car"] * 4, *["bus"] * 3, "tractor", "rover", ""]
+    assert agreed_nouns(read_as({})) == [""]
+    # What is unsure, or of another kind, is what others are.
+    more = {"truck": 0.26, "car": 0.2, "jeep": 0.12}, {"microwave": 0.6, "bus": 0.2}, {"chest": 0.95, "bus": 0.01}
+    assert agreed_nouns(read_as(*kit, *more))[-3:] == ["car", "bus", "chest"]
 
 
 def test_few_labels_are_enough_where_assets_are_read(chairs, glbs, monkeypatch):

@@ -116,6 +116,22 @@ def test_samples_are_assets_of_members_parts_and_a_resumed_run_equals_it_bit_for
     assert points["points"].shape == (2, 40, 3)
 
 
+def test_a_run_that_is_ended_leaves_the_shapes_that_it_made(chairs):
+    whole = begin(chairs, count=3, seed=3)
+    assert whole.so_far() == {}
+    next(steps := iter(whole))
+    artifacts = whole.so_far()
+    report = json.loads(artifacts["report.json"].data)
+    assert report["unfinished"] == {"step": 1, "total_steps": 3}
+    assert report["warnings"][-1].endswith("1 of 3 shapes are made.")
+    assert len(shapes_of(artifacts)) == len(report["shapes"]) == 1
+    next(steps)
+    named = {node["name"] for node in load_asset(whole.snapshot().data).parts().nodes}
+    assert {name.partition(": ")[0] for name in named} == {"shape 0", "shape 1"}
+    assert {name.partition(": ")[2] for name in named} <= {"seat", "back", "leg", "arm"}
+    assert "unfinished" not in json.loads(finished(begin(chairs, count=1))["report.json"].data)
+
+
 def test_an_interpolation_begins_and_ends_with_the_members(chairs):
     made = shapes_of(finished(begin(chairs, mode="interpolate", members=["chair_0000", "chair_0004.glb"], count=3)))
     for glb, name in ((made[0], "chair_0000.glb"), (made[2], "chair_0004.glb")):

@@ -135,6 +135,17 @@ def test_a_piece_of_the_mesh_is_of_the_part_that_has_most_of_it(limb):
     np.testing.assert_array_equal(without_strays(verts, faces, even), even)
 
 
+def test_a_large_piece_of_the_mesh_keeps_two_parts_and_a_small_one_does_not():
+    solid = tube([(0, 0, 0), (0, 1, 0)], [(0.4, 0.4)] * 2, sides=16, rows=25)  # too wide for limbs
+    height = solid.verts[solid.faces][:, :, 1].mean(1)
+    sizes = (1.0, 1.0, 0.3)
+    verts = np.concatenate([size * solid.verts + 3 * n for n, size in enumerate(sizes)])
+    faces = np.concatenate([solid.faces + n * len(solid.verts) for n in range(len(sizes))])
+    cabins = np.tile(height > 0.7, 3)
+    kept = np.concatenate([height > 0.7, height > 0.7, np.zeros(len(height), bool)])
+    np.testing.assert_array_equal(without_strays(verts, faces, cabins.astype(np.uint8)), kept)
+
+
 def test_a_boundary_is_made_shorter_where_that_costs_less_area():
     row = np.repeat([0, 1], 4)  # eight fields in a row, the sixth of which has the other part
     row[5] = 0
