@@ -7,24 +7,23 @@ folder. It is a fresh process for every file: one started in advance would save 
 
 from __future__ import annotations
 
-import argparse
-import json
 import mmap
 import os
 import signal
 from dataclasses import asdict, replace
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 from meshdeform.assets.archive import ZIP_MAGIC
-from meshdeform.assets.inspect import FORMATS, AssetSummary, PictureSummary, inspect_asset, surface_format
-from meshdeform.assets.limits import Limits, bound_resources, error_from, error_to_json, run_child
+from meshdeform.assets.inspect import AssetSummary, PictureSummary, inspect_asset, surface_format
+from meshdeform.assets.limits import Limits
+from meshdeform.children.asking import ChildLostError, run_child
+from meshdeform.children.protocol import Bounds, bound_memory
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
     AssetTooLargeError,
     AssetTruncatedError,
-    DependencyError,
 )
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.support.recent import Recent
@@ -68,30 +67,21 @@ def check_asset_subprocess(
     path = Path(path)
     limits = limits or Limits()
     timeout_s = limits.max_check_s if timeout_s is None else timeout_s
+    given = {
+        "path": str(path.absolute()),
+        "filename": filename or path.name,
+        "limits": asdict(limits),
+        "content": content,
+    }
     try:
-        outcome = run_child(
-            "meshdeform.assets.check",
-            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s), content),
-            timeout_s=timeout_s,
-        )
+        summary = run_child("check", given, Bounds(limits.max_memory_bytes, timeout_s))
     except TimeoutError as error:
         raise AssetTooLargeError(
             f"The file could not be checked within {timeout_s:g} s.", advice="Simplify the asset."
         ) from error
-    if outcome.verdict is None:
-        raise _crash(outcome.returncode, path)
-    if not outcome.verdict["ok"]:
-        raise error_from(outcome.verdict["error"])
-    summary = outcome.verdict["summary"]
+    except ChildLostError as lost:
+        raise _crash(lost, path) from lost
     return PictureSummary.read(summary) if content == "silhouette" else _summary(summary)
-
-
-def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
-    # The name may contain characters that a command line cannot pass; the child only needs a known extension.
-    ending = filename.lower().rpartition(".")[2] if "." in filename else None
-    known = FORMATS | SURFACE_FORMATS
-    name = "asset" if ending is None else f"asset.{ending if ending in known else 'other'}"
-    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), "--content", content]
 
 
 class CheckedAssets:
@@ -131,12 +121,13 @@ def _inspect_file(path: Path, filename: str, limits: Limits) -> None:
             inspect_asset(data, filename, limits)
 
 
-def _crash(returncode: int, path: Path) -> AssetError:
-    if returncode == -getattr(signal, "SIGXCPU", 0):
+def _crash(lost: ChildLostError, path: Path) -> AssetError:
+    status = lost.status or 0
+    if status == -getattr(signal, "SIGXCPU", 0):
         return AssetTooLargeError("Checking the file took too much time.", advice="Simplify the asset.")
-    if returncode == -signal.SIGKILL or returncode == 0:
+    if lost.out_of_memory:
         return AssetTooLargeError("Checking the file took more memory than is available.")
-    name = signal.Signals(-returncode).name if returncode < 0 else f"exit status {returncode}"
+    name = signal.Signals(-status).name if status < 0 else f"exit status {status}"
     return AssetError(f"The decoder crashed on this file of {path.stat().st_size} bytes ({name}).")
 
 
@@ -146,16 +137,8 @@ def _summary(verdict: dict[str, Any]) -> AssetSummary:
     return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}, "bounds": bounds})
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Check one file and print a JSON verdict: `{"ok": true, "summary": ...}` or `{"ok": false, "error": ...}`."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("path", type=Path)
-    parser.add_argument("--filename", default="", help="the name that the user gave the file")
-    parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
-    parser.add_argument(
-        "--content", default="mesh", help=f"what the file should be: {', '.join(get_args(FileContent))}"
-    )
-    options = parser.parse_args(arguments)
+def check_given(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary of a file, in the child."""
     decode = {
         "silhouette": _read_picture,
         "surface": _decode_surface,
@@ -163,25 +146,19 @@ def main(arguments: list[str] | None = None) -> int:
         "family": _read_family,
         "scalars": _read_scalars,
         "words": _read_words,
-    }.get(options.content, _decode)
-    try:
-        verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
-    except (AssetError, DependencyError) as error:
-        verdict = {"ok": False, "error": error_to_json(error)}
-    except MemoryError:
-        verdict = {"ok": False, "error": error_to_json(AssetTooLargeError("Decoding the file takes too much memory."))}
-    print(json.dumps(verdict))
-    return 0 if verdict["ok"] else 1
+    }.get(given["content"], _decode)
+    return decode(Path(given["path"]), given["filename"], Limits(**given["limits"]))
 
 
 def _decode(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     with path.open("rb") as file:
         packed = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC  # it may unpack to as much as a file may have
-    bound_resources(limits.max_memory_bytes if packed else limits.memory_bytes(path.stat().st_size), limits.max_check_s)
-    _inspect_file(path, filename or path.name, limits)
+    if not packed:
+        bound_memory(limits.memory_bytes(path.stat().st_size))
+    _inspect_file(path, filename, limits)
     from meshdeform.assets.asset import load_asset
 
-    asset = load_asset(path.read_bytes(), filename or path.name, limits)
+    asset = load_asset(path.read_bytes(), filename, limits)
     if not has_area(asset.surface):
         raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
     summary, skipped = asset.summary, asset.summary.skipped
@@ -198,22 +175,19 @@ def _decode_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]
             return _decode(path, filename, limits)
     from meshdeform.assets.surface_files import read_surface_file, summary_of
 
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     limits.check_bytes(path.stat().st_size)
     surface = read_surface_file(path.read_bytes(), filename, limits)
     assert surface is not None
     return asdict(summary_of(surface, filename))
 
 
-def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+def _read_picture(path: Path, _filename: str, _limits: Limits) -> dict[str, Any]:
     from meshdeform.assets.silhouette import read_silhouette
 
     return asdict(read_silhouette(path.read_bytes()).summary)
 
 
 def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     limits.check_bytes(path.stat().st_size)
     from meshdeform.assets.scalar_files import read_scalar_file, summary_of_scalars
 
@@ -221,14 +195,12 @@ def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
 
 
 def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     from meshdeform.assets.collection import inspect_collection
 
     return asdict(inspect_collection(path.read_bytes(), limits))
 
 
 def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     limits.check_bytes(path.stat().st_size)
     from meshdeform.assets.family_file import read_family
 
@@ -238,7 +210,6 @@ def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
 
 
 def _read_words(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     limits.check_bytes(path.stat().st_size)
     from meshdeform.words.file import read_words
 
