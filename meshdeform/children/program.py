@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import select
+import signal
 import sys
+from contextlib import suppress
 
 from meshdeform.children.protocol import OUT_OF_MEMORY, Bounds, answer_of
 from meshdeform.children.tasks import task
@@ -24,7 +26,8 @@ def main() -> int:
         answer = json.dumps(answer_of(lambda: task(asked["task"])(asked["given"])))
     except MemoryError:
         return OUT_OF_MEMORY
-    _stay_without_reader(answers)
+    if sys.platform == "linux":
+        signal.signal(signal.SIGIO, signal.SIG_IGN)  # a pipe that is read sends it, too
     with os.fdopen(answers, "w") as file:
         file.write(answer)
     return 0
@@ -33,23 +36,17 @@ def main() -> int:
 def _end_with_reader(pipe: int) -> None:
     """Let the kernel end this process when nobody can read its answer any more: its parent has ended.
 
-    A pipe of which the other end was closed says so by `SIGIO`, which ends a process that does not expect it.
+    A pipe of which the other end was closed says so by `SIGIO`, which ends a process that does not expect it. Where a
+    system has no such thing, the bound on the processor's time ends it.
     """
     if sys.platform != "linux":
         return
     import fcntl
 
-    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    with suppress(OSError):
+        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
     closed = select.poll()
     closed.register(pipe, 0)
     if closed.poll(0):  # before the kernel was asked
         os._exit(1)
-
-
-def _stay_without_reader(pipe: int) -> None:
-    """Undo `_end_with_reader`: a pipe that is read sends the same signal."""
-    if sys.platform == "linux":
-        import fcntl
-
-        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) & ~os.O_ASYNC)
