@@ -77,7 +77,7 @@ def outcome(name: str, data: bytes) -> str:
 def child(seed: int, first: int, last: int, kind: str) -> None:
     """Process mutants `first` to `last - 1` of a kind; print each number before and each outcome after processing."""
     from meshdeform.assets import Limits
-    from meshdeform.assets.limits import bound_memory
+    from meshdeform.children.protocol import bound_memory
 
     faulthandler.enable()
     corpus()

@@ -110,7 +110,7 @@ def used_s() -> float:
     total = 0
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            if b"preview_work" in (process / "cmdline").read_bytes():
+            if (process / "cmdline").read_bytes().endswith(b"\0copies\0"):
                 total += sum(map(int, (process / "stat").read_text().rpartition(")")[2].split()[11:13]))
     return total / os.sysconf("SC_CLK_TCK")
 

@@ -15,13 +15,13 @@ from fastapi import Depends, Request
 
 from meshdeform.assets import Limits
 from meshdeform.assets.check import CheckedAssets
+from meshdeform.children.warm import WarmProcesses
 from meshdeform.errors import MeshdeformError
 from meshdeform.outgoing.lookups import LookupPool
 from meshdeform.record.database import HASTY, MAX_CONNECTIONS
 from meshdeform.record.queue import JobQueue
 from meshdeform.record.repository import JobRecord
 from meshdeform.runs.kept_readings import samples_in
-from meshdeform.runs.warm_processes import WarmProcesses
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
 from meshdeform.storage.readings import StoredReadings
@@ -39,7 +39,7 @@ _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
 _FETCHES_AT_ONCE, _FETCHES_PER_OWNER, _FETCH_WAIT_S = 16, 4, 120.0
 _PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
-_PREVIEWS, _PREVIEWERS, _PREVIEWS_IDLE_S = "meshdeform.runs.preview_work", 12, 600.0
+_PREVIEWERS, _PREVIEWS_IDLE_S = 12, 600.0
 """An owner may have two: one fits, the other makes plain changes."""
 _STORE_HEALTH_S = 2.0
 _BACKGROUND = 4
@@ -108,7 +108,7 @@ class AppState:
     readings: StoredReadings
     kept_assets: KeptAssets
     previews: WarmProcesses = field(
-        default_factory=lambda: WarmProcesses(_PREVIEWS, most=_PREVIEWERS, idle_s=_PREVIEWS_IDLE_S)
+        default_factory=lambda: WarmProcesses("preview", most=_PREVIEWERS, idle_s=_PREVIEWS_IDLE_S)
     )
     # Requests whose files are checked and stored at the same time, in threads: others never wait for a decoder.
     intake: FairSlots = field(

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,9 +17,10 @@ from typing import Any
 import pytest
 
 from meshdeform.assets import check
-from meshdeform.assets.limits import ChildOutcome
+from meshdeform.children.protocol import Bounds, answer_of, found_in
+from meshdeform.children.tasks import TASKS, task
+from meshdeform.children.warm import Asked, WarmProcesses
 from meshdeform.runs import derive, questions
-from meshdeform.runs.warm_processes import Asked, StoppedError, WarmProcesses, verdict_of
 
 __all__ = ["children_in_process"]
 
@@ -28,28 +28,19 @@ _PARENTS: tuple[ModuleType, ...] = (check, derive, questions)
 _one_at_a_time = threading.Lock()
 
 
-def _run_here(module: str, arguments: list[str], *, timeout_s: float, temporary: Path | None = None) -> ChildOutcome:
-    del timeout_s, temporary
-    child = import_module(module)
-    printed: list[str] = []
-    with _one_at_a_time, pytest.MonkeyPatch.context() as patch:
-        for place in (child, questions):
-            patch.setattr(place, "print", printed.append, raising=False)
-            for bound in ("bound_resources", "bound_memory"):
-                patch.setattr(place, bound, lambda *_: None, raising=False)  # they would be those of the tests
-        code = child.main(arguments)
-    return ChildOutcome(code, json.loads(printed[-1]))
+def _run_here(name: str, given: Mapping[str, Any], bounds: Bounds, *, temporary: Path | None = None) -> Any:
+    del bounds, temporary
+    asked = json.loads(json.dumps(given))
+    with _one_at_a_time:
+        answer = answer_of(lambda: task(TASKS[name])(asked))
+    return found_in(json.loads(json.dumps(answer)))
 
 
-def _ask_here(
-    processes: WarmProcesses, owner: str, task: dict[str, Any], timeout_s: float, asked: Asked
-) -> dict[str, Any]:
+def _ask_here(processes: WarmProcesses, owner: str, given: Mapping[str, Any], timeout_s: float, asked: Asked) -> Any:
     del owner, timeout_s
     with _one_at_a_time:
-        verdict = verdict_of(import_module(processes.module).answer, task, lambda: asked.stopped)
-    if verdict.get("stopped"):
-        raise StoppedError
-    return verdict
+        answer = answer_of(lambda: task(TASKS[processes.name])(given, lambda: asked.stopped))
+    return found_in(json.loads(json.dumps(answer)))
 
 
 @contextmanager
@@ -58,6 +49,7 @@ def children_in_process() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for parent in _PARENTS:
             patch.setattr(parent, "run_child", _run_here)
+        patch.setattr(check, "bound_memory", lambda _: None)  # it would be that of the tests
         patch.setattr(WarmProcesses, "prepare", lambda _: None)
         patch.setattr(WarmProcesses, "ask", _ask_here)
         yield

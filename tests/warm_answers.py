@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from meshdeform.children.protocol import StoppedError
 from meshdeform.errors import PartNotFoundError
-from meshdeform.runs.warm_processes import StoppedError
 
 _seen: list[str] = []
 

@@ -272,74 +272,88 @@ def main(load_engine: Callable[[Settings], Engine] = torch_engine) -> int:
     start_tracing("worker")
     # Before RQ's loop starts, a signal ends the process at once: nothing has been claimed yet.
     pulse = Pulse.of_environment()
-    engine = load_engine(settings)
-    stopping = spent = False
-
-    def stop() -> None:
-        # This runs in a signal handler, which another signal may interrupt: it must not take a lock.
-        nonlocal stopping
-        stopping = True
-        # If a step hangs and the supervisor is gone, only the kernel's alarm can end this process.
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.alarm(round(STOP_GRACE_S))
-
-    def renew() -> None:
-        nonlocal spent
-        _log.warning("this process exits to free the device's memory")
-        spent = True
-        if listener is not None:
-            listener.end_after_job()
-
-    worker = WorkerIdentity(os.environ.get(WORKER_ID) or new_worker_id(), settings.queue, engine.device)
-    record = JobRecord(settings.resolved_database_url, connections=1)
-    queue = JobQueue(settings.redis_url, settings.queue)
-    listener: InProcessWorker | None = None
-    context = WorkerContext(
-        settings=settings,
-        record=record,
-        store=ObjectStore(settings.resolved_storage_url, create=not record.files.any()),
-        listen=queue.listen_for_cancel,
-        start=engine.start,
-        load_prior=engine.load_prior,
-        device=engine.device,
-        stopping=lambda: stopping,
-        worker=worker,
-        renew=renew,
-        pulse=pulse,
-    )
-
-    def idle() -> None:
-        if stopping:  # a signal that came before RQ's handlers were there
-            raise StopRequested
-        try:
-            record.leases.idle(worker)
-        except MeshdeformError as error:
-            _log.warning("the record was not updated with this worker's sign of life: %s", error.detail)
-
-    runner = JobRunner(context)
-    _log.info("worker %d: device %s, queue %s", os.getpid(), engine.device, settings.queue)
+    process = _Process(settings, load_engine(settings), pulse)
     pulse.rest()
-    lost = False
     try:
-        while not (stopping or spent):
-            run_without_redis(queue, runner, lost=lost, idle=idle, stop=stop, stopped=lambda: stopping or spent)
-            if stopping or spent:
+        process.run()
+    except StopRequested:
+        _log.debug("a signal came between two loops")
+    finally:
+        stop_tracing()
+    return OUT_OF_MEMORY if process.spent and not process.stopping else 0
+
+
+class _Process:
+    """A worker that listens to Redis, or asks the record, until it is to stop or is spent."""
+
+    def __init__(self, settings: Settings, engine: Engine, pulse: Pulse) -> None:
+        self.stopping = self.spent = False
+        self._redis_url, self._name = settings.redis_url, settings.queue
+        self._worker = WorkerIdentity(os.environ.get(WORKER_ID) or new_worker_id(), settings.queue, engine.device)
+        self._record = JobRecord(settings.resolved_database_url, connections=1)
+        self._queue = JobQueue(settings.redis_url, settings.queue)
+        self._listener: InProcessWorker | None = None
+        context = WorkerContext(
+            settings=settings,
+            record=self._record,
+            store=ObjectStore(settings.resolved_storage_url, create=not self._record.files.any()),
+            listen=self._queue.listen_for_cancel,
+            start=engine.start,
+            load_prior=engine.load_prior,
+            device=engine.device,
+            stopping=lambda: self.stopping,
+            worker=self._worker,
+            renew=self._renew,
+            pulse=pulse,
+        )
+        self._runner = JobRunner(context)
+        _log.info("worker %d: device %s, queue %s", os.getpid(), engine.device, settings.queue)
+
+    def run(self) -> None:
+        """Run jobs; `StopRequested`: a signal came."""
+        lost = False
+        while not self._ended():
+            run_without_redis(
+                self._queue, self._runner, lost=lost, idle=self._idle, stop=self._stop, stopped=self._ended
+            )
+            if self._ended():
                 break
             try:
-                connection = Redis.from_url(settings.redis_url)
-                listener = InProcessWorker(settings.queue, connection, runner.run, on_idle=idle, on_stop=stop)
-                listener.work(logging_level="WARNING")
-                lost = listener.lost_redis
+                connection = Redis.from_url(self._redis_url)
+                self._listener = InProcessWorker(
+                    self._name, connection, self._runner.run, on_idle=self._idle, on_stop=self._stop
+                )
+                self._listener.work(logging_level="WARNING")
+                lost = self._listener.lost_redis
             except REDIS_AWAY as error:
                 _log.warning("this worker could not register with Redis, or deregister: %s", type(error).__name__)
                 lost = True
             if not lost:
                 break
-    except StopRequested:
-        _log.debug("a signal came between two loops")
-    finally:
-        stop_tracing()
-    return OUT_OF_MEMORY if spent and not stopping else 0
+
+    def _ended(self) -> bool:
+        return self.stopping or self.spent
+
+    def _stop(self) -> None:
+        # This runs in a signal handler, which another signal may interrupt: it must not take a lock.
+        self.stopping = True
+        # If a step hangs and the supervisor is gone, only the kernel's alarm can end this process.
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(round(STOP_GRACE_S))
+
+    def _renew(self) -> None:
+        _log.warning("this process exits to free the device's memory")
+        self.spent = True
+        if self._listener is not None:
+            self._listener.end_after_job()
+
+    def _idle(self) -> None:
+        if self.stopping:  # a signal that came before RQ's handlers were there
+            raise StopRequested
+        try:
+            self._record.leases.idle(self._worker)
+        except MeshdeformError as error:
+            _log.warning("the record was not updated with this worker's sign of life: %s", error.detail)
 
 
 def run_without_redis(

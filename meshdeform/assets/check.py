@@ -7,8 +7,6 @@ folder. It is a fresh process for every file: one started in advance would save 
 
 from __future__ import annotations
 
-import argparse
-import json
 import mmap
 import os
 import signal
@@ -18,14 +16,15 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.archive import ZIP_MAGIC
-from meshdeform.assets.inspect import FORMATS, SURFACES, AssetSummary, PictureSummary, inspect_asset
-from meshdeform.assets.limits import Limits, bound_resources, error_from, error_to_json, run_child
+from meshdeform.assets.inspect import AssetSummary, PictureSummary, inspect_asset
+from meshdeform.assets.limits import Limits
+from meshdeform.children.asking import ChildLostError, run_child
+from meshdeform.children.protocol import Bounds, bound_memory
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
     AssetTooLargeError,
     AssetTruncatedError,
-    DependencyError,
 )
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.requests.kind_folders import merged
@@ -67,30 +66,21 @@ def check_asset_subprocess(
     path = Path(path)
     limits = limits or Limits()
     timeout_s = limits.max_check_s if timeout_s is None else timeout_s
+    given = {
+        "path": str(path.absolute()),
+        "filename": filename or path.name,
+        "limits": asdict(limits),
+        "content": content,
+    }
     try:
-        outcome = run_child(
-            "meshdeform.assets.check",
-            _arguments(path.absolute(), filename or path.name, replace(limits, max_check_s=timeout_s), content),
-            timeout_s=timeout_s,
-        )
+        summary = run_child("check", given, Bounds(limits.max_memory_bytes, timeout_s))
     except TimeoutError as error:
         raise AssetTooLargeError(
             f"The file could not be checked within {timeout_s:g} s.", advice="Simplify the asset."
         ) from error
-    if outcome.verdict is None:
-        raise _crash(outcome.returncode, path)
-    if not outcome.verdict["ok"]:
-        raise error_from(outcome.verdict["error"])
-    summary = outcome.verdict["summary"]
+    except ChildLostError as lost:
+        raise _crash(lost, path) from lost
     return PictureSummary.read(summary) if content == "silhouette" else _summary(summary)
-
-
-def _arguments(path: Path, filename: str, limits: Limits, content: FileContent) -> list[str]:
-    # The name may contain characters that a command line cannot pass; the child only needs a known extension.
-    ending = filename.lower().rpartition(".")[2] if "." in filename else None
-    known = FORMATS | SURFACES.keys()
-    name = "asset" if ending is None else f"asset.{ending if ending in known else 'other'}"
-    return [str(path), "--filename", name, "--limits", json.dumps(asdict(limits)), "--content", content]
 
 
 class CheckedAssets:
@@ -130,12 +120,13 @@ def _inspect_file(path: Path, filename: str, limits: Limits) -> None:
             inspect_asset(data, filename, limits)
 
 
-def _crash(returncode: int, path: Path) -> AssetError:
-    if returncode == -getattr(signal, "SIGXCPU", 0):
+def _crash(lost: ChildLostError, path: Path) -> AssetError:
+    status = lost.status or 0
+    if status == -getattr(signal, "SIGXCPU", 0):
         return AssetTooLargeError("Checking the file took too much time.", advice="Simplify the asset.")
-    if returncode == -signal.SIGKILL or returncode == 0:
+    if lost.out_of_memory:
         return AssetTooLargeError("Checking the file took more memory than is available.")
-    name = signal.Signals(-returncode).name if returncode < 0 else f"exit status {returncode}"
+    name = signal.Signals(-status).name if status < 0 else f"exit status {status}"
     return AssetError(f"The decoder crashed on this file of {path.stat().st_size} bytes ({name}).")
 
 
@@ -145,23 +136,9 @@ def _summary(verdict: dict[str, Any]) -> AssetSummary:
     return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}, "bounds": bounds})
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Check one file and print a JSON verdict: `{"ok": true, "summary": ...}` or `{"ok": false, "error": ...}`."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("path", type=Path)
-    parser.add_argument("--filename", default="", help="the name that the user gave the file")
-    parser.add_argument("--limits", type=json.loads, default={}, help="the limits, as JSON")
-    parser.add_argument("--content", default="mesh", help="what the file should be")
-    options = parser.parse_args(arguments)
-    decode = _reader_of(options.content)
-    try:
-        verdict = {"ok": True, "summary": decode(options.path, options.filename, Limits(**options.limits))}
-    except (AssetError, DependencyError) as error:
-        verdict = {"ok": False, "error": error_to_json(error)}
-    except MemoryError:
-        verdict = {"ok": False, "error": error_to_json(AssetTooLargeError("Decoding the file takes too much memory."))}
-    print(json.dumps(verdict))
-    return 0 if verdict["ok"] else 1
+def check_given(given: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary of a file, in the child."""
+    return _reader_of(given["content"])(Path(given["path"]), given["filename"], Limits(**given["limits"]))
 
 
 def _reader_of(content: FileContent) -> Callable[[Path, str, Limits], dict[str, Any]]:
@@ -175,11 +152,12 @@ def decode_mesh(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     """Check a mesh completely and return its summary; for the child process, whose resources it bounds."""
     with path.open("rb") as file:
         packed = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC  # it may unpack to as much as a file may have
-    bound_resources(limits.max_memory_bytes if packed else limits.memory_bytes(path.stat().st_size), limits.max_check_s)
-    _inspect_file(path, filename or path.name, limits)
+    if not packed:
+        bound_memory(limits.memory_bytes(path.stat().st_size))
+    _inspect_file(path, filename, limits)
     from meshdeform.assets.asset import load_asset
 
-    asset = load_asset(path.read_bytes(), filename or path.name, limits)
+    asset = load_asset(path.read_bytes(), filename, limits)
     if not has_area(asset.surface):
         raise AssetEmptyError("Every triangle of the asset has zero area.", advice="Send a mesh with a surface.")
     summary, skipped = asset.summary, asset.summary.skipped
@@ -189,22 +167,19 @@ def decode_mesh(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     return asdict(replace(summary, skipped=skipped, **parts))
 
 
-def _read_picture(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+def _read_picture(path: Path, _filename: str, _limits: Limits) -> dict[str, Any]:
     from meshdeform.assets.silhouette import read_silhouette
 
     return asdict(read_silhouette(path.read_bytes()).summary)
 
 
 def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     from meshdeform.assets.collection import inspect_collection
 
     return asdict(inspect_collection(path.read_bytes(), limits))
 
 
 def _read_words(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     limits.check_bytes(path.stat().st_size)
     from meshdeform.words.file import read_words
 

@@ -43,7 +43,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -107,6 +107,17 @@ class _Penalty(torch.autograd.Function):
         return None, upstream * torch.from_numpy(ctx.gradient)
 
 
+class Creases(NamedTuple):
+    """Edges between neighbouring faces: `pairs` (E, 2) int64 of faces, and `ends` (E, 2) int64, vertices.
+
+    `sign` (E,) float64: -1 where the two faces are wound inconsistently, otherwise 1.
+    """
+
+    pairs: _Index
+    ends: _Index
+    sign: _Floats
+
+
 @kernel
 def _unit_normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
     """Return the unit normals (F, 3) and the inverse lengths (F,) of the cross products; zero if a face has no area."""
@@ -124,9 +135,10 @@ def _unit_normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats]:
 
 
 @kernel
-def _bend(verts: _Floats, normals: _Floats, pairs: _Index, ends: _Index, sign: _Floats, e: int) -> tuple[float, float]:
+def _bend(verts: _Floats, normals: _Floats, creases: Creases, e: int) -> tuple[float, float]:
     """Return cosine and sine of the signed angle between the normals at an edge."""
-    f, g, i, j, s = pairs[e, 0], pairs[e, 1], ends[e, 0], ends[e, 1], sign[e]
+    pairs, ends = creases.pairs, creases.ends
+    f, g, i, j, s = pairs[e, 0], pairs[e, 1], ends[e, 0], ends[e, 1], creases.sign[e]
     ax, ay, az = normals[f, 0], normals[f, 1], normals[f, 2]
     bx, by, bz = s * normals[g, 0], s * normals[g, 1], s * normals[g, 2]
     dx, dy, dz = verts[j, 0] - verts[i, 0], verts[j, 1] - verts[i, 1], verts[j, 2] - verts[i, 2]
@@ -136,24 +148,15 @@ def _bend(verts: _Floats, normals: _Floats, pairs: _Index, ends: _Index, sign: _
 
 
 @kernel
-def bends(verts: _Floats, faces: _Index, pairs: _Index, ends: _Index, sign: _Floats) -> _Floats:
+def bends(verts: _Floats, faces: _Index, creases: Creases) -> _Floats:
     """Return cosine and sine (E, 2) of the signed angles between the normals of neighbouring faces.
 
-    Parameters
-    ----------
-    verts : (V, 3) float64
-    faces : (F, 3) int64
-    pairs : (E, 2) int64
-        The two faces at each edge.
-    ends : (E, 2) int64
-        The edge's vertices.
-    sign : (E,) float64
-        -1 where the two faces are wound inconsistently, otherwise 1.
+    `verts` is (V, 3) float64; `faces`, (F, 3) int64.
     """
     normals, _ = _unit_normals(verts, faces)
-    out = np.empty((len(pairs), 2))
-    for e in range(len(pairs)):
-        out[e, 0], out[e, 1] = _bend(verts, normals, pairs, ends, sign, e)
+    out = np.empty((len(creases.pairs), 2))
+    for e in range(len(out)):
+        out[e, 0], out[e, 1] = _bend(verts, normals, creases, e)
     return out
 
 
@@ -188,9 +191,7 @@ def crease_energy(cosine: _Floats, scale: _Floats) -> _Floats:
 def normal_penalty(
     verts: _Floats,
     faces: _Index,
-    pairs: _Index,
-    ends: _Index,
-    sign: _Floats,
+    creases: Creases,
     rest_sine: _Floats,
     rest_energy: _Floats,
     weights: _Floats,
@@ -199,14 +200,15 @@ def normal_penalty(
 ) -> float:
     """Return the bending beyond rest; add its gradient (V, 3).
 
-    `verts`, `faces`, `pairs`, `ends` and `sign`: as in `bends`; `rest_sine` and `rest_energy`, (E,) float64: sine of
+    `verts`, `faces` and `creases`: as in `bends`; `rest_sine` and `rest_energy`, (E,) float64: sine of
     each angle at rest, and g of it; `weights` and `scale`, (E,) float64: share of the area and r^2 of each edge.
     """
     normals, inverse = _unit_normals(verts, faces)
     d_normals = np.zeros((len(faces), 3))
     total = 0.0
+    pairs, sign = creases.pairs, creases.sign
     for e in range(len(pairs)):
-        cosine, sine = _bend(verts, normals, pairs, ends, sign, e)
+        cosine, sine = _bend(verts, normals, creases, e)
         energy, slope = _energy(max(1.0 - cosine, 0.0), scale[e])
         # At an edge that bends to the other side than at rest, all bending counts.
         beyond = energy - (rest_energy[e] if sine * rest_sine[e] > 0 else 0.0)
@@ -320,8 +322,8 @@ class Regularizers:
         pairs, ends = edges.faces[kept], edges.edges[kept]
         # Neighbours of inconsistent winding have opposite normals where the surface is flat.
         sign = np.where(edges.consistent[kept], 1.0, -1.0)
-        around = [np.ascontiguousarray(each) for each in (self._faces, pairs, ends, sign)]
-        rest_bend = bends(mesh.verts, *around)
+        creases = Creases(*(np.ascontiguousarray(each) for each in (pairs, ends, sign)))
+        rest_bend = bends(mesh.verts, np.ascontiguousarray(self._faces), creases)
         centroids = mesh.verts[mesh.faces].mean(1)
         squared = ((centroids[pairs[:, 0]] - centroids[pairs[:, 1]]) ** 2).sum(1)
         squared = np.maximum(squared, _DISTANCE_FLOOR * squared.mean() if len(pairs) else 0.0)
@@ -330,9 +332,8 @@ class Regularizers:
         self._edge_scale = scale = reference_sq / squared
         weights = areas[pairs].sum(1) / 3 / total
         rest_energy = crease_energy(np.ascontiguousarray(rest_bend[:, 0]), scale)
-        corners, neighbours, shared, sign_of_edge = around
         rest_sine = np.ascontiguousarray(rest_bend[:, 1])
-        self._edges = (corners, neighbours, shared, sign_of_edge, rest_sine, rest_energy, weights)
+        self._edges = (np.ascontiguousarray(self._faces), creases, rest_sine, rest_energy, weights)
 
     def jacobian(self, jacobians: Tensor) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2 (squared Frobenius norm) of Jacobians (F, 3, 3)."""

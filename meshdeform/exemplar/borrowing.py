@@ -1,9 +1,9 @@
 """Give a shape a part of another: a dog the ears of a rabbit, a chair the arms of a sofa.
 
-Both stand in the frame of one asset. The carrier is the part from which the borrowed one grows, if both shapes have it,
-else the largest that both have: the head of ears, the seat of arms. The box of the lender's carrier is taken to that of
+Both stand in the frame of one asset. The parent is the part from which the borrowed one grows, if both shapes have it,
+else the largest that both have: the head of ears, the seat of arms. The box of the lender's parent is taken to that of
 the borrower's: what is lent on each side goes along by a scale for each axis, and its size by their geometric mean.
-Where the borrower has the part itself, its root, the end next to the middle of the carrier, goes to where that of the
+Where the borrower has the part itself, its root, the end next to the middle of the parent, goes to where that of the
 borrower's own was.
 """
 
@@ -21,7 +21,7 @@ from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES
 __all__ = ["with_part_of"]
 
 _ROOT = 0.15
-"""Share of the vertices of what is lent, those nearest to the middle of the carrier, that are its root."""
+"""Share of the vertices of what is lent, those nearest to the middle of the parent, that are its root."""
 _IN_THE_MIDDLE = 0.02
 """Distance from the mirror plane, a share of the asset's diagonal, within which a piece is on neither side."""
 
@@ -33,12 +33,12 @@ def with_part_of(borrower: Shape, lender: Shape, part: str) -> Shape:
     """
     with_part = _with_carried(part)
     lent, own = np.isin(lender.labels, with_part), np.isin(borrower.labels, with_part)
-    carrier = _carrier(borrower, lender, part)
-    if carrier is None or not lent.any():
+    parent = _parent(borrower, lender, part)
+    if parent is None or not lent.any():
         return borrower
     verts, faces = _submesh(lender.verts, lender.faces[lent])
-    box = _submesh(borrower.verts, borrower.faces[borrower.labels == carrier])[0]
-    there = _submesh(lender.verts, lender.faces[lender.labels == carrier])[0]
+    box = _submesh(borrower.verts, borrower.faces[borrower.labels == parent])[0]
+    there = _submesh(lender.verts, lender.faces[lender.labels == parent])[0]
     old, old_faces = _submesh(borrower.verts, borrower.faces[own])
     old_sides = _sides(old, old_faces)
     for side, rows in _sides(verts, faces).items():
@@ -65,8 +65,8 @@ def _with_carried(part: str) -> list[int]:
     return [place for place, name in enumerate(PART_NAMES) if name in moving]
 
 
-def _carrier(borrower: Shape, lender: Shape, part: str) -> int | None:
-    """Return the place in `PART_NAMES` of the carrier; None if the two have no part in common."""
+def _parent(borrower: Shape, lender: Shape, part: str) -> int | None:
+    """Return the place in `PART_NAMES` of the parent; None if the two have no part in common."""
     common = np.intersect1d(borrower.labels, lender.labels)
     names = {PART_NAMES[k]: int(k) for k in common if k >= 0 and k not in _with_carried(part)}
     grown_from = grows_from(part, names)
@@ -101,7 +101,7 @@ def _carried(points: Floats, there: Floats, here: Floats) -> Floats:
     return np.asarray(middles[1] + (middle - middles[0]) * scale + (points - middle) * size)
 
 
-def _root(points: Floats, carrier: Floats) -> Floats:
-    """Return the middle (3,) of the end of a piece that is next to the middle of its carrier."""
-    away = np.linalg.norm(points - (carrier.min(0) + carrier.max(0)) / 2, axis=1)
+def _root(points: Floats, parent: Floats) -> Floats:
+    """Return the middle (3,) of the end of a piece that is next to the middle of its parent."""
+    away = np.linalg.norm(points - (parent.min(0) + parent.max(0)) / 2, axis=1)
     return np.asarray(points[away <= np.quantile(away, _ROOT)].mean(0))

@@ -24,7 +24,7 @@ from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, matched
 from meshdeform.exemplar.relaxing import relaxed
 from meshdeform.exemplar.shapes import Shape
-from meshdeform.exemplar.smooth_fit import LEVELS, LIMITS, smooth_fit
+from meshdeform.exemplar.smooth_fit import LEVELS, LIMITS, CodedSurface, pulls_to, smooth_fit
 from meshdeform.exemplar.starting import cloud_of, piece_weights, started
 from meshdeform.exemplar.symmetry import evened, is_even
 from meshdeform.nouns.labels import Floats, Index
@@ -199,28 +199,20 @@ def _smooth(
     kept = (codes.goal >= 0) & ~np.isin(codes.goal, list(codes.sprouting))
     grows = np.append(matching.grows, False)[matching.goal.of_face]
     smooth = smooth_fit(
-        first,
-        own.faces,
-        codes.own,
-        goal.verts,
-        goal.faces[kept],
-        codes.goal[kept],
+        CodedSurface(first, own.faces, codes.own),
+        CodedSurface(goal.verts, goal.faces[kept], codes.goal[kept]),
         planes=planes,
         levels=_LEVELS,
         limits=_LIMITS,
         reach=np.where(grows[kept], _REACH, 1.0),
-        landmarks=landmarks,
+        pulls=pulls_to(landmarks),
     )
     if not codes.sprouting and not codes.much:
         return smooth
     kept = codes.goal >= 0
     return grown(
-        smooth,
-        own.faces,
-        codes.own,
-        goal.verts,
-        goal.faces[kept],
-        codes.goal[kept],
+        CodedSurface(smooth, own.faces, codes.own),
+        CodedSurface(goal.verts, goal.faces[kept], codes.goal[kept]),
         parents=codes.sprouting,
         much=codes.much,
         before=first,
@@ -235,18 +227,13 @@ def _whole(
     near: tuple[float, float] | None = None,
 ) -> Floats:
     """Fit a source smoothly, all to all; `near`: the limits for one that lies near already, and may lose its edges."""
-    codes, goal_codes = np.zeros(len(own.faces), np.int64), np.zeros(len(goal.faces), np.int64)
     built = near is None and is_built(own.noun) and is_built(goal.noun)
     return smooth_fit(
-        own.verts,
-        own.faces,
-        codes,
-        goal.verts,
-        goal.faces,
-        goal_codes,
+        CodedSurface.alike(own.verts, own.faces),
+        CodedSurface.alike(goal.verts, goal.faces),
         planes=planes,
         built=built,
         levels=LEVELS,
         limits=near or LIMITS,
-        landmarks=landmarks,
+        pulls=pulls_to(landmarks),
     )

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from meshdeform.exemplar.smooth_fit import CodedSurface
 from meshdeform.exemplar.sprouts import GoalPart, Ground, limb_of, seat_of, sprouted
 from meshdeform.exemplar.surface_fit import FitSchedule, SurfaceGoal, surface_fit
 from meshdeform.nouns.labels import Floats, Index
@@ -24,12 +25,8 @@ _OTHERS = 0.3
 
 
 def grown(
-    verts: Floats,
-    faces: Index,
-    codes: Index,
-    goal_verts: Floats,
-    goal_faces: Index,
-    goal_codes: Index,
+    surface: CodedSurface,
+    goal: CodedSurface,
     *,
     parents: Mapping[int, int],
     much: Collection[int] = (),
@@ -39,10 +36,9 @@ def grown(
 
     Parameters
     ----------
-    verts, faces, codes : arrays (V, 3) float64, (F, 3) and (F,) int64
-        The surface, fitted to the goal but for what is to grow, and the part of each face.
-    goal_verts, goal_faces, goal_codes : arrays (W, 3) float64, (G, 3) and (G,) int64
-        The goal, and the part of each face; like parts have equal numbers.
+    surface, goal : CodedSurface
+        The surface, fitted to the goal but for what is to grow, with the part of each face; like parts have equal
+        numbers.
     parents : mapping of int to int
         Each part that only the goal has and that is to sprout, with the part of the surface on which it does.
     much : collection of int
@@ -50,25 +46,27 @@ def grown(
     before : array (V, 3) float64, optional
         The surface before its last fit, of which what stuck out may have been flattened.
     """
-    goal = _Goal(goal_verts, goal_faces, goal_codes)
-    limbs = {code: limb for code in sorted(parents) if (limb := goal.limb(code)) is not None}
+    verts, faces, codes = surface
+    seen = _Goal(goal)
+    limbs = {code: limb for code in sorted(parents) if (limb := seen.limb(code)) is not None}
     ground = Ground.of(verts, faces)
     start, codes = _sprout(
-        ground, ground if before is None else Ground.of(before, faces), faces, codes, goal, limbs, parents
+        ground, ground if before is None else Ground.of(before, faces), faces, codes, seen, limbs, parents
     )
     growing = set(much) | set(limbs)
-    growing &= set(codes.tolist()) & set(goal_codes.tolist())
+    growing &= set(codes.tolist()) & set(goal.codes.tolist())
     if not growing:
         return verts.copy()
     fitted = growing | _beside(faces, codes, growing, len(verts))
     codes = np.where(np.isin(codes, list(fitted)), codes, -1)
-    return surface_fit(verts, faces, codes, goal.of(fitted, growing), _MANNER, start=start)
+    return surface_fit(verts, faces, codes, seen.of(fitted, growing), _MANNER, start=start)
 
 
 class _Goal:
     """What is seen of the goal: samples with their parts."""
 
-    def __init__(self, verts: Floats, faces: Index, codes: Index) -> None:
+    def __init__(self, surface: CodedSurface) -> None:
+        verts, faces, codes = surface
         samples = spread(verts, faces, _LIMB_SAMPLES, 4)
         self._all, self._codes = samples, codes[samples.faces]
         self._inside = hidden(samples, self._codes)
@@ -107,15 +105,15 @@ def _sprout(
 ) -> tuple[Floats, Index]:
     """Return where the vertices start, and the codes of the faces with those of the patches."""
     start, patched = ground.verts.copy(), codes.copy()
-    carriers = {code: np.unique(faces[codes == parents[code]]) for code in limbs}
-    found = {code: seat_of(limb, ground, before, carriers[code]) for code, limb in limbs.items()}
+    verts_of_parents = {code: np.unique(faces[codes == parents[code]]) for code in limbs}
+    found = {code: seat_of(limb, ground, before, verts_of_parents[code]) for code, limb in limbs.items()}
     seats = {code: seat for code, seat in found.items() if seat is not None}
     for code, seat in seats.items():
         limb = limbs[code]
         siblings = [limbs[other] for other in seats if parents[other] == parents[code]]
         whole = goal.seen(parents[code]) + sum(other.area for other in siblings)
         rivals = before.verts[[other.middle for key, other in seats.items() if key != code]]
-        sprout = sprouted(limb, seat, before, carriers[code], limb.area / whole, rivals)
+        sprout = sprouted(limb, seat, before, verts_of_parents[code], limb.area / whole, rivals)
         start[sprout.verts] = sprout.start
         patch = np.zeros(len(start), bool)
         patch[sprout.verts] = True

@@ -27,7 +27,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.smooth_fit import PullRows, smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, PullRows, smooth_fit
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
@@ -128,10 +128,8 @@ def outlined(
 
     `planes`, `built`: as of `smooth_fit`.
     """
-    none, places = np.zeros(0, np.int64), np.zeros((0, 3))
-    codes = np.zeros(len(faces), np.int64)
-    pulls = Outlines(verts, faces, outlines)
-    return smooth_fit(verts, faces, codes, places, none.reshape(0, 3), none, planes=planes, built=built, outlines=pulls)
+    surface, pulls = CodedSurface.alike(verts, faces), [Outlines(verts, faces, outlines)]
+    return smooth_fit(surface, CodedSurface.nothing(), planes=planes, built=built, pulls=pulls)
 
 
 def _distance(view: SilhouetteView, reach: float) -> float:

@@ -46,7 +46,7 @@ from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
 from meshdeform.support.giving_way import give_way
 
-__all__ = ["LEVELS", "LIMITS", "Pull", "PullRows", "smooth_fit"]
+__all__ = ["LEVELS", "LIMITS", "CodedSurface", "Pull", "PullRows", "pulls_to", "smooth_fit"]
 
 LEVELS = ((3, 6), (6, 6), (12, 5))
 """Intervals along the longest side and rounds of each level."""
@@ -95,30 +95,41 @@ class Pull(Protocol):
         ...
 
 
+class CodedSurface(NamedTuple):
+    """Vertices (V, 3) float64, faces (F, 3) int64, and a number for each face, (F,) int64: of its part, or its kind."""
+
+    verts: Floats
+    faces: Index
+    codes: Index
+
+    @classmethod
+    def alike(cls, verts: Floats, faces: Index) -> CodedSurface:
+        """Return a surface whose faces are all of one kind."""
+        return cls(verts, faces, np.zeros(len(faces), np.int64))
+
+    @classmethod
+    def nothing(cls) -> CodedSurface:
+        """Return a surface without faces."""
+        return cls.alike(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
+
+
 def smooth_fit(
-    verts: Floats,
-    faces: Index,
-    codes: Index,
-    goal_verts: Floats,
-    goal_faces: Index,
-    goal_codes: Index,
+    surface: CodedSurface,
+    goal: CodedSurface,
     *,
     planes: Collection[int] = (0,),
     built: bool = False,
     levels: Sequence[tuple[int, int]] = LEVELS,
     limits: tuple[float, float] = LIMITS,
     reach: Floats | None = None,
-    landmarks: tuple[Floats, Floats] | None = None,
-    outlines: Pull | None = None,
+    pulls: Sequence[Pull] = (),
 ) -> Floats:
     """Return the vertices (V, 3) of a surface fitted to another one.
 
     Parameters
     ----------
-    verts, faces, codes : arrays (V, 3) float64, (F, 3) and (F,) int64
-        The surface and a number for each face: only equal numbers are paired.
-    goal_verts, goal_faces, goal_codes : arrays (W, 3) float64, (G, 3) and (G,) int64
-        The goal, in the same frame.
+    surface, goal : CodedSurface
+        In one frame; only faces of equal numbers are paired.
     planes : collection of int
         Axes across whose middle the map is symmetric.
     built : bool
@@ -129,28 +140,26 @@ def smooth_fit(
         Greatest length of a pair, first and last, a share of the diagonal.
     reach : array (G,) float64, optional
         What the limits are multiplied by for each face of the goal.
-    landmarks : pair of arrays (L, 3) float64, optional
-        Places of the surface and their goals.
-    outlines : Pull, optional
+    pulls : sequence of Pull
         What pulls besides.
     """
-    if not len(faces) or (not len(goal_faces) and landmarks is None and outlines is None):
-        return verts.copy()
-    goal = _Goal(goal_verts, goal_faces, goal_codes, reach)
-    fit = _Fit(verts, faces, codes, goal, frozenset(planes), built)
-    pulls: list[Pull] = []
-    if landmarks is not None and len(landmarks[0]):
-        pulls.append(_Landmarks(*landmarks))
-    if outlines is not None:
-        pulls.append(outlines)
+    if not len(surface.faces) or (not len(goal.faces) and not pulls):
+        return surface.verts.copy()
+    fit = _Fit(surface, _Goal(goal, reach), frozenset(planes), built)
     fit.run(levels, limits, pulls)
-    return fit.moved(verts)
+    return fit.moved(surface.verts)
+
+
+def pulls_to(landmarks: tuple[Floats, Floats] | None) -> list[Pull]:
+    """Return what pulls places (L, 3) of a surface to their goals (L, 3), if there are any."""
+    return [] if landmarks is None or not len(landmarks[0]) else [_Landmarks(*landmarks)]
 
 
 class _Goal:
     """Samples of the goal with their normals, codes and factors of the limit."""
 
-    def __init__(self, verts: Floats, faces: Index, codes: Index, reach: Floats | None) -> None:
+    def __init__(self, surface: CodedSurface, reach: Floats | None) -> None:
+        verts, faces, codes = surface
         if not len(faces):
             self.places, self.normals = np.zeros((0, 3)), np.zeros((0, 3))
             self.codes, self.reach, self.middle = np.zeros(0, np.int64), np.zeros(0), np.zeros(3)
@@ -278,9 +287,8 @@ class _Paired(NamedTuple):
 class _Fit:
     """A surface on its way to a goal: its samples, and the levels gone so far."""
 
-    def __init__(
-        self, verts: Floats, faces: Index, codes: Index, goal: _Goal, planes: frozenset[int], built: bool
-    ) -> None:
+    def __init__(self, surface: CodedSurface, goal: _Goal, planes: frozenset[int], built: bool) -> None:
+        verts, faces, codes = surface
         used = verts[np.unique(faces)]
         low, high = used.min(0), used.max(0)
         margin = _MARGIN * float((high - low).max())

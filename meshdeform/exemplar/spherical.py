@@ -29,6 +29,7 @@ Method (s1/s2 + s2/s1).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -62,6 +63,27 @@ class SphereMap:
     origin: Index
 
 
+class _Surface(NamedTuple):
+    """What the vertices are on the surface: places (V, 3), a share of the diagonal; masses and areas around, (V,)."""
+
+    places: Floats
+    masses: Floats
+    areas: Floats
+
+
+class _Sphere(NamedTuple):
+    """Where they are on the sphere, (V, 3), their rings and degrees as in `rings.py`, and which (V,) are of a boundary.
+
+    `apex`: the vertex that closes it, or -1.
+    """
+
+    directions: Floats
+    rings: Rings
+    degrees: Index
+    bound: Flags
+    apex: int
+
+
 def sphere_map(verts: Floats, faces: Index, count: int, *, mirrored: bool) -> SphereMap:
     """Map `count` vertices of a closed surface, or of the half of a mirrored one, to the sphere.
 
@@ -84,14 +106,15 @@ def sphere_map(verts: Floats, faces: Index, count: int, *, mirrored: bool) -> Sp
     removed = collapse(places, quadrics_of(places, faces), rings, degrees, bound, apex, order)
     alive = degrees > 0
     alive[order[:removed, 0]] = False
-    masses, directions = _masses(places, faces), np.zeros((total, 3))
-    _place_base(directions, rings, alive, bound, apex)
+    surface = _Surface(places, _masses(places, faces), np.zeros(total))
+    sphere = _Sphere(np.zeros((total, 3)), rings, degrees, bound, apex)
+    _place_base(sphere, alive)
     kept = max(removed - max(count - int(alive.sum()), 0), 0)
-    _grow(places, masses, directions, rings, degrees, bound, apex, alive, order, removed, kept)
+    _grow(surface, sphere, alive, order[:removed], kept)
     used = np.flatnonzero(alive & (np.arange(total) != apex))
     number = np.full(total, -1)
     number[used] = np.arange(len(used))
-    return SphereMap(directions[used], number[faces_of(rings, degrees, used, apex)], used)
+    return SphereMap(sphere.directions[used], number[faces_of(rings, degrees, used, apex)], used)
 
 
 def _boundary(faces: Index, count: int) -> Index:
@@ -125,8 +148,9 @@ def _masses(places: Floats, faces: Index) -> Floats:
     return np.asarray(areas * np.clip(_REFERENCE * curvature, 1, _MOST))
 
 
-def _place_base(directions: Floats, rings: Rings, alive: Flags, bound: Flags, apex: int) -> None:
+def _place_base(sphere: _Sphere, alive: Flags) -> None:
     """Put the base on the sphere: a tetrahedron, or the triangle of the boundary, the apex and one vertex."""
+    directions, rings, apex = sphere.directions, sphere.rings, sphere.apex
     rows = np.flatnonzero(alive)
     if len(rows) != (4 if apex < 0 else 5):
         raise ValueError(f"The surface is not of genus 0, or no disc: {len(rows)} vertices are left.")
@@ -136,7 +160,7 @@ def _place_base(directions: Floats, rings: Rings, alive: Flags, bound: Flags, ap
         directions[rows[0]] = [0, 1, 0]
         directions[rings[rows[0], :3]] = np.stack([sine, np.full(3, -(0.125**0.5)), cosine], 1) * (8 / 9) ** 0.5
     else:
-        inner = int(rows[~bound[rows] & (rows != apex)][0])
+        inner = int(rows[~sphere.bound[rows] & (rows != apex)][0])
         directions[apex], directions[inner] = [-1, 0, 0], [1, 0, 0]
         directions[rings[inner, :3]] = np.stack([np.zeros(3), cosine, sine], 1)
 
@@ -169,56 +193,45 @@ def _measures(places: Floats, u: int, v: int, w: int) -> tuple[float, float, flo
 
 
 @kernel
-def _area_around(u: int, places: Floats, rings: Rings, degrees: Index, apex: int) -> float:
+def _area_around(u: int, places: Floats, sphere: _Sphere) -> float:
     """Return the area of the triangles around u."""
-    total, n = 1e-12, degrees[u]
+    total, n = 1e-12, sphere.degrees[u]
     for i in range(n):
-        v, w = rings[u, i], rings[u, (i + 1) % n]
-        if v != apex and w != apex:
+        v, w = sphere.rings[u, i], sphere.rings[u, (i + 1) % n]
+        if v != sphere.apex and w != sphere.apex:
             total += _measures(places, u, v, w)[0]
     return total
 
 
 @kernel
-def _measure(
-    u: int, places: Floats, masses: Floats, areas: Floats, rings: Rings, degrees: Index, apex: int, around: Floats
-) -> None:
+def _measure(u: int, surface: _Surface, sphere: _Sphere, around: Floats) -> None:
     """Set the measures of the triangles around u, grown to the masses."""
-    n = degrees[u]
+    masses, areas, n = surface.masses, surface.areas, sphere.degrees[u]
     for i in range(n):
-        v, w = rings[u, i], rings[u, i + 1 if i + 1 < n else 0]
-        if v != apex and w != apex:
-            area, p, q, r = _measures(places, u, v, w)
+        v, w = sphere.rings[u, i], sphere.rings[u, i + 1 if i + 1 < n else 0]
+        if v != sphere.apex and w != sphere.apex:
+            area, p, q, r = _measures(surface.places, u, v, w)
             scale = (masses[u] + masses[v] + masses[w]) / (areas[u] + areas[v] + areas[w])
             around[i, 0], around[i, 1], around[i, 2], around[i, 3] = area * scale, p * scale, q * scale, r * scale
 
 
 @kernel
 def _energy(
-    u: int,
-    s: Floats,
-    around: Floats,
-    directions: Floats,
-    rings: Rings,
-    degrees: Index,
-    apex: int,
-    gradient: Floats,
-    hessian: Floats,
-    derived: bool,
+    u: int, s: Floats, around: Floats, sphere: _Sphere, gradient: Floats, hessian: Floats, derived: bool
 ) -> float:
     """Return the energy of the triangles around u at s; set its derivatives there if they are asked for.
 
     `around` (MOST_NEIGHBOURS, 4): of each triangle, its area and the squares of its edges, as `_measure` sets them.
     """
-    total, n, k = 0.0, degrees[u], _CONFORMAL
+    total, n, k = 0.0, sphere.degrees[u], _CONFORMAL
     if derived:
         gradient[:] = 0
         hessian[:] = 0
     for i in range(n):
-        v, w = rings[u, i], rings[u, i + 1 if i + 1 < n else 0]
-        b, c = directions[v], directions[w]
+        v, w = sphere.rings[u, i], sphere.rings[u, i + 1 if i + 1 < n else 0]
+        b, c = sphere.directions[v], sphere.directions[w]
         det = _det(s, b, c)
-        if v == apex or w == apex:
+        if v == sphere.apex or w == sphere.apex:
             if det <= 1e-9:
                 return np.inf
             continue
@@ -296,34 +309,22 @@ def _newton(
 
 
 @kernel
-def _move(
-    u: int,
-    places: Floats,
-    masses: Floats,
-    areas: Floats,
-    directions: Floats,
-    rings: Rings,
-    degrees: Index,
-    bound: Flags,
-    apex: int,
-    room: Floats,
-    around: Floats,
-) -> None:
+def _move(u: int, surface: _Surface, sphere: _Sphere, room: Floats, around: Floats) -> None:
     """Take Newton's step of a vertex, shortened until the energy falls; `room` (9, 3) and `around` are to work in."""
     gradient, hessian, trial = room[0], room[1:4], room[4]
-    first, second, s = room[6], room[7], room[8]
-    s[:] = directions[u]
-    _measure(u, places, masses, areas, rings, degrees, apex, around)
-    before = _energy(u, s, around, directions, rings, degrees, apex, gradient, hessian, True)
-    _tangents(s, bound[u], first, second)
-    x1, x2 = _newton(s, first, second, gradient, hessian, bound[u])
+    first, second, s, bound = room[6], room[7], room[8], sphere.bound[u]
+    s[:] = sphere.directions[u]
+    _measure(u, surface, sphere, around)
+    before = _energy(u, s, around, sphere, gradient, hessian, True)
+    _tangents(s, bound, first, second)
+    x1, x2 = _newton(s, first, second, gradient, hessian, bound)
     for _ in range(7):
         for j in range(3):
             trial[j] = s[j] + x1 * first[j] + x2 * second[j]
         _normalise(trial)
-        energy = _energy(u, trial, around, directions, rings, degrees, apex, gradient, hessian, False)
+        energy = _energy(u, trial, around, sphere, gradient, hessian, False)
         if energy < before:
-            directions[u] = trial
+            sphere.directions[u] = trial
             return
         x1, x2 = 0.4 * x1, 0.4 * x2
 
@@ -354,24 +355,12 @@ def _toward_fan(u: int, v: int, directions: Floats, rings: Rings, n: int, goal: 
 
 
 @kernel
-def _start(
-    u: int,
-    v: int,
-    places: Floats,
-    masses: Floats,
-    areas: Floats,
-    directions: Floats,
-    rings: Rings,
-    degrees: Index,
-    bound: Flags,
-    apex: int,
-    room: Floats,
-    around: Floats,
-) -> bool:
+def _start(u: int, v: int, surface: _Surface, sphere: _Sphere, room: Floats, around: Floats) -> bool:
     """Put u where its triangles are counter-clockwise, on the way from v; return whether there is such a place."""
     gradient, hessian, trial, goal = room[0], room[1:4], room[4], room[5]
-    n, at, best = degrees[u], directions[v], np.inf
-    _measure(u, places, masses, areas, rings, degrees, apex, around)
+    directions, rings, bound, apex = sphere.directions, sphere.rings, sphere.bound, sphere.apex
+    n, at, best = sphere.degrees[u], directions[v], np.inf
+    _measure(u, surface, sphere, around)
     for way in range(2):
         goal[:] = 0
         if bound[u]:
@@ -389,7 +378,7 @@ def _start(
         for _ in range(40):
             trial[:] = at + share * (goal - at)
             _normalise(trial)
-            now = _energy(u, trial, around, directions, rings, degrees, apex, gradient, hessian, False)
+            now = _energy(u, trial, around, sphere, gradient, hessian, False)
             if now < best:
                 best = now
                 directions[u] = trial
@@ -402,35 +391,25 @@ def _start(
 
 
 @kernel
-def _grow(
-    places: Floats,
-    masses: Floats,
-    directions: Floats,
-    rings: Rings,
-    degrees: Index,
-    bound: Flags,
-    apex: int,
-    alive: Flags,
-    order: Index,
-    removed: int,
-    kept: int,
-) -> None:
+def _grow(surface: _Surface, sphere: _Sphere, alive: Flags, order: Index, kept: int) -> None:
     """Undo the collapses from the last to number `kept`; ends early where rounding leaves no place for a vertex."""
     room, around, path = np.zeros((9, 3)), np.zeros((MOST_NEIGHBOURS, 4)), np.zeros(2 * MOST_NEIGHBOURS, np.int32)
-    for step in range(removed):
+    places, masses, areas = surface.places, surface.masses, surface.areas
+    rings, degrees, apex = sphere.rings, sphere.degrees, sphere.apex
+    for step in range(len(order)):
         masses[order[step, 1]] += masses[order[step, 0]]
-    areas, present, number = np.zeros(len(masses)), np.zeros(len(masses), np.int64), 0
+    present, number = np.zeros(len(masses), np.int64), 0
     for v in range(len(alive)):
         if alive[v] and v != apex:
-            areas[v] = _area_around(v, places, rings, degrees, apex)
+            areas[v] = _area_around(v, places, sphere)
             present[number] = v
             number += 1
     swept = number
-    for step in range(removed - 1, kept - 1, -1):
+    for step in range(len(order) - 1, kept - 1, -1):
         u, v = order[step]
         masses[v] -= masses[u]
-        areas[u] = _area_around(u, places, rings, degrees, apex)
-        if not _start(u, v, places, masses, areas, directions, rings, degrees, bound, apex, room, around):
+        areas[u] = _area_around(u, places, sphere)
+        if not _start(u, v, surface, sphere, room, around):
             return
         insert(u, v, rings, degrees, apex, path)
         alive[u], present[number] = True, u
@@ -438,13 +417,13 @@ def _grow(
         for i in range(degrees[u]):
             w = rings[u, i]
             if w != apex:
-                areas[w] = _area_around(w, places, rings, degrees, apex)
+                areas[w] = _area_around(w, places, sphere)
         for i in range(-2, degrees[u]):
             w = u if i < 0 else rings[u, i]
             if w != apex:
-                _move(w, places, masses, areas, directions, rings, degrees, bound, apex, room, around)
+                _move(w, surface, sphere, room, around)
         if number >= _GROWTH * swept or step == kept:
             swept = number
             for _ in range(_LAST_SWEEPS if step == kept else _SWEEPS):
                 for w in present[:number]:
-                    _move(w, places, masses, areas, directions, rings, degrees, bound, apex, room, around)
+                    _move(w, surface, sphere, room, around)

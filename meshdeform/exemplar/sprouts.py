@@ -7,7 +7,7 @@ two are laid on each other so that areas keep their ratio: a vertex inside whose
 share s of the patch goes to the height beyond which lies the share s of the limb, at its own angle about the axis. So
 two ears get two patches with a strip of head between them, and nothing is pulled out that would web them.
 
-A patch has the share of its carrier's area that the limb has of the goal's, up to 0.12 and 1.5 times the radius of the
+A patch has the share of its parent's area that the limb has of the goal's, up to 0.12 and 1.5 times the radius of the
 root, so that it takes little of a face, but is no smaller than the root and has two dozen vertices if that lets it.
 Between two patches a strip stays free, 0.28 of the way from one middle to the other: with d the distance from the plane
 half way, h that of the middle, and R the radius, r is the greater of |x - middle| / R and (h - d) / (0.72 h).
@@ -37,7 +37,7 @@ _BINS = 10
 _FREE = 0.28
 """Share of the way between two roots that no patch covers."""
 _MOST, _WIDER, _ENOUGH = 0.12, 1.5, 24
-"""Greatest share of its carrier that a patch has; its greatest radius in those of the root, if that holds enough."""
+"""Greatest share of its parent that a patch has; its greatest radius in those of the root, if that holds enough."""
 _FACING = 0.1
 """Least cosine between the normal where a limb grows and the direction in which it does."""
 _SEARCH, _SEARCH_MORE, _BESIDE, _STUCK_OUT = 2.0, 0.04, 0.06, 0.02
@@ -196,20 +196,20 @@ class Seat:
     shift: Floats
 
 
-def seat_of(limb: GoalPart, ground: Ground, before: Ground, carrier: Index) -> Seat | None:
-    """Return where a limb sprouts from a carrier, vertices (C,); None where nothing faces its way.
+def seat_of(limb: GoalPart, ground: Ground, before: Ground, parent: Index) -> Seat | None:
+    """Return where a limb sprouts from a parent, vertices (C,); None where nothing faces its way.
 
     `ground` is fitted to the goal without the limb, `before` is the same surface as it was. What stuck out there, near
     the root and along the limb, and has been flattened, is what it grows from: an ear that nobody had named.
     """
-    facing = carrier[ground.normals[carrier] @ limb.axis > _FACING]
+    facing = parent[ground.normals[parent] @ limb.axis > _FACING]
     if not len(facing):
         return None
     apart = np.linalg.norm(ground.verts - limb.root, axis=1)
     flattened = (before.verts - ground.verts) @ limb.axis
-    flattened -= np.median(flattened[carrier])
-    beside = np.abs(before.verts[carrier, 0] - limb.root[0])
-    near = carrier[(apart[carrier] < _SEARCH * limb.radius + _SEARCH_MORE) & (beside < _BESIDE)]
+    flattened -= np.median(flattened[parent])
+    beside = np.abs(before.verts[parent, 0] - limb.root[0])
+    near = parent[(apart[parent] < _SEARCH * limb.radius + _SEARCH_MORE) & (beside < _BESIDE)]
     if len(near):
         middle = int(near[(flattened[near] - 0.5 * apart[near]).argmax()])
         if flattened[middle] > max(_STUCK_OUT, 0.5 * apart[middle]):
@@ -219,7 +219,7 @@ def seat_of(limb: GoalPart, ground: Ground, before: Ground, carrier: Index) -> S
     return Seat(middle, limb.radius, normal * float((ground.verts[middle] - limb.root) @ normal))
 
 
-def sprouted(limb: GoalPart, seat: Seat, before: Ground, carrier: Index, share: float, rivals: Floats) -> Sprout:
+def sprouted(limb: GoalPart, seat: Seat, before: Ground, parent: Index, share: float, rivals: Floats) -> Sprout:
     """Lay the patch of a limb on it.
 
     Parameters
@@ -227,29 +227,29 @@ def sprouted(limb: GoalPart, seat: Seat, before: Ground, carrier: Index, share: 
     seat : Seat
     before : Ground
         The surface on which the patch is measured.
-    carrier : array (C,) int64
+    parent : array (C,) int64
         Vertices of the part on which the limb grows.
     share : float
-        Area of the patch relative to that of the carrier.
+        Area of the patch relative to that of the parent.
     rivals : array (R, 3) float64
         Middles of the patches of other limbs.
     """
     centre = before.verts[seat.middle]
-    apart = before.verts[carrier] - centre
+    apart = before.verts[parent] - centre
     toward = rivals - centre
     halves = np.linalg.norm(toward, axis=1) / 2
     gone = apart @ (toward / np.maximum(2 * halves, 1e-12)[:, None]).T
     sideward = (gone / np.maximum((1 - _FREE) * halves, 1e-12)).max(1, initial=0.0)
     far = np.linalg.norm(apart, axis=1)
     order = np.argsort(np.where(sideward < 1, far, np.inf), kind="stable")
-    covered = np.cumsum(before.areas[carrier][order])
+    covered = np.cumsum(before.areas[parent][order])
     wanted = float(far[order][min(int(np.searchsorted(covered, min(share, _MOST) * covered[-1])), len(order) - 1)])
     enough = float(far[order][min(_ENOUGH, len(order) - 1)])
     radius = max(min(wanted, max(_WIDER * seat.radius, enough)), seat.radius)
     outward = np.maximum(far / radius, sideward)
-    patch = _piece(carrier[outward < 1], seat.middle, before.edges, len(before.verts))
+    patch = _piece(parent[outward < 1], seat.middle, before.edges, len(before.verts))
     place = np.full(len(before.verts), np.inf)
-    place[carrier] = outward
+    place[parent] = outward
     order = np.argsort(place[patch], kind="stable")
     beyond = np.empty(len(patch))
     whole = np.cumsum(before.areas[patch][order])

@@ -15,7 +15,7 @@ import numpy as np
 
 from meshdeform.exemplar.relaxing import relaxed
 from meshdeform.exemplar.shapes import Shape
-from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, pulls_to, smooth_fit
 from meshdeform.exemplar.surface_fit import FitSchedule, SurfaceGoal, surface_fit
 from meshdeform.exemplar.symmetry import evened
 from meshdeform.geometry.folds import area_vectors
@@ -52,16 +52,12 @@ def fitted_to_target(
     target = target.moved(target.verts + _to_planes(source, target, planes))
     built = _is_built(source) and _is_built(target)
     now = smooth_fit(
-        source.verts,
-        source.faces,
-        codes,
-        target.verts,
-        target.faces,
-        goal_codes,
+        CodedSurface.alike(source.verts, source.faces),
+        CodedSurface.alike(target.verts, target.faces),
         planes=planes,
         built=built,
         limits=_LIMITS,
-        landmarks=landmarks,
+        pulls=pulls_to(landmarks),
     )
     if not built:
         count = _MANNER.samples

@@ -12,7 +12,7 @@ import heapq
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +162,24 @@ class LargeFaces:
     components: _Index
 
 
+class _Candidates(NamedTuple):
+    """Large faces with the boxes (F, 3) around them, widened by the reach of a search."""
+
+    corners: _Floats
+    areas: _Floats
+    components: _Index
+    low: _Floats
+    high: _Floats
+
+
+class _Found(NamedTuple):
+    """The nearest face of each point (P,), its squared distance (P,) and the coordinates of the place (P, 3)."""
+
+    face: _Index
+    squared: _Floats
+    weights: _Floats
+
+
 class SurfaceTree:
     """A search tree of the surface of a mesh.
 
@@ -301,11 +319,11 @@ def nearest_larger_faces(
     count = 1 + max(int(components.max(initial=0)), int(faces.components.max(initial=0)))
 
     def search(within: float, touching: _Index) -> tuple[_Index, _Floats, _Floats]:
-        face, weights, squared = np.full(len(points), -1), np.zeros((len(points), 3)), np.full(len(points), within**2)
+        found = _Found(np.full(len(points), -1), np.full(len(points), within**2), np.zeros((len(points), 3)))
         low, high = faces.corners.min(1) - within, faces.corners.max(1) + within
-        arrays = (faces.corners, faces.areas, faces.components, low, high)
-        _search(points, sizes, components, *arrays, count, touching, face, squared, weights)
-        return face, weights, np.sqrt(squared)
+        candidates = _Candidates(faces.corners, faces.areas, faces.components, low, high)
+        _search(points, sizes, components, candidates, count, touching, found)
+        return found.face, found.weights, np.sqrt(found.squared)
 
     close, weights, distances = search(contact, np.empty(0, np.int64))
     near = close >= 0
@@ -319,41 +337,35 @@ def _search(
     points: _Floats,
     sizes: _Floats,
     components: _Index,
-    corners: _Floats,
-    areas: _Floats,
-    face_components: _Index,
-    low: _Floats,
-    high: _Floats,
+    faces: _Candidates,
     count: int,
     touching: _Index,
-    face: _Index,
-    distance: _Floats,
-    weights: _Floats,
+    found: _Found,
 ) -> None:
-    """Set the nearest face of each point, its squared distance and the coordinates of the place."""
+    """Set what is nearest to each point."""
     # `touching` are the sorted pairs of components that count, as a * count + b; all do if it is empty.
-    place = np.empty(3)
+    place, corners = np.empty(3), faces.corners
     for number in range(len(points)):
         p, own = points[number], components[number]
         for other in range(len(corners)):
-            if areas[other] <= sizes[number] or face_components[other] == own:
+            if faces.areas[other] <= sizes[number] or faces.components[other] == own:
                 continue
             outside = False
             for i in range(3):
-                outside = outside or p[i] < low[other, i] or p[i] > high[other, i]
+                outside = outside or p[i] < faces.low[other, i] or p[i] > faces.high[other, i]
             if outside:
                 continue
             squared = _nearest_place(p, corners[other, 0], corners[other, 1], corners[other, 2], place)
-            if squared >= distance[number]:
+            if squared >= found.squared[number]:
                 continue
             if len(touching):
-                key = own * count + face_components[other]
+                key = own * count + faces.components[other]
                 at = np.searchsorted(touching, key)
                 if at == len(touching) or touching[at] != key:
                     continue
-            distance[number], face[number] = squared, other
+            found.squared[number], found.face[number] = squared, other
             for i in range(3):
-                weights[number, i] = place[i]
+                found.weights[number, i] = place[i]
 
 
 def _chunks(count: int) -> list[slice]:

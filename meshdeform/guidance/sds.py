@@ -35,7 +35,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -91,6 +91,17 @@ class Texts:
         return terms
 
 
+class Timesteps(NamedTuple):
+    """Lowest timestep drawn, and the highest at the first and at the last step, as fractions of T."""
+
+    low: float = 0.02
+    high: float = 0.98
+    high_end: float = 0.98
+
+
+_USUAL = Timesteps()
+
+
 class ScoreDistillation:
     """Guides the views towards the prompt with a diffusion prior.
 
@@ -102,10 +113,8 @@ class ScoreDistillation:
         s.
     guidance_rescale : float in 0 .. 1
         phi.
-    timestep_min : float
-        Lowest timestep drawn, as a fraction of T.
-    timestep_max, timestep_max_end : float
-        Highest timestep drawn at the first and at the last step, as fractions of T.
+    timesteps : Timesteps
+        Between which each is drawn.
     shading : Shading, optional
         Shading of the views; by default that of the prior's style.
 
@@ -123,22 +132,19 @@ class ScoreDistillation:
         negative_prompt: str = "",
         guidance_scale: float,
         guidance_rescale: float = 0.0,
-        timestep_min: float = 0.02,
-        timestep_max: float = 0.98,
-        timestep_max_end: float = 0.98,
+        timesteps: Timesteps = _USUAL,
         shading: Shading | None = None,
     ) -> None:
-        for name, high in (("timestep_max", timestep_max), ("timestep_max_end", timestep_max_end)):
-            if not 0 <= timestep_min <= high <= 1:
-                raise ParameterError(
-                    f"Timesteps must satisfy 0 <= timestep_min ({timestep_min}) <= {name} ({high}) <= 1."
-                )
+        low = timesteps.low
+        for name, high in (("timestep_max", timesteps.high), ("timestep_max_end", timesteps.high_end)):
+            if not 0 <= low <= high <= 1:
+                raise ParameterError(f"Timesteps must satisfy 0 <= timestep_min ({low}) <= {name} ({high}) <= 1.")
         self._prior = prior
         self._shading = shading
         prompts = [WeightedPrompt(prompt)] if isinstance(prompt, str) else prompt
         self._texts = Texts(prior, prompts, negative_prompt)
         self._scale, self._rescale = guidance_scale, guidance_rescale
-        self._low, self._high = timestep_min, (timestep_max, timestep_max_end)
+        self._low, self._high = low, (timesteps.high, timesteps.high_end)
 
     @property
     def style(self) -> RenderStyle:

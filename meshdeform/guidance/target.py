@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -35,6 +36,17 @@ _ROUNDING = 1e-4
 """Difference of colours that counts as none."""
 
 
+@dataclass(frozen=True)
+class Shift:
+    """A translation (3,) float64 with which the deformed mesh starts, and whether it may change.
+
+    It may not where some of the mesh must stay in place.
+    """
+
+    offset: Tensor = field(default_factory=lambda: torch.zeros(3, dtype=torch.float64))
+    free: bool = True
+
+
 class TargetGuide:
     """Guides the views towards those of a target mesh, and the surface towards its surface.
 
@@ -50,10 +62,8 @@ class TargetGuide:
         Of the samples whose distances are taken.
     landmarks : sequence of Landmark
         Points that go to places, in the frame of the deformed mesh.
-    offset : (3,) float64, optional
-        Translation with which the deformed mesh starts.
-    shifts : bool
-        Whether the translation may change; not where some of the mesh must stay in place.
+    shift : Shift, optional
+        Translation of the deformed mesh.
     """
 
     def __init__(
@@ -66,9 +76,9 @@ class TargetGuide:
         point_weight: float = 0.0,
         seed: int = 0,
         landmarks: Sequence[Landmark] = (),
-        offset: Tensor | None = None,
-        shifts: bool = True,
+        shift: Shift | None = None,
     ) -> None:
+        shift = shift or Shift()
         self.style = style
         self.identity = identity or {"id": "target", "revision": "", "sha256": _sha256(mesh)}
         self._verts = verts_of(mesh).to(device)
@@ -76,8 +86,7 @@ class TargetGuide:
         self._points = PointTerm(mesh, seed=seed) if point_weight else None
         self._point_weight = point_weight
         self._landmarks = LandmarkTerm(landmarks, diagonal_of(mesh)) if landmarks else None
-        self.offset = torch.zeros(3, dtype=torch.float64) if offset is None else offset
-        self._shifts = shifts
+        self.offset, self._shifts = shift.offset, shift.free
         self._paired: dict[str, Tensor] = {}
 
     def begin(self, mesh: TriangleMesh) -> None:

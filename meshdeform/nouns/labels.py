@@ -22,7 +22,7 @@ from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families import FAMILIES, Part, Traits
 from meshdeform.nouns.families.parts import rings_of
 from meshdeform.vocabulary.grammar import Attribute
-from meshdeform.vocabulary.solids import PART_NAMES, carrier, layout
+from meshdeform.vocabulary.solids import PART_NAMES, layout, parent_of
 
 __all__ = ["LabelledMember", "code", "labelled", "labelled_member", "labelled_solids", "solids_of"]
 
@@ -83,7 +83,7 @@ class LabelledMember:
         for name in self.parts:
             above: str | None = name
             while above is not None and above not in moving:
-                above = carrier(above, self.parts)
+                above = parent_of(above, self.parts)
             if above is not None:
                 moving.add(name)
         return np.isin(self.part_of_solid, [code(name) for name in moving])[self.solids]

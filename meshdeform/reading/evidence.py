@@ -19,7 +19,7 @@ from meshdeform.nouns.labels import Flags, Floats, Index, code
 from meshdeform.reading.cells import Cells
 from meshdeform.vocabulary.grammar import nearest, noun_of
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
-from meshdeform.vocabulary.solids import PART_NAMES, carrier, parts_of
+from meshdeform.vocabulary.solids import PART_NAMES, parent_of, parts_of
 from meshdeform.words.in_use import like_of
 
 __all__ = ["Evidence", "nouns_named", "weighed"]
@@ -164,7 +164,7 @@ def weighed(
     for part, flags in evidence.told(faces).items():
         if part not in names:
             continue
-        own = np.array([name in (part, _BESIDE.get(part)) or carrier(name, names) == part for name in names])
+        own = np.array([name in (part, _BESIDE.get(part)) or parent_of(name, names) == part for name in names])
         there = (cells.mean(flags.astype(float), areas) > 0.5)[:, None]
         _raise(weighed_in, names.index(part), there[:, 0].astype(float), own)
         weighed_in *= np.where(there & ~own[None], _OTHERS, 1.0)

@@ -10,7 +10,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
-from meshdeform.vocabulary.solids import PART_NAMES, carrier
+from meshdeform.vocabulary.solids import PART_NAMES, parent_of
 
 __all__ = ["Groups", "groups_of"]
 
@@ -75,7 +75,7 @@ def _numbers(member: LabelledMember) -> Index:
     names = np.array(parts)
     for part in set(parts):
         pieces = np.unique(owner[names == part])
-        above = carrier(part, member.parts)
+        above = parent_of(part, member.parts)
         if len(pieces) > _MOST_OF_A_PART and above is not None and above in parts:
             names[names == part] = above
     return _joined(member, np.unique(names, return_inverse=True)[1])
@@ -84,7 +84,7 @@ def _numbers(member: LabelledMember) -> Index:
 def _moving(part: str, present: tuple[str, ...]) -> str:
     """Return the part with which a part moves: itself, or what carries it."""
     while part in _RIGID:
-        above = carrier(part, present)
+        above = parent_of(part, present)
         if above is None:
             break
         part = above

@@ -43,6 +43,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -69,6 +70,24 @@ _FAR = 1048576.0
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _Planes = tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]
+_Box = tuple[Tensor, Tensor, Tensor, Tensor]
+"""The first and the last column and row of each triangle."""
+
+
+class _Shown(NamedTuple):
+    """Pixels (P,) of views that show the surface, as indices into (B, height, width), and the face at each."""
+
+    pixels: _Index
+    face_of_pixel: _Index
+    height: int
+    width: int
+
+
+class _Blends(NamedTuple):
+    """What `_walk` finds: pairs of pixels with their edges, (N, 4), and shares with their derivatives, (N, 6)."""
+
+    where: _Index
+    what: _Floats
 
 
 @torch.no_grad()
@@ -95,8 +114,8 @@ def rasterize_spans(
     key = torch.full((views * height * width,), _EMPTY, dtype=torch.int64, device=clip.device)
     if t.numel():
         z = ndc[..., 2][:, faces].view(-1, 3)[t]
-        planes = _edge_planes(x[t], y[t], z, area[t])
-        _fill(key, t % n_faces, (t // n_faces) * height, planes, left[t], right[t], top[t], bottom[t], width, behind)
+        planes, box = _edge_planes(x[t], y[t], z, area[t]), (left[t], right[t], top[t], bottom[t])
+        _fill(key, t % n_faces, (t // n_faces) * height, planes, box, width, behind)
     empty = key == _EMPTY
     face_ids = torch.where(empty, -1, key & 0xFFFFFFFF)
     depth = torch.where(empty, EMPTY_DEPTH, (key >> 32).double() * 2.0**-29 - 1).float()
@@ -121,14 +140,11 @@ def _fill(
     face: Tensor,
     first_row: Tensor,
     planes: _Planes,
-    left: Tensor,
-    right: Tensor,
-    top: Tensor,
-    bottom: Tensor,
+    box: _Box,
     width: int,
     behind: Tensor | None,
 ) -> None:
-    a, b, c, z_x, z_y, z_0 = planes
+    (a, b, c, z_x, z_y, z_0), (left, right, top, bottom) = planes, box
     rows = bottom - top + 1
     rows_end = rows.cumsum(0)
     for start, stop in _chunks(rows_end):
@@ -180,6 +196,28 @@ def _expand(counts: Tensor, ends: Tensor, start: int, stop: int) -> tuple[Tensor
 
 
 @kernel
+def _snapped(clip: _Floats, width: int, height: int, x: _Index, y: _Index, z: _Floats) -> None:
+    """Set the places of a view's vertices in 256ths of a pixel, and their depths, NaN behind the camera."""
+    for v in range(len(clip)):
+        w = clip[v, 3]
+        if w <= 1e-6:
+            z[v] = np.nan
+            x[v] = 0
+            y[v] = 0
+            continue
+        # Clamped so that products of coordinates fit easily into 64 bits.
+        x[v] = np.int64(np.rint(min(max((clip[v, 0] / w * 0.5 + 0.5) * width * _SUB, -4194304.0), 4194304.0)))
+        y[v] = np.int64(np.rint(min(max((0.5 - clip[v, 1] / w * 0.5) * height * _SUB, -4194304.0), 4194304.0)))
+        z[v] = clip[v, 2] / w
+
+
+@kernel
+def _late(a: int, b: int) -> int:
+    """Return 1 for an edge whose pixel centres belong to the neighbour, by the rule of top and left edges; else 0."""
+    return 0 if a > 0 or (a == 0 and b < 0) else 1
+
+
+@kernel
 def _rasterize(
     clip: NDArray[np.float64],
     faces: NDArray[np.int64],
@@ -193,17 +231,7 @@ def _rasterize(
     y = np.empty(n_verts, np.int64)
     z = np.empty(n_verts, np.float64)
     for b in range(views):
-        for v in range(n_verts):
-            w = clip[b, v, 3]
-            if w <= 1e-6:
-                z[v] = np.nan
-                x[v] = 0
-                y[v] = 0
-                continue
-            # Clamped so that products of coordinates fit easily into 64 bits.
-            x[v] = np.int64(np.rint(min(max((clip[b, v, 0] / w * 0.5 + 0.5) * width * _SUB, -4194304.0), 4194304.0)))
-            y[v] = np.int64(np.rint(min(max((0.5 - clip[b, v, 1] / w * 0.5) * height * _SUB, -4194304.0), 4194304.0)))
-            z[v] = clip[b, v, 2] / w
+        _snapped(clip[b], width, height, x, y, z)
         for f in range(faces.shape[0]):
             i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
             area = (x[j] - x[i]) * (y[k] - y[i]) - (x[k] - x[i]) * (y[j] - y[i])
@@ -228,13 +256,7 @@ def _rasterize(
             dz_dx = (ax * z[i] + ay * z[j] + az * z[k]) * inverse * _SUB
             dz_dy = (bx * z[i] + by * z[j] + bz * z[k]) * inverse * _SUB
             z_row = (e0 * z[i] + e1 * z[j] + e2 * z[k]) * inverse
-            # Top-left rule: pixel centres exactly on any other edge belong to the neighbour.
-            if not (ax > 0 or (ax == 0 and bx < 0)):
-                e0 -= 1
-            if not (ay > 0 or (ay == 0 and by < 0)):
-                e1 -= 1
-            if not (az > 0 or (az == 0 and bz < 0)):
-                e2 -= 1
+            e0, e1, e2 = e0 - _late(ax, bx), e1 - _late(ay, by), e2 - _late(az, bz)
             for row in range(top, bottom + 1):
                 g0, g1, g2, depth_here = e0, e1, e2, z_row
                 for column in range(left, right + 1):
@@ -333,12 +355,13 @@ def interpolate_torch(
 
 
 @kernel
-def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights, out):  # type: ignore[no-untyped-def]
-    for n in range(len(pixels)):
-        b, within = divmod(pixels[n], height * width)
+def _forward(clip, values, faces, shown, weights, out):  # type: ignore[no-untyped-def]
+    height, width = shown.height, shown.width
+    for n in range(len(shown.pixels)):
+        b, within = divmod(shown.pixels[n], height * width)
         row, column = divmod(within, width)
         px, py = (column + 0.5) * (2.0 / width) - 1.0, 1.0 - (row + 0.5) * (2.0 / height)
-        f = faces[face_of_pixel[n]]
+        f = faces[shown.face_of_pixel[n]]
         x0, y0 = clip[b, f[0], 0] - px * clip[b, f[0], 3], clip[b, f[0], 1] - py * clip[b, f[0], 3]
         x1, y1 = clip[b, f[1], 0] - px * clip[b, f[1], 3], clip[b, f[1], 1] - py * clip[b, f[1], 3]
         x2, y2 = clip[b, f[2], 0] - px * clip[b, f[2], 3], clip[b, f[2], 1] - py * clip[b, f[2], 3]
@@ -353,15 +376,16 @@ def _forward(clip, values, faces, pixels, face_of_pixel, height, width, weights,
 
 
 @kernel
-def _backward(clip, values, faces, pixels, face_of_pixel, height, width, weights, grad, d_clip, d_values):  # type: ignore[no-untyped-def]
+def _backward(clip, values, faces, shown, weights, grad, d_clip, d_values):  # type: ignore[no-untyped-def]
+    height, width = shown.height, shown.width
     x = np.empty(3)
     y = np.empty(3)
     g = np.empty(3)
-    for n in range(len(pixels)):
-        b, within = divmod(pixels[n], height * width)
+    for n in range(len(shown.pixels)):
+        b, within = divmod(shown.pixels[n], height * width)
         row, column = divmod(within, width)
         px, py = (column + 0.5) * (2.0 / width) - 1.0, 1.0 - (row + 0.5) * (2.0 / height)
-        f = faces[face_of_pixel[n]]
+        f = faces[shown.face_of_pixel[n]]
         mean = 0.0
         for i in range(3):
             x[i] = clip[b, f[i], 0] - px * clip[b, f[i], 3]
@@ -396,19 +420,20 @@ class _Interpolate(torch.autograd.Function):
         height: int,
         width: int,
     ) -> Tensor:
-        arrays = [t.detach().contiguous().numpy() for t in (clip, values, faces, pixels, face_of_pixel)]
+        arrays = [t.detach().contiguous().numpy() for t in (clip, values, faces)]
+        shown = _Shown(*(t.detach().contiguous().numpy() for t in (pixels, face_of_pixel)), height, width)
         weights = np.empty((len(pixels), 3))
         out = np.empty((len(pixels), values.shape[2]), arrays[1].dtype)
-        _forward(*arrays, height, width, weights, out)  # type: ignore[no-untyped-call, call-arg]
-        ctx.saved = (arrays, height, width, weights)  # type: ignore[attr-defined]
+        _forward(*arrays, shown, weights, out)  # type: ignore[no-untyped-call, call-arg]
+        ctx.saved = (arrays, shown, weights)  # type: ignore[attr-defined]
         return torch.from_numpy(out)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: FunctionCtx, grad: Tensor) -> tuple[Tensor | None, ...]:
-        arrays, height, width, weights = ctx.saved  # type: ignore[attr-defined]
+        arrays, shown, weights = ctx.saved  # type: ignore[attr-defined]
         d_clip, d_values = np.zeros(arrays[0].shape), np.zeros(arrays[1].shape)
-        _backward(*arrays, height, width, weights, grad.contiguous().numpy(), d_clip, d_values)  # type: ignore[no-untyped-call, call-arg]
+        _backward(*arrays, shown, weights, grad.contiguous().numpy(), d_clip, d_values)  # type: ignore[no-untyped-call, call-arg]
         as_clip = torch.from_numpy(d_clip.astype(arrays[0].dtype))
         return as_clip, torch.from_numpy(d_values.astype(arrays[1].dtype)), None, None, None, None, None
 
@@ -514,7 +539,7 @@ def _crossings_of(
     opposite: _Index,
     depth: NDArray[np.float32],
     removed: NDArray[np.float32] | None,
-) -> tuple[_Index, _Floats]:
+) -> _Blends:
     """Share the views of `_walk` among threads."""
 
     def walk(begin: int, end: int) -> tuple[_Index, _Floats]:
@@ -525,11 +550,12 @@ def _crossings_of(
         return where, what
 
     where, what = zip(*in_ranges(walk, len(clip)), strict=True)
-    return (where[0], what[0]) if len(where) == 1 else (np.concatenate(where), np.concatenate(what))
+    return _Blends(where[0], what[0]) if len(where) == 1 else _Blends(np.concatenate(where), np.concatenate(what))
 
 
 @kernel
-def _blend(flat: _Floats, where: _Index, what: _Floats, out: _Floats) -> None:
+def _blend(flat: _Floats, blends: _Blends, out: _Floats) -> None:
+    where, what = blends.where, blends.what
     for n in range(len(where)):
         target, source = where[n, 0], where[n, 1]
         for c in range(flat.shape[1]):
@@ -540,8 +566,7 @@ def _blend(flat: _Floats, where: _Index, what: _Floats, out: _Floats) -> None:
 def _blend_backward(
     flat: _Floats,
     clip: _Floats,
-    where: _Index,
-    what: _Floats,
+    blends: _Blends,
     gradient: _Floats,
     height: int,
     width: int,
@@ -549,6 +574,7 @@ def _blend_backward(
     d_clip: _Floats,
 ) -> None:
     """Add to the gradients of the picture (P, C) and of the positions (B * V, 4)."""
+    where, what = blends.where, blends.what
     for n in range(len(where)):
         target, source = where[n, 0], where[n, 1]
         d_share = 0.0
@@ -588,21 +614,21 @@ class _Antialias(torch.autograd.Function):
     ) -> Tensor:
         flat, points = image.detach().reshape(-1, image.shape[-1]).numpy(), clip.detach().contiguous().numpy()
         limit = None if removed is None else removed.contiguous().numpy()
-        where, what = _crossings_of(
+        blends = _crossings_of(
             points, ends.contiguous().numpy(), opposite.contiguous().numpy(), depth.contiguous().numpy(), limit
         )
         out = flat.copy()
-        _blend(flat, where, what, out)
-        ctx.saved = (flat, points, where, what, depth.shape[1:])  # type: ignore[attr-defined]
+        _blend(flat, blends, out)
+        ctx.saved = (flat, points, blends, depth.shape[1:])  # type: ignore[attr-defined]
         return torch.from_numpy(out).view(image.shape)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        flat, points, where, what, (height, width) = ctx.saved  # type: ignore[attr-defined]
+        flat, points, blends, (height, width) = ctx.saved  # type: ignore[attr-defined]
         incoming = gradient.contiguous().numpy().reshape(flat.shape)
         d_flat, d_clip = incoming.copy(), np.zeros((points.shape[0] * points.shape[1], 4))
-        _blend_backward(flat, points.reshape(-1, 4), where, what, incoming, height, width, d_flat, d_clip)
+        _blend_backward(flat, points.reshape(-1, 4), blends, incoming, height, width, d_flat, d_clip)
         as_clip = torch.from_numpy(d_clip.astype(points.dtype)).view(points.shape)
         return torch.from_numpy(d_flat).view(gradient.shape), as_clip, None, None, None, None
 

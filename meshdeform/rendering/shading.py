@@ -43,7 +43,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -103,6 +103,25 @@ _SEEN = 0.5
 """Opacity from which a surface, and not what is behind it, has silhouettes."""
 
 
+class _Seen(NamedTuple):
+    """What the views see: the cameras (B, 3) and their axes (B, 3, 3), and the face at each pixel (B, H, W), or -1."""
+
+    eye: _Floats
+    axes: _Floats
+    face_ids: _Index
+
+
+class _Facets(NamedTuple):
+    """A mesh, the unit normals (F, 3) of its faces, their lengths before, shares (F,), and unit normals (V, 3)."""
+
+    verts: _Floats
+    faces: _Index
+    normals: _Floats
+    lengths: _Floats
+    share: _Floats
+    smooth: _Floats
+
+
 @kernel
 def _scaled(vectors: _Floats) -> _Floats:
     """Return the lengths (N,) of vectors (N, 3), which become unit vectors; those of no length are divided by 1e-12."""
@@ -116,27 +135,18 @@ def _scaled(vectors: _Floats) -> _Floats:
 
 
 @kernel
-def _facing(normals: _Floats, verts: _Floats, faces: _Index, eye: _Floats, view: int, f: int) -> float:
+def _facing(facets: _Facets, eye: _Floats, view: int, f: int) -> float:
     """Return 1 if a view sees a face from its front, else -1."""
-    v, total = faces[f, 0], 0.0
+    v, total = facets.faces[f, 0], 0.0
     for c in range(3):
-        total += normals[f, c] * (eye[view, c] - verts[v, c])
+        total += facets.normals[f, c] * (eye[view, c] - facets.verts[v, c])
     return -1.0 if total < 0 else 1.0
 
 
 @kernel
-def _draw(
-    verts: _Floats,
-    normals: _Floats,
-    faces: _Index,
-    eye: _Floats,
-    axes: _Floats,
-    face_ids: _Index,
-    backdrop: _Floats,
-    image: _Floats,
-) -> None:
+def _draw(facets: _Facets, seen: _Seen, backdrop: _Floats, image: _Floats) -> None:
     """Fill in an image (B, H, W, 3): unit normals (F, 3), or a backdrop (B, H, W, 3) or (1, 1, 1, 3)."""
-    alike = backdrop.shape[1] == 1
+    alike, normals, axes, face_ids = backdrop.shape[1] == 1, facets.normals, seen.axes, seen.face_ids
     for view in range(face_ids.shape[0]):
         for row in range(face_ids.shape[1]):
             for column in range(face_ids.shape[2]):
@@ -145,7 +155,7 @@ def _draw(
                     for c in range(3):
                         image[view, row, column, c] = backdrop[0, 0, 0, c] if alike else backdrop[view, row, column, c]
                     continue
-                half = 0.5 * _facing(normals, verts, faces, eye, view, f)
+                half = 0.5 * _facing(facets, seen.eye, view, f)
                 for c in range(3):
                     image[view, row, column, c] = 0.5 + half * (
                         axes[view, c, 0] * normals[f, 0]
@@ -172,7 +182,7 @@ def _shares(verts: _Floats, faces: _Index, lengths: _Floats) -> _Floats:
 
 @kernel
 def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, _Floats]:
-    """Return unit normals (F, 3) of the faces, their lengths before and shares (F,), and unit normals (V, 3)."""
+    """Return what `_Facets` has besides the mesh."""
     normals = area_vectors(verts, faces)
     smooth = np.zeros((len(verts), 3))
     for f in range(len(faces)):
@@ -186,20 +196,11 @@ def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, 
 
 @kernel
 def _backward(
-    verts: _Floats,
-    clip: _Floats,
-    faces: _Index,
-    eye: _Floats,
-    axes: _Floats,
-    face_ids: _Index,
-    normals: _Floats,
-    share: _Floats,
-    smooth: _Floats,
-    gradient: _Floats,
-    d_normals: _Floats,
-    d_clip: _Floats,
+    facets: _Facets, seen: _Seen, clip: _Floats, gradient: _Floats, d_normals: _Floats, d_clip: _Floats
 ) -> None:
     """Add to the gradients of each view's unit normals (B, F, 3) and of the vertices' places in it (B, V, 4)."""
+    faces, normals, share, smooth = facets.faces, facets.normals, facets.share, facets.smooth
+    axes, face_ids = seen.axes, seen.face_ids
     height, width = face_ids.shape[1], face_ids.shape[2]
     x, y, g, d = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for view in range(face_ids.shape[0]):
@@ -209,7 +210,7 @@ def _backward(
                 if f < 0 or share[f] == 0.0:
                     continue
                 # The gradient on the normal, in the world: the pixel's, turned back.
-                half = 0.5 * share[f] * _facing(normals, verts, faces, eye, view, f)
+                half = 0.5 * share[f] * _facing(facets, seen.eye, view, f)
                 r, s, t = gradient[view, row, column, 0], gradient[view, row, column, 1], gradient[view, row, column, 2]
                 for c in range(3):
                     d[c] = half * (axes[view, 0, c] * r + axes[view, 1, c] * s + axes[view, 2, c] * t)
@@ -347,35 +348,32 @@ class _Colour(torch.autograd.Function):
         behind = (backdrop[:1].view(1, 1, 1, 3) if alike else backdrop.view(*face_ids.shape, 3)).contiguous().numpy()
         image = torch.empty((*face_ids.shape, 3), dtype=backdrop.dtype)
         pixels = image.numpy()
-        kept = _normals(points, corners)
+        facets = _Facets(points, corners, *_normals(points, corners))
 
         def draw(begin: int, end: int) -> None:
             at = slice(begin, end)
-            seen = behind if alike else behind[at]
-            _draw(points, kept[0], corners, eyes[at], turns[at], ids[at], seen, pixels[at])
+            _draw(facets, _Seen(eyes[at], turns[at], ids[at]), behind if alike else behind[at], pixels[at])
 
         in_ranges(draw, len(ids))
-        ctx.saved = (points, places, corners, eyes, turns, ids, kept)  # type: ignore[attr-defined]
+        ctx.saved = (facets, places, eyes, turns, ids)  # type: ignore[attr-defined]
         return image
 
     @staticmethod
     @once_differentiable
     def backward(ctx: FunctionCtx, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        verts, clip, faces, eye, axes, face_ids, kept = ctx.saved  # type: ignore[attr-defined]
-        normals, lengths, share, smooth = kept
+        facets, clip, eye, axes, face_ids = ctx.saved  # type: ignore[attr-defined]
+        verts, faces, lengths = facets.verts, facets.faces, facets.lengths
         incoming = gradient.contiguous().numpy()
         d_verts, d_clip, d_normals = np.zeros(verts.shape), np.zeros(clip.shape), np.zeros((len(clip), *faces.shape))
 
         def through_views(begin: int, end: int) -> None:
             at = slice(begin, end)
-            _backward(
-                verts, clip[at], faces, eye[at], axes[at], face_ids[at], normals, share, smooth, incoming[at],
-                d_normals[at], d_clip[at],
-            )  # fmt: skip
+            seen = _Seen(eye[at], axes[at], face_ids[at])
+            _backward(facets, seen, clip[at], incoming[at], d_normals[at], d_clip[at])
 
         in_ranges(through_views, len(clip))
         inverse = np.divide(1.0, lengths, out=np.zeros_like(lengths), where=lengths > _SHORTEST)
-        through_normals(verts, faces, normals, inverse, d_normals.sum(0), d_verts)
+        through_normals(verts, faces, facets.normals, inverse, d_normals.sum(0), d_verts)
         return (
             torch.from_numpy(d_verts.astype(verts.dtype)),
             torch.from_numpy(d_clip.astype(clip.dtype)),

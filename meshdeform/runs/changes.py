@@ -31,7 +31,7 @@ from meshdeform.requests.choices import GuidanceKind, PartsAs, is_builtin
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.questions import Question
-from meshdeform.runs.read_questions import answer_about, ask_about, loaded
+from meshdeform.runs.read_questions import ask_about, loaded, with_words
 from meshdeform.vocabulary.grammar import ParsedPrompt, noun_of, parse
 from meshdeform.vocabulary.looks import SHAPES
 from meshdeform.words import words_in_use
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 _SHOWN = 20
 _UNUSED = ("regions", "rigid", "handles")
 _QUESTION = Question(
-    __name__,
+    "parts",
     cannot="The parts of the asset cannot be found on this server.",
     lacks="Parts are found with the extra `deform`, which the API of this server lacks",
     instead="Send the job without asking before.",
@@ -209,12 +209,13 @@ def parts_of(
     return answer
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Carry out the task in a file of JSON: print which part is missing, or all parts and what becomes of them."""
-    return answer_about(_answer, arguments)
+def find_parts_asked(task: dict[str, Any]) -> dict[str, Any]:
+    """Return which part is missing, or all parts and what becomes of them, in the child."""
+    with with_words(task):
+        return _found(task)
 
 
-def _answer(task: dict[str, Any]) -> dict[str, Any]:
+def _found(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.plain.change import missing_part
 
     asset, body, params = loaded(task)

@@ -6,20 +6,19 @@ and bounded memory and time.
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from meshdeform.assets.limits import Limits, bound_resources, error_from, error_to_json, run_child
+from meshdeform.assets.limits import Limits
+from meshdeform.children.asking import ChildLostError, run_child
+from meshdeform.children.protocol import Bounds
 from meshdeform.errors import (
     AssetTooLargeError,
     AssetUnsupportedError,
     DependencyError,
-    MeshdeformError,
     ParameterError,
     UnavailableError,
 )
@@ -106,8 +105,13 @@ def derive(name: str, job_input: DerivedInput, target: Path, limits: Limits | No
     """
     limits = limits or Limits()
     seconds = _SECONDS * limits.max_check_s
-    options = {
-        "filename": _plain(job_input.filename),
+    given = {
+        "name": name,
+        "source": str(job_input.source),
+        "result": str(job_input.result),
+        "target": str(target.absolute()),
+        "limits": asdict(limits),
+        "filename": job_input.filename,
         "compact": job_input.output.compact,
         "provenance": job_input.output.provenance,
         "morph_path": job_input.output.morph_path.model_dump(mode="json"),
@@ -115,26 +119,16 @@ def derive(name: str, job_input: DerivedInput, target: Path, limits: Limits | No
         "strength": job_input.strength,
         "outside": job_input.outside,
         "pose": job_input.pose,
-        "memory": _BASE_BYTES[name] + 2 * limits.memory_bytes(job_input.size),
-        "seconds": seconds,
-        "limits": asdict(limits),
     }
-    arguments = [name, str(job_input.source), str(job_input.result), str(target.absolute()), json.dumps(options)]
+    memory = _BASE_BYTES[name] + 2 * limits.memory_bytes(job_input.size)
+    bounds = Bounds(memory, seconds, _WIDER * limits.max_bytes)
     try:
-        outcome = run_child(__name__, arguments, timeout_s=seconds, temporary=target.absolute().parent)
+        warnings: list[str] = run_child("derive", given, bounds, temporary=target.absolute().parent)
     except TimeoutError as error:
         raise _too_much(name, f"within {seconds:g} s") from error
-    if outcome.verdict is None:
-        raise _too_much(name, "with the memory and time that it may use")
-    if not outcome.verdict["ok"]:
-        raise error_from(outcome.verdict["error"])
-    return list(outcome.verdict["warnings"])
-
-
-def _plain(filename: str) -> str:
-    """Return a name with the same extension that fits on a command line."""
-    extension = filename.lower().rpartition(".")[2]
-    return f"asset.{extension}" if extension.isascii() and extension.isalnum() and len(extension) < 10 else "asset"
+    except ChildLostError as error:
+        raise _too_much(name, "with the memory and time that it may use") from error
+    return warnings
 
 
 def _too_much(name: str, how: str) -> AssetTooLargeError | UnavailableError:
@@ -149,39 +143,17 @@ def _too_much(name: str, how: str) -> AssetTooLargeError | UnavailableError:
     )
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Make one artifact and print a JSON verdict: `{"ok": true, "warnings": []}` or `{"ok": false, "error": ...}`."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("name", choices=sorted(_BASE_BYTES))
-    for path in ("source", "result", "target"):
-        parser.add_argument(path, type=Path)
-    parser.add_argument("options", type=json.loads)
-    options_given = parser.parse_args(arguments)
-    limits = Limits(**options_given.options["limits"])
-    bound_resources(options_given.options["memory"], options_given.options["seconds"], _WIDER * limits.max_bytes)
-    verdict: dict[str, Any] = {"ok": True, "warnings": []}
-    name, source, result, options = (
-        options_given.name,
-        options_given.source,
-        options_given.result,
-        options_given.options,
-    )
-    try:
-        if name in _MAKERS:
-            data = _MAKERS[name](source, result, options, limits)
-        else:
-            exported = _exported(name, result, options)
-            data, verdict["warnings"] = exported.data, list(exported.warnings)
-        options_given.target.write_bytes(data)
-    except MeshdeformError as error:
-        verdict = {"ok": False, "error": error_to_json(error)}
-    except MemoryError:
-        verdict = {
-            "ok": False,
-            "error": error_to_json(_too_much(name, "with the memory that it may use")),
-        }
-    print(json.dumps(verdict))
-    return 0 if verdict["ok"] else 1
+def derive_given(given: dict[str, Any]) -> list[str]:
+    """Make one artifact, in the child; return sentences about what its format cannot hold."""
+    limits, warnings = Limits(**given["limits"]), list[str]()
+    name, source, result = given["name"], Path(given["source"]), Path(given["result"])
+    if name in _MAKERS:
+        data = _MAKERS[name](source, result, given, limits)
+    else:
+        exported = _exported(name, result, given)
+        data, warnings = exported.data, list(exported.warnings)
+    Path(given["target"]).write_bytes(data)
+    return warnings
 
 
 def _morph(source: Path, result: Path, options: dict[str, Any], limits: Limits) -> bytes:

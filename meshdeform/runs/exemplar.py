@@ -32,7 +32,7 @@ from meshdeform.exemplar.outlines import Outlines, outlines_of
 from meshdeform.exemplar.outlook import FitOutlook, outlook
 from meshdeform.exemplar.shapes import FitFrame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
-from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, smooth_fit
 from meshdeform.exemplar.symmetry import symmetry_axes
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
@@ -233,14 +233,13 @@ class ExemplarRun(ShapeRun):
 
     def _outlined(self, views: Sequence[SilhouetteView], verts: _Floats) -> _Floats:
         """Return vertices (V, 3) pulled to the outlines of pictures by a smooth map."""
-        body, codes = self._body, np.zeros(len(self._body.faces), np.int64)
-        nothing = np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64)
+        body = self._body
         frame = frame_of(body.points, body.faces, self._facts.reading)
         now = frame.enter(verts)
         outlines = outlines_of(views, frame.enter(body.points), body.faces, frame.turn)
         planes = symmetry_axes((now, body.faces), (now, body.faces))
-        pulls = Outlines(now, body.faces, outlines)
-        return frame.leave(smooth_fit(now, body.faces, codes, *nothing, planes=planes, outlines=pulls))
+        surface, pulls = CodedSurface.alike(now, body.faces), [Outlines(now, body.faces, outlines)]
+        return frame.leave(smooth_fit(surface, CodedSurface.nothing(), planes=planes, pulls=pulls))
 
     def _blended(self) -> _Floats:
         """Return the vertices (V, 3) that the fits have moved so far, each prompt by its share, within the controls."""

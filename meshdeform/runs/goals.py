@@ -14,9 +14,9 @@ from meshdeform.deformation.stand_in import stand_in_of
 from meshdeform.errors import ParameterError, PromptError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.guidance.base import Guidance
-from meshdeform.guidance.sds import ScoreDistillation
+from meshdeform.guidance.sds import ScoreDistillation, Timesteps
 from meshdeform.guidance.silhouettes import BesideSilhouettes, SilhouetteGuide, SilhouetteTerm
-from meshdeform.guidance.target import TargetGuide
+from meshdeform.guidance.target import Shift, TargetGuide
 from meshdeform.guidance.weighted import WeightedPrompt
 from meshdeform.priors.base import Prior
 from meshdeform.rendering.cameras import CameraFrame
@@ -45,9 +45,7 @@ def score_distillation(
         negative_prompt=params.negative_prompt,
         guidance_scale=params.guidance_scale,
         guidance_rescale=params.guidance_rescale,
-        timestep_min=params.timestep_min,
-        timestep_max=params.timestep_max,
-        timestep_max_end=params.timestep_max_end,
+        timesteps=Timesteps(params.timestep_min, params.timestep_max, params.timestep_max_end),
         shading=None if is_builtin(params.model) else _SHADINGS[params.appearance],
     )
 
@@ -149,6 +147,5 @@ def target_guidance(
         point_weight=params.point_weight,
         seed=params.seed,
         landmarks=fit.landmarks,
-        offset=offset,
-        shifts=shifts,
+        shift=Shift(offset, free=shifts),
     )

@@ -14,12 +14,12 @@ from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.parameters import active_prompts
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.questions import Question
-from meshdeform.runs.read_questions import answer_about, ask_about, is_read, loaded, samples_of
+from meshdeform.runs.read_questions import ask_about, is_read, loaded, samples_of, with_words
 
 __all__ = ["outlook_of"]
 
 _QUESTION = Question(
-    __name__,
+    "outlook",
     cannot="Whether the asset can become that is not known on this server.",
     lacks="That is found with the extra `deform`, which the API of this server lacks",
     instead="Send the job.",
@@ -39,12 +39,13 @@ def outlook_of(
         return None  # the run delivers its best, and says what that is worth
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Carry out the task in a file of JSON: print the outlook."""
-    return answer_about(_answer, arguments)
+def find_outlook(task: dict[str, Any]) -> dict[str, Any]:
+    """Return the outlook of a task of `ask_about`, in the child."""
+    with with_words(task):
+        return _found(task)
 
 
-def _answer(task: dict[str, Any]) -> dict[str, Any]:
+def _found(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.exemplar.outlook import outlook
     from meshdeform.exemplar.shapes import Shape, Wish, frame_of
     from meshdeform.plain.read_parts import ReadParts

@@ -16,6 +16,7 @@ import numpy as np
 
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.limits import Limits
+from meshdeform.children.protocol import StoppedError
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.requests.previews import MOST_LEVELS, PreviewShape, PreviewShapes, PrimitivePositions, pack
 from meshdeform.runs import text_deform
@@ -23,12 +24,11 @@ from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import reading_document
 from meshdeform.runs.shape_run import ShapeRun
-from meshdeform.runs.warm_processes import StoppedError
 from meshdeform.runs.word_pins import KnowingRun
 from meshdeform.support.giving_way import stopped_by
 from meshdeform.support.recent import Recent
 
-__all__ = ["answer", "positions_of"]
+__all__ = ["make_preview", "positions_of"]
 
 _MOST, _MOST_BYTES = 64, 128 * 2**20
 _recent: Recent[_Made] = Recent(_MOST, _MOST_BYTES)
@@ -46,7 +46,7 @@ class _Made:
     reading: dict[str, Any] | None
 
 
-def answer(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]:
+def make_preview(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str, bool]:
     """Carry out a task: write the GLB of its only seed, or the positions of all its seeds, where it says.
 
     Returns `draft`: whether any of them is one.

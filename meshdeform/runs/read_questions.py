@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.requests.choices import BackdropMode
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.runs.kept_readings import Readings, Unkept, key_of
-from meshdeform.runs.questions import Question, answer_task
+from meshdeform.runs.questions import Question
 from meshdeform.words import Word, in_use, words_in_use
 from meshdeform.words.file import SUFFIX
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from meshdeform.assets import Asset
     from meshdeform.plain.body import Body
 
-__all__ = ["answer_about", "ask_about", "is_read", "loaded"]
+__all__ = ["ask_about", "is_read", "loaded", "samples_of", "with_words"]
 
 _TIMEOUT_S = 120.0
 
@@ -47,6 +47,7 @@ def ask_about(
     else:
         beside.write_bytes(kept)
     task = {
+        "asset": str(asset.absolute()),
         "filename": f"asset{suffix}",
         "params": params.model_dump(mode="json"),
         "limits": asdict(limits),
@@ -60,7 +61,7 @@ def ask_about(
         content = asset.absolute().with_name(f"{word.sha256}{SUFFIX}")
         content.write_bytes(word.data)
         task["words"].append(str(content))
-    answer: dict[str, Any] = question.ask_about(asset, task, _TIMEOUT_S)
+    answer: dict[str, Any] = question.ask(task, asset.absolute().parent, _TIMEOUT_S)
     made = beside.read_bytes() if beside.is_file() else kept
     if made is not None and made != kept:
         readings.put(key, made)
@@ -72,14 +73,9 @@ def is_read(asset: Path, filename: str, params: ResolvedParams, readings: Readin
     return readings.get(key_of(_digest(asset), Path(filename).suffix[:16], params)) is not None
 
 
-def answer_about(find: Callable[[dict[str, Any]], Any], arguments: Sequence[str] | None) -> int:
-    """Answer the task of `ask_about` by what `find` makes of it, with the words that the parent knows."""
-
-    def found(task: dict[str, Any]) -> Any:
-        with in_use(Word.read(Path(path).read_bytes()) for path in task["words"]):
-            return find(task)
-
-    return answer_task(found, arguments)
+def with_words(task: dict[str, Any]) -> AbstractContextManager[object]:
+    """Let a child know the words that its parent knows, within the block."""
+    return in_use(Word.read(Path(path).read_bytes()) for path in task["words"])
 
 
 def loaded(task: dict[str, Any]) -> tuple[Asset, Body, ResolvedParams]:

@@ -24,8 +24,8 @@ __all__ = [
     "LAYOUTS",
     "PART_NAMES",
     "SolidRange",
-    "carrier",
     "layout",
+    "parent_of",
     "part_label",
     "parts_of",
     "pieces_of",
@@ -193,7 +193,7 @@ def part_label(part: str) -> str:
     return irregular.get(part, part.removesuffix("s"))
 
 
-def carrier(part: str, present: Sequence[str]) -> str | None:
+def parent_of(part: str, present: Sequence[str]) -> str | None:
     """Return the part, among those present, with which another moves: the body in the end; None of a body."""
     above = CARRIED_BY.get(part)
     while above is not None and above not in present:

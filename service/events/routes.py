@@ -9,10 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import anyio
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import EventList, EventView
@@ -65,6 +66,43 @@ class _EventStream(StreamingResponse):
             await super().__call__(scope, receive, sent_in_time)
 
 
+@dataclass
+class _Wanted:
+    """Which events are wanted, and how."""
+
+    after: Annotated[
+        int, Query(description="Number of the last event that you received.", ge=0, le=_MAX_SEQ, examples=[0])
+    ] = 0
+    limit: Annotated[
+        int, Query(description="Maximum number of events in a JSON page.", ge=1, le=MAX_EVENTS, examples=[100])
+    ] = MAX_EVENTS
+    format_: Annotated[
+        Literal["json", "stream"] | None,
+        Query(
+            alias="format",
+            description="Response format; overrides `Accept`. Default: a stream if `Accept` contains "
+            "text/event-stream, otherwise JSON.",
+            examples=["json"],
+        ),
+    ] = None
+    last_event_id: Annotated[
+        int | None,
+        Header(
+            alias="Last-Event-ID",
+            description="Overrides `after`. Event stream clients send it when they reconnect. Default: none.",
+            ge=0,
+            le=_MAX_SEQ,
+            examples=[3],
+        ),
+    ] = None
+    prefer: Prefer = None  # read from the request, which may contain it more than once
+
+    @property
+    def since(self) -> int:
+        """The number of the last event that the client has."""
+        return self.after if self.last_event_id is None else self.last_event_id
+
+
 @router.get(
     "",
     operation_id="get_events",
@@ -86,38 +124,12 @@ async def get_events(
     app: AppStateDep,
     viewer: ViewerDep,
     id: JobId,  # noqa: A002 - the path's own word
-    after: Annotated[
-        int, Query(description="Number of the last event that you received.", ge=0, le=_MAX_SEQ, examples=[0])
-    ] = 0,
-    limit: Annotated[
-        int, Query(description="Maximum number of events in a JSON page.", ge=1, le=MAX_EVENTS, examples=[100])
-    ] = MAX_EVENTS,
-    format_: Annotated[
-        Literal["json", "stream"] | None,
-        Query(
-            alias="format",
-            description="Response format; overrides `Accept`. Default: a stream if `Accept` contains "
-            "text/event-stream, otherwise JSON.",
-            examples=["json"],
-        ),
-    ] = None,
-    last_event_id: Annotated[
-        int | None,
-        Header(
-            alias="Last-Event-ID",
-            description="Overrides `after`. Event stream clients send it when they reconnect. Default: none.",
-            ge=0,
-            le=_MAX_SEQ,
-            examples=[3],
-        ),
-    ] = None,
-    prefer: Prefer = None,  # noqa: ARG001 - read from the request, which may contain it more than once
+    wanted: Annotated[_Wanted, Depends()],
 ) -> Response:
     """A stream ends with the job's final event. For JSON, `Prefer: wait=N` waits for events if there are none yet."""
-    waiters, owner = app.waiters, viewer.owner_id
-    after = after if last_event_id is None else last_event_id
-    if format_ == "json" or (format_ is None and not _wants_stream(request)):
-        return await _page(request, app, id, owner, after, limit)
+    waiters, owner, after = app.waiters, viewer.owner_id, wanted.since
+    if wanted.format_ == "json" or (wanted.format_ is None and not _wants_stream(request)):
+        return await _page(request, app, id, owner, after, wanted.limit)
     # Read before the response starts, so that a missing job is a 404 and no stream.
     events, over = await waiters.read(_next_events, app, id, after, owner)
     if over:

@@ -9,9 +9,9 @@ from contextlib import asynccontextmanager
 from anyio import CancelScope
 from fastapi import Request
 
-from meshdeform.assets.limits import ended_with
+from meshdeform.children.asking import ended_with
+from meshdeform.children.warm import Asked
 from meshdeform.errors import UnavailableError
-from meshdeform.runs.warm_processes import Asked
 
 __all__ = ["while_waited_for"]
 

@@ -15,7 +15,7 @@ import sqlalchemy as sa
 from meshdeform.api.documents import JobEstimate
 from meshdeform.errors import UnreadableJobError
 from meshdeform.record.database import Database
-from meshdeform.record.leases import Leases
+from meshdeform.record.leases import Leases, Turns
 from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
@@ -31,7 +31,20 @@ _COUNTED, _NUMBERED = 200, 2_000
 _Work = tuple[str, float]
 _Row = sa.Row[*tuple[Any, ...]]
 _SAFEGUARD = jobs.c.resolved["safeguard"].as_string().label("safeguard")
+_NO_TURNS = Turns(turn_s=math.inf)
 _COSTS = (jobs.c.workload, jobs.c.faces, jobs.c.parts, _SAFEGUARD)
+
+
+@dataclass(frozen=True)
+class JobSize:
+    """What is known of a job's mesh, which its time depends on, and of its safeguard."""
+
+    faces: int | None = None
+    parts: int | None = None
+    safeguard: str | None = None
+
+
+_UNKNOWN = JobSize()
 
 
 def estimate(
@@ -42,16 +55,12 @@ def estimate(
     default_model: str,
     queue: str,
     owner_id: str = "",
-    safeguard: str | None = None,
-    faces: int | None = None,
-    parts: int | None = None,
-    turn_s: float = math.inf,
-    max_running: int = 0,
+    size: JobSize = _UNKNOWN,
+    turns: Turns = _NO_TURNS,
 ) -> JobEstimate:
     """Estimate a job from its mesh, the newest successful jobs, the jobs ahead, and the number of live workers.
 
-    The job's owner takes turns with the others, whose jobs are handed over after `turn_s` seconds; of each, so many
-    jobs run at a time (0: any number). A request that names no model has the default one.
+    `turns`: those that the job's owner takes with the others. A request that names no model has the default one.
     """
     steps = kind_of(request.kind).steps(request, default_model, None)
     with database.read() as connection:
@@ -59,18 +68,18 @@ def estimate(
         pace, basis = history.pace(request.kind, request.workload)
         if pace is None:
             return JobEstimate(basis=basis, steps=steps)
-        seconds = costs_of(request.workload).seconds(faces, parts, safeguard).times(pace)
+        seconds = costs_of(request.workload).seconds(size.faces, size.parts, size.safeguard).times(pace)
         run_s = seconds.of(steps)
 
         def seconds_left(row: _Row) -> float:
             left_s: float = history.seconds_left(row, run_s)
-            return left_s if row.owner_id == owner_id else min(left_s, turn_s)
+            return left_s if row.owner_id == owner_id else min(left_s, turns.turn_s)
 
         ahead = _Ahead.of(connection, request.priority, owner_id, seconds_left)
     workers = leases.alive(queue)
     alive = f"{workers} worker{'s' * (workers > 1)}" if workers else "no worker is"
     return JobEstimate(
-        queue_s=ahead.seconds_until_free(workers, owner_id, max_running) if workers else None,
+        queue_s=ahead.seconds_until_free(workers, owner_id, turns.max_running) if workers else None,
         run_s=run_s,
         not_resumable_s=seconds.once,
         basis=f"{basis}; {alive} alive",

@@ -33,6 +33,7 @@ from meshdeform.errors import (
 )
 from meshdeform.priors import public_names
 from meshdeform.record.files import FileLeases
+from meshdeform.record.leases import Turns
 from meshdeform.record.models import Claim, NewJob, StoredFile
 from meshdeform.record.repository import check_priority
 from meshdeform.requests.choices import GuidanceKind, PartsAs
@@ -50,7 +51,7 @@ from service.http.auth import Principal
 from service.http.bodies import ReceivedFile
 from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
 from service.jobs.documents import FileReference, FileSource, JobDocument
-from service.jobs.estimates import estimate
+from service.jobs.estimates import JobSize, estimate
 from service.state import AppState
 from service.words.known import pin_words, with_others
 
@@ -237,10 +238,8 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
         default_model=app.settings.model,
         queue=app.settings.queue,
         owner_id=principal.owner_id,
-        safeguard=getattr(params, "safeguard", None),
-        turn_s=app.settings.turn_s,
-        max_running=app.settings.max_running_jobs,
-        **_size(job.summaries),
+        size=JobSize(**_size(job.summaries), safeguard=getattr(params, "safeguard", None)),
+        turns=Turns.of(app.settings),
     )
     model = getattr(params, "model", None)
     if model is not None:  # as clients name it

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,13 +11,14 @@ from anyio import to_thread
 from fastapi import Request
 
 from meshdeform.api.states import PREVIEW_S
-from meshdeform.assets.limits import error_from
+from meshdeform.children.asking import ChildLostError
+from meshdeform.children.protocol import StoppedError
+from meshdeform.children.warm import Asked
 from meshdeform.errors import DependencyError, ParameterError, UnavailableError
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.changes import asked_changes, is_change
 from meshdeform.runs.kept_readings import FolderReadings, key_of
-from meshdeform.runs.warm_processes import Asked, StoppedError
 from meshdeform.words import in_use
 from service.http.bodies import ReceivedFile
 from service.http.callers import while_waited_for
@@ -140,23 +140,17 @@ def _answered(
         here.put(key, kept)
         known = kept
     try:
-        verdict = app.previews.ask(copy, task, PREVIEW_S, asked)
+        found: dict[str, Any] = app.previews.ask(copy, task, PREVIEW_S, asked)
     except StoppedError:
         return {}
     except TimeoutError as error:
         raise UnavailableError(f"A preview of this takes longer than {PREVIEW_S:g} s.", advice=_ADVICE) from error
-    if (made := here.get(key)) is not None and made != known:
-        app.readings.put(key, made)
-    if verdict is None:
-        raise UnavailableError("The process that made the preview has ended.", advice=_ADVICE)
-    if not verdict["ok"]:
-        raise _error(verdict["error"])
-    found: dict[str, Any] = verdict["found"]
-    return found
-
-
-def _error(told: Mapping[str, Any]) -> Exception:
-    if told["code"] == DependencyError.code:
+    except ChildLostError as error:
+        raise UnavailableError("The process that made the preview has ended.", advice=_ADVICE) from error
+    except DependencyError as error:
         lacks = "Previews are made with the extra `deform`, which the API of this server lacks"
-        return DependencyError(f"{lacks}: {told['detail']}", advice=_ADVICE)
-    return error_from(dict(told))
+        raise DependencyError(f"{lacks}: {error.detail}", advice=_ADVICE) from error
+    finally:
+        if (made := here.get(key)) is not None and made != known:
+            app.readings.put(key, made)
+    return found

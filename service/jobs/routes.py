@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import logging
 import re
+from dataclasses import dataclass
 from typing import Annotated
 
 from anyio import to_thread
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
 from pydantic import AwareDatetime, BeforeValidator
 
@@ -54,6 +55,52 @@ def _written_time(value: object) -> object:
     return value
 
 
+@dataclass
+class _Asked:
+    """Which jobs are listed; the request also names their labels."""
+
+    request: Request
+    state: Annotated[
+        JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
+    ] = None
+    error: Annotated[
+        str | None,
+        Query(
+            description="Only jobs that failed with this error (its `code`). Default: all.",
+            max_length=64,
+            pattern="^[a-z_]+$",
+            examples=["internal"],
+        ),
+    ] = None
+    created_after: Annotated[
+        Annotated[AwareDatetime, BeforeValidator(_written_time)] | None,
+        Query(
+            description="Only jobs created after this time, with its offset from UTC. Default: all.",
+            examples=["2026-01-31T12:00:00Z"],
+            json_schema_extra={"maxLength": 64},
+        ),
+    ] = None
+    q: Annotated[
+        str,
+        Query(
+            description="Only jobs whose prompts, file names or values of labels contain all of these words, in any "
+            "order and case; parts of words count too. Default: all.",
+            max_length=MAX_SEARCH,
+            pattern=r"^[^\x00]*$",
+            examples=["duck vase"],
+        ),
+    ] = ""
+    limit: Annotated[int, Query(description="Jobs per page, at most.", ge=1, le=MAX_PAGE, examples=[50])] = 50
+    cursor: Annotated[
+        str | None,
+        Query(
+            description="`next_cursor` of the previous page. Default: the first page.",
+            max_length=200,
+            examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
+        ),
+    ] = None
+
+
 @router.get(
     "",
     operation_id="list_jobs",
@@ -65,60 +112,20 @@ def _written_time(value: object) -> object:
     openapi_extra={"parameters": [_METADATA]},
 )
 def list_jobs(
-    request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    state: Annotated[
-        JobState | None, Query(description="Only jobs in this state. Default: all.", examples=["running"])
-    ] = None,
-    error: Annotated[
-        str | None,
-        Query(
-            description="Only jobs that failed with this error (its `code`). Default: all.",
-            max_length=64,
-            pattern="^[a-z_]+$",
-            examples=["internal"],
-        ),
-    ] = None,
-    created_after: Annotated[
-        Annotated[AwareDatetime, BeforeValidator(_written_time)] | None,
-        Query(
-            description="Only jobs created after this time, with its offset from UTC. Default: all.",
-            examples=["2026-01-31T12:00:00Z"],
-            json_schema_extra={"maxLength": 64},
-        ),
-    ] = None,
-    q: Annotated[
-        str,
-        Query(
-            description="Only jobs whose prompts, file names or values of labels contain all of these words, in any "
-            "order and case; parts of words count too. Default: all.",
-            max_length=MAX_SEARCH,
-            pattern=r"^[^\x00]*$",
-            examples=["duck vase"],
-        ),
-    ] = "",
-    limit: Annotated[int, Query(description="Jobs per page, at most.", ge=1, le=MAX_PAGE, examples=[50])] = 50,
-    cursor: Annotated[
-        str | None,
-        Query(
-            description="`next_cursor` of the previous page. Default: the first page.",
-            max_length=200,
-            examples=["am9iXzAxa2c5enFrMnhmM3Y4YzVtN245cDFyNHQ2"],
-        ),
-    ] = None,
+    asked: Annotated[_Asked, Depends()],
 ) -> Response:
     """Jobs that are created while you page through the list do not shift later pages."""
-    labels = _labels(request)
     page = app.record.list_jobs(
-        state,
-        cursor,
-        limit,
+        asked.state,
+        asked.cursor,
+        asked.limit,
         owner=principal.owner_id,
-        metadata=labels,
-        created_after=created_after,
-        words=q,
-        error=error,
+        metadata=_labels(asked.request),
+        created_after=asked.created_after,
+        words=asked.q,
+        error=asked.error,
     )
     return JSONResponse(JobList(jobs=[_view(job) for job in page.jobs], next_cursor=page.next_cursor).as_json())
 

@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from meshdeform.assets import Asset, build_glb, load_asset
-from meshdeform.assets.limits import Limits, run_child
+from meshdeform.assets.limits import Limits
+from meshdeform.children.asking import run_child
 from meshdeform.client import Client
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.requests.document import MorphPath, OutputOptions

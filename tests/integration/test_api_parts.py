@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.assets.limits import ChildOutcome, run_child
 from meshdeform.assets.parted import PartsAs, parts_of
+from meshdeform.children.asking import run_child
+from meshdeform.children.protocol import Bounds
+from meshdeform.children.tasks import TASKS
 from meshdeform.client import Client
-from meshdeform.errors import PartNotFoundError
+from meshdeform.errors import DependencyError, PartNotFoundError
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.reading import Reading
 from meshdeform.requests.document import JobRequest
@@ -209,10 +211,12 @@ def test_a_broken_asset_is_refused_before_the_search(api: Api, monkeypatch: pyte
 def test_the_search_ends_when_the_caller_goes(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
     asked, ended = threading.Event(), list[BaseException]()
 
-    def search(*_arguments: Any, **_more: Any) -> ChildOutcome:
+    monkeypatch.setitem(TASKS, "sleep", "tests.sleeping_child:sleep")
+
+    def search(*_arguments: Any, **_more: Any) -> Any:
         asked.set()
         try:
-            return run_child("tests.sleeping_child", [], timeout_s=240)
+            return run_child("sleep", {}, Bounds(2**30, 240))
         except BaseException as error:
             ended.append(error)
             raise
@@ -233,12 +237,11 @@ def test_the_search_ends_when_the_caller_goes(api: Api, monkeypatch: pytest.Monk
 
 
 def test_a_server_that_cannot_find_parts_says_so(api: Api, monkeypatch: pytest.MonkeyPatch) -> None:
-    error = {"code": "dependency_missing", "detail": "scipy is not installed.", "advice": "", "extra": {}}
-    monkeypatch.setattr(questions, "run_child", lambda *_a, **_k: ChildOutcome(1, {"ok": False, "error": error}))
+    failures = iter([DependencyError("scipy is not installed."), TimeoutError()])
+
+    def fail(*_arguments: Any, **_more: Any) -> Any:
+        raise next(failures)
+
+    monkeypatch.setattr(questions, "run_child", fail)
     check_problem(parts(api), 501, "dependency_missing")
-
-    def slow(*_arguments: Any, **_more: Any) -> ChildOutcome:
-        raise TimeoutError
-
-    monkeypatch.setattr(questions, "run_child", slow)
     assert "longer than" in check_problem(parts(api), 503, "unavailable")["detail"]

@@ -23,8 +23,11 @@ from fastapi import FastAPI, Request
 from meshdeform.assets import build_glb, load_asset
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.limits import Limits
+from meshdeform.children.asking import ChildLostError
+from meshdeform.children.protocol import StoppedError
+from meshdeform.children.warm import Asked, WarmProcesses
 from meshdeform.client import AsyncClient, Client
-from meshdeform.errors import AssetError, ParameterError
+from meshdeform.errors import AssetError, DependencyError, ParameterError
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.mcp.tools import Folders, Tools
 from meshdeform.requests.document import read_stored
@@ -32,7 +35,6 @@ from meshdeform.requests.previews import MOST_LEVELS, PreviewShapes
 from meshdeform.runs import drafts, preview_work, start_run
 from meshdeform.runs import reading as runs_reading
 from meshdeform.runs.base import InputFile, RunInput
-from meshdeform.runs.warm_processes import Asked, StoppedError, WarmProcesses
 from meshdeform.settings import Settings
 from meshdeform.support.recent import Recent
 from service.app import create_app
@@ -271,7 +273,7 @@ class Holding:
         if asked.stopped:
             raise StoppedError
         Path(task["result"]).write_bytes(b"made")
-        return {"ok": True, "found": {"draft": False}}
+        return {"draft": False}
 
 
 def test_more_previews_than_there_may_be_are_refused_until_there_is_room(
@@ -354,7 +356,7 @@ def test_a_flood_of_many_owners_leaves_each_its_own_and_nothing_behind(
         running[0] -= 1
         if asked.stopped:
             raise StoppedError
-        return {"ok": True, "found": {"draft": False}}
+        return {"draft": False}
 
     chance = random.Random(1)
     monkeypatch.setattr(WarmProcesses, "ask", told)
@@ -390,16 +392,14 @@ def test_a_process_that_dies_or_takes_too_long_is_said_to(
     two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ann, _ = two
-    monkeypatch.setattr(WarmProcesses, "ask", lambda *_: None)
+    failures = iter([ChildLostError(), TimeoutError(), DependencyError("scipy is not installed.")])
+
+    def fail(*_: Any) -> None:
+        raise next(failures)
+
+    monkeypatch.setattr(WarmProcesses, "ask", fail)
     assert "has ended" in check_problem(preview(ann), 503, "unavailable")["detail"]
-
-    def slow(*_: Any) -> None:
-        raise TimeoutError
-
-    monkeypatch.setattr(WarmProcesses, "ask", slow)
     assert "longer than" in check_problem(preview(ann), 503, "unavailable")["detail"]
-    error = {"code": "dependency_missing", "detail": "scipy is not installed.", "advice": "", "extra": {}}
-    monkeypatch.setattr(WarmProcesses, "ask", lambda *_: {"ok": False, "error": error})
     assert "deform" in check_problem(preview(ann), 501, "dependency_missing")["detail"]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.assets.limits import run_child
+from meshdeform.children.asking import run_child
 from meshdeform.client import AsyncClient, Client, SketchGuesses
 from meshdeform.errors import DrawingError, ParameterError
 from meshdeform.kinds.sketch import process as sketch_process

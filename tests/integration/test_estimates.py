@@ -8,12 +8,12 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from meshdeform.api.documents import JobEstimate
-from meshdeform.record.leases import WorkerIdentity
+from meshdeform.record.leases import Turns, WorkerIdentity
 from meshdeform.record.models import JobState, NewJob
 from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs.costs import MEASURED
-from service.jobs.estimates import estimate
+from service.jobs.estimates import JobSize, estimate
 from tests.integration.conftest import stored_file
 from tests.integration.record_calls import at, claimed, posted, set_to
 
@@ -28,7 +28,7 @@ def estimated(
     """Return the estimate for a job of ten steps, or for this request."""
     asked = JobRequest.model_validate({"prompt": "a mushroom", "params": {"steps": STEPS}, **request})
     places = {"default_model": "builtin", "queue": QUEUE, "owner_id": owner_id}
-    return estimate(record.database, record.leases, asked, **places, faces=faces, turn_s=turn_s)
+    return estimate(record.database, record.leases, asked, **places, size=JobSize(faces), turns=Turns(turn_s))
 
 
 def measured(record: JobRecord, *step_s: float, once_s: float = 0.0, **columns: object) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from meshdeform.assets import check, limits
+from meshdeform.assets import check
 from meshdeform.assets.check import check_asset_subprocess
+from meshdeform.children import asking
 from meshdeform.errors import AssetFormatError
 from tests.unit.assets.builders import Builder, quad
 
@@ -18,7 +19,7 @@ REPORT = """
 import json, os, sys
 with open({path!r}, "w") as file:
     json.dump([sys.argv[1:], os.getcwd(), dict(os.environ)], file)
-print('{{"ok": false, "error": {{"code": "asset_format", "detail": "", "advice": "", "extra": {{}}}}}}')
+print('{{"error": {{"code": "asset_format", "detail": "", "advice": "", "extra": {{}}}}}}')
 """
 
 
@@ -55,7 +56,7 @@ def test_the_child_gets_no_secrets_and_another_folder(
     child.write_text(REPORT.format(path=str(report)))
     stand_in.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{child}" "$@"\n')
     stand_in.chmod(0o755)
-    monkeypatch.setattr(limits.sys, "executable", str(stand_in))
+    monkeypatch.setattr(asking.sys, "executable", str(stand_in))
     monkeypatch.chdir(tmp_path)
     for name in ("AWS_SECRET_ACCESS_KEY", "DATABASE_URL", "MESHDEFORM_DATABASE_URL", "PGPASSWORD", "HF_TOKEN"):
         monkeypatch.setenv(name, "secret")
@@ -69,7 +70,7 @@ def test_the_child_gets_no_secrets_and_another_folder(
 
 def test_the_child_has_limits_on_memory_time_and_files(tmp_path: Path) -> None:
     program = (
-        "import resource as r; from meshdeform.assets.limits import bound_resources; bound_resources(2**30, 7.2);"
+        "import resource as r; from meshdeform.children.protocol import Bounds; Bounds(2**30, 7.2).apply();"
         "print([r.getrlimit(getattr(r, 'RLIMIT_' + n))[0] for n in ('AS', 'CPU', 'FSIZE', 'CORE')])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path)

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.assets.inspect import AssetSummary
-from meshdeform.assets.limits import Limits, bound_resources
+from meshdeform.assets.limits import Limits
 
 
 def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
     limits.check_bytes(path.stat().st_size)
     from meshdeform.kinds.families.family_file import read_family
 

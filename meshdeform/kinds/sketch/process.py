@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from meshdeform.kinds.sketch.sliders import Sketch
-from meshdeform.runs.questions import Question, answer_task
-from meshdeform.words import Word, in_use
+from meshdeform.runs.questions import Question
+from meshdeform.runs.read_questions import with_words
+from meshdeform.words import Word
 from meshdeform.words.file import SUFFIX
 
-_QUESTION = Question(
-    __name__,
+_READING = Question(
+    "drawing",
     cannot="The drawing cannot be read on this server.",
     lacks="Drawings are read with the extra `deform`, which the API of this server lacks",
     instead="Send the drawing with its job, or run `meshdeform sketch DRAWING`.",
 )
+_SHAPING = replace(_READING, task="sketch")
 
 
 def guesses_of(drawing: Path, *, noun: str = "", words: Sequence[Word] = (), timeout_s: float) -> dict[str, Any]:
@@ -35,7 +38,8 @@ def guesses_of(drawing: Path, *, noun: str = "", words: Sequence[Word] = (), tim
     ModelError: the package's weights are missing or damaged. Raises DependencyError: a package is not installed here.
     Raises UnavailableError: it took too long or too much memory, or no process can be started.
     """
-    return _asked(drawing.absolute(), {"noun": noun}, words, timeout_s)
+    task = {"drawing": str(drawing.absolute()), "noun": noun}
+    return _asked(_READING, task, drawing.absolute().parent, words, timeout_s)
 
 
 def shape_of(sketch: Sketch, folder: Path, *, words: Sequence[Word] = (), timeout_s: float) -> bytes:
@@ -44,28 +48,31 @@ def shape_of(sketch: Sketch, folder: Path, *, words: Sequence[Word] = (), timeou
     Raises ParameterError: there is no such noun or slider, or a value is out of range. Raises DependencyError: a
     package is not installed here. Raises UnavailableError: it took too long, or no process can be started.
     """
-    answer = _asked(folder.absolute() / "sketch", {"sketch": sketch.model_dump(mode="json")}, words, timeout_s)
+    task = {"sketch": sketch.model_dump(mode="json")}
+    answer = _asked(_SHAPING, task, folder.absolute(), words, timeout_s)
     return base64.b64decode(answer["mesh"])
 
 
-def _asked(drawing: Path, task: dict[str, Any], words: Sequence[Word], timeout_s: float) -> dict[str, Any]:
-    files = {drawing.with_name(f"{word.sha256}{SUFFIX}"): word.data for word in words}
+def _asked(
+    question: Question, task: dict[str, Any], folder: Path, words: Sequence[Word], timeout_s: float
+) -> dict[str, Any]:
+    files = {folder / f"{word.sha256}{SUFFIX}": word.data for word in words}
     for path, content in files.items():
         path.write_bytes(content)
-    found: dict[str, Any] = _QUESTION.ask_about(drawing, {**task, "words": [str(each) for each in files]}, timeout_s)
+    found: dict[str, Any] = question.ask({**task, "words": [str(each) for each in files]}, folder, timeout_s)
     return found
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Carry out the task of a file, and print a JSON verdict with what was found or what went wrong."""
+def read_drawing(task: dict[str, Any]) -> dict[str, Any]:
+    """Return what `guesses_of` does, in the child."""
+    with with_words(task):
+        return _guessed(Path(task["drawing"]), task["noun"])
 
-    def found(task: dict[str, Any]) -> dict[str, Any]:
-        with in_use(Word.read(Path(path).read_bytes()) for path in task["words"]):
-            if "noun" in task:
-                return _guessed(Path(task["asset"]), task["noun"])
-            return _shaped(Sketch.model_validate(task["sketch"]))
 
-    return answer_task(found, arguments)
+def make_shape(task: dict[str, Any]) -> dict[str, Any]:
+    """Return the mesh of `shape_of`, in base64, in the child."""
+    with with_words(task):
+        return _shaped(Sketch.model_validate(task["sketch"]))
 
 
 def _guessed(drawing: Path, noun: str) -> dict[str, Any]:

@@ -55,54 +55,64 @@ def encode_base(verts: _Floats, faces: _Index) -> EncodedBase:
     places = np.rint((verts + 1) * most).astype(np.int64)
     of_edge = {(f[k], f[(k + 1) % 3]): i for i, f in enumerate(faces.tolist()) for k in range(3)}
     corners = faces.tolist()
-    number: dict[int, int] = {}
-    order: list[int] = []
-    out, moves, codes = [], [], []
+    codes: list[int] = []
     done = np.zeros(len(faces), bool)
-    open_edges: dict[tuple[int, int], int] = {}
-
-    def corner(vertex: int, guess: _Index) -> int:
-        """Return the symbol of a corner, and store it if it is new."""
-        if vertex in number:
-            return len(order) - number[vertex]
-        number[vertex] = len(order)
-        order.append(vertex)
-        moves.append(places[vertex] - guess)
-        return 0
-
-    def add(a: int, b: int, c: int) -> None:
-        out.append((number[a], number[b], number[c]))
-        for one, other, rest in ((a, b, c), (b, c, a), (c, a, b)):
-            if open_edges.pop((other, one), None) is None:
-                open_edges[one, other] = rest
-
+    written = _Written(places)
     for seed in range(len(faces)):
         if done[seed]:
             continue
         done[seed] = True
         a, b, c = corners[seed]
-        codes.append(corner(a, places[order[-1]] if order else np.zeros(3, np.int64)))
-        codes.append(corner(b, places[a]))
-        codes.append(corner(c, places[b]))
-        add(a, b, c)
-        while open_edges:
-            (a, b), rest = next(iter(open_edges.items()))
+        codes.append(written.corner(a, places[written.order[-1]] if written.order else np.zeros(3, np.int64)))
+        codes.append(written.corner(b, places[a]))
+        codes.append(written.corner(c, places[b]))
+        written.add(a, b, c)
+        while written.open_edges:
+            (a, b), rest = next(iter(written.open_edges.items()))
             face = of_edge.get((b, a))
             if face is None:
-                del open_edges[a, b]
+                del written.open_edges[a, b]
                 codes.append(0)
                 continue
             done[face] = True
             k = corners[face].index(b)
             c = corners[face][(k + 2) % 3]
-            codes.append(corner(c, places[a] + places[b] - places[rest]) + 1)
-            add(b, a, c)
+            codes.append(written.corner(c, places[a] + places[b] - places[rest]) + 1)
+            written.add(b, a, c)
     return EncodedBase(
-        places[order] / most - 1,
-        np.array(out, np.int64),
+        places[written.order] / most - 1,
+        np.array(written.faces, np.int64),
         _planes(np.array(codes, "<u2").tobytes(), 2),
-        _zigzag(np.array(moves)),
+        _zigzag(np.array(written.moves)),
     )
+
+
+class _Written:
+    """The vertices and faces of a base that are written so far, and the edges at which it goes on."""
+
+    def __init__(self, places: _Index) -> None:
+        self._places = places
+        self._number: dict[int, int] = {}
+        self.order: list[int] = []
+        self.moves: list[_Index] = []
+        self.faces: list[tuple[int, int, int]] = []
+        self.open_edges: dict[tuple[int, int], int] = {}
+
+    def corner(self, vertex: int, guess: _Index) -> int:
+        """Return the symbol of a corner, and store it if it is new."""
+        if vertex in self._number:
+            return len(self.order) - self._number[vertex]
+        self._number[vertex] = len(self.order)
+        self.order.append(vertex)
+        self.moves.append(self._places[vertex] - guess)
+        return 0
+
+    def add(self, a: int, b: int, c: int) -> None:
+        """Store a face of three vertices that are."""
+        self.faces.append((self._number[a], self._number[b], self._number[c]))
+        for one, other, rest in ((a, b, c), (b, c, a), (c, a, b)):
+            if self.open_edges.pop((other, one), None) is None:
+                self.open_edges[one, other] = rest
 
 
 def write_field(

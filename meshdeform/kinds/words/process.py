@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from meshdeform.assets.limits import Limits
-from meshdeform.runs.questions import Question, answer_task
+from meshdeform.runs.questions import Question
 from meshdeform.words import Word, WordOffer
 
 __all__ = ["drawn_word", "made_word"]
 
 _TIMEOUT_S, _PICTURE_TIMEOUT_S = 600.0, 60.0
 _QUESTION = Question(
-    __name__,
+    "word",
     cannot="The word cannot be made on this server.",
     lacks="Words are made with the extra `deform`, which the API of this server lacks",
     instead="Make it elsewhere (meshdeform words add), and send the file that `meshdeform words export` writes.",
 )
 _PICTURE = Question(
-    __name__,
+    "word_picture",
     cannot="The word cannot be drawn on this server.",
     lacks="Words are drawn with the extra `deform`, which the API of this server lacks",
     instead="Export it, and draw it elsewhere: meshdeform words show NOUN --picture FILE.png.",
@@ -46,9 +45,7 @@ def made_word(
         "samples": None if samples is None else str(samples.absolute()),
         "result": str(folder / "made.word"),
     }
-    path = folder / "word.json"
-    path.write_text(json.dumps(task))
-    _QUESTION.ask([str(path)], folder, _TIMEOUT_S)
+    _QUESTION.ask(task, folder, _TIMEOUT_S)
     return Word.read((folder / "made.word").read_bytes())
 
 
@@ -59,24 +56,20 @@ def drawn_word(data: bytes, folder: Path) -> bytes:
     """
     folder = folder.absolute()
     (folder / "word").write_bytes(data)
-    path = folder / "picture.json"
-    path.write_text(json.dumps({"drawn": str(folder / "word"), "result": str(folder / "word.png")}))
-    _PICTURE.ask([str(path)], folder, _PICTURE_TIMEOUT_S)
+    task = {"word": str(folder / "word"), "result": str(folder / "word.png")}
+    _PICTURE.ask(task, folder, _PICTURE_TIMEOUT_S)
     return (folder / "word.png").read_bytes()
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Carry out the task in a file of JSON: make or draw the word, and write it where the task says."""
-    return answer_task(lambda task: _draw(task) if "drawn" in task else _make(task), arguments)
-
-
-def _draw(task: dict[str, Any]) -> None:
+def draw_given(task: dict[str, Any]) -> None:
+    """Draw a word, and write the picture where the task says, in the child."""
     from meshdeform.kinds.words.picture import word_png
 
-    Path(task["result"]).write_bytes(word_png(Word.read(Path(task["drawn"]).read_bytes())))
+    Path(task["result"]).write_bytes(word_png(Word.read(Path(task["word"]).read_bytes())))
 
 
-def _make(task: dict[str, Any]) -> str:
+def make_given(task: dict[str, Any]) -> None:
+    """Make a word, and write it where the task says, in the child."""
     from meshdeform.kinds.words.making import make_word
     from meshdeform.runs.kept_readings import Unkept
 
@@ -85,4 +78,3 @@ def _make(task: dict[str, Any]) -> str:
     files = {name: Path(path).read_bytes() for name, path in task["files"].items()}
     word = make_word(offer, files, Limits(**task["limits"]), readings)
     Path(task["result"]).write_bytes(word.data)
-    return word.sha256

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshdeform.assets import limits
 from meshdeform.assets.check import check_asset_subprocess
 from meshdeform.assets.inspect import inspect_asset
 from meshdeform.assets.limits import Limits
+from meshdeform.children import asking
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
@@ -304,7 +304,7 @@ def stand_in_for_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, child: s
     stand_in = tmp_path / "python"
     stand_in.write_text(f'#!/bin/sh\nexec "{PYTHON}" "{program}"\n')
     stand_in.chmod(0o755)
-    monkeypatch.setattr(limits.sys, "executable", str(stand_in))
+    monkeypatch.setattr(asking.sys, "executable", str(stand_in))
 
 
 def test_the_child_says_what_a_file_holds_whatever_its_name(tmp_path: Path) -> None:
@@ -362,6 +362,6 @@ def test_a_child_that_dies_is_an_error(
 def test_a_machine_that_starts_no_process_is_not_the_files_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(limits.sys, "executable", str(tmp_path / "nothing"))
+    monkeypatch.setattr(asking.sys, "executable", str(tmp_path / "nothing"))
     with pytest.raises(UnavailableError):
         check_asset_subprocess(stretched(tmp_path / "quad.glb", 1))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.growth import grown
+from meshdeform.exemplar.smooth_fit import CodedSurface
 from meshdeform.exemplar.sprouts import Ground, limb_of, seat_of, sprouted
 from meshdeform.nouns.families.parts import ellipsoid, join, limb
 from meshdeform.reading.samples import hidden, spread
@@ -17,21 +18,21 @@ _Array = NDArray[Any]
 _HEAD, _BODY, _EARS = 3, 1, (101, 102)
 
 
-def _animal(detail: int = 4) -> tuple[_Array, _Array, _Array]:
+def _animal(detail: int = 4) -> CodedSurface:
     """Return a ball for a body and one that touches it for a head, with their codes."""
     ball = trimesh.creation.icosphere(subdivisions=detail)
     verts = np.concatenate([0.3 * ball.vertices, 0.15 * ball.vertices + [0, 0.35, 0.2]])
     faces = np.concatenate([ball.faces, ball.faces + len(ball.vertices)]).astype(np.int64)
-    return verts, faces, np.repeat([_BODY, _HEAD], len(ball.faces))
+    return CodedSurface(verts, faces, np.repeat([_BODY, _HEAD], len(ball.faces)))
 
 
-def _goal(length: float = 0.14) -> tuple[_Array, _Array, _Array]:
+def _goal(length: float = 0.14) -> CodedSurface:
     """Return the same with two ears on its head."""
     body, head = ellipsoid([0, 0, 0], 0.3), ellipsoid([0, 0.35, 0.2], 0.15)
     ears = [ellipsoid([side * 0.09, 0.45 + length, 0.2], [0.03, length, 0.03]) for side in (-1, 1)]
     whole = join([body, head, *ears])
     sizes = [len(each.faces) for each in (body, head, *ears)]
-    return whole.verts, whole.faces, np.repeat([_BODY, _HEAD, *_EARS], sizes)
+    return CodedSurface(whole.verts, whole.faces, np.repeat([_BODY, _HEAD, *_EARS], sizes))
 
 
 def _flipped(verts: _Array, moved: _Array, faces: _Array) -> int:
@@ -43,10 +44,9 @@ def _flipped(verts: _Array, moved: _Array, faces: _Array) -> int:
 
 
 def test_two_ears_grow_apart_from_a_plain_head() -> None:
-    verts, faces, codes = _animal()
-    goal = _goal()
-    moved = grown(verts, faces, codes, *goal, parents=dict.fromkeys(_EARS, _HEAD))
-    top = goal[0][:, 1].max()
+    animal, goal = _animal(), _goal()
+    moved = grown(animal, goal, parents=dict.fromkeys(_EARS, _HEAD))
+    top = goal.verts[:, 1].max()
     for side in (-1, 1):
         ear = moved[(side * moved[:, 0] > 0) & (moved[:, 1] > 0.6)]
         assert len(ear) > 5
@@ -54,29 +54,29 @@ def test_two_ears_grow_apart_from_a_plain_head() -> None:
         assert np.abs(ear[:, 0] - side * 0.09).max() < 0.05  # clean: no web to the other ear
     between = moved[(np.abs(moved[:, 0]) < 0.02) & (moved[:, 2] > 0.1)]
     assert between[:, 1].max() < 0.53
-    seen = spread(goal[0], goal[1], 4000, 0).places
+    seen = spread(goal.verts, goal.faces, 4000, 0).places
     assert cKDTree(moved).query(seen)[0].max() < 0.06
-    assert _flipped(verts, moved, faces) < 0.002 * len(faces)  # at the creases of the roots
+    assert _flipped(animal.verts, moved, animal.faces) < 0.002 * len(animal.faces)  # at the creases of the roots
 
 
 def test_the_other_parts_stay_where_they_are() -> None:
-    verts, faces, codes = _animal(detail=3)
-    moved = grown(verts, faces, codes, *_goal(), parents=dict.fromkeys(_EARS, _HEAD))
+    animal = verts, faces, codes = _animal(detail=3)
+    moved = grown(animal, _goal(), parents=dict.fromkeys(_EARS, _HEAD))
     body = np.unique(faces[codes == _BODY])
     assert np.array_equal(moved[body], verts[body])
 
 
 @pytest.mark.parametrize("parents", [{}, {77: _HEAD}, {_EARS[0]: 55}])
-def test_without_a_part_or_a_carrier_nothing_grows(parents: dict[int, int]) -> None:
-    verts, faces, codes = _animal(detail=2)
-    assert np.array_equal(grown(verts, faces, codes, *_goal(), parents=parents), verts)
+def test_without_a_part_or_its_parent_nothing_grows(parents: dict[int, int]) -> None:
+    animal = _animal(detail=2)
+    assert np.array_equal(grown(animal, _goal(), parents=parents), animal.verts)
 
 
 def test_few_faces_give_few_but_sound_ears() -> None:
-    verts, faces, codes = _animal(detail=1)
-    moved = grown(verts, faces, codes, *_goal(), parents=dict.fromkeys(_EARS, _HEAD))
+    animal = _animal(detail=1)
+    moved = grown(animal, _goal(), parents=dict.fromkeys(_EARS, _HEAD))
     assert np.isfinite(moved).all()
-    assert _flipped(verts, moved, faces) == 0
+    assert _flipped(animal.verts, moved, animal.faces) == 0
 
 
 def test_a_part_that_both_have_grows_to_its_goal() -> None:
@@ -85,16 +85,15 @@ def test_a_part_that_both_have_grows_to_its_goal() -> None:
     ball = ellipsoid([0, 0.35, 0.2], 0.15)
     nose = ellipsoid([0, 0.3, 0.45], [0.06, 0.06, 0.2])
     goal = join([ball, nose])
-    goal_codes = np.repeat([_HEAD, 5], [len(ball.faces), len(nose.faces)])
-    moved = grown(verts, faces, codes, goal.verts, goal.faces, goal_codes, parents={}, much=(5,))
+    coded = CodedSurface(goal.verts, goal.faces, np.repeat([_HEAD, 5], [len(ball.faces), len(nose.faces)]))
+    moved = grown(CodedSurface(verts, faces, codes), coded, parents={}, much=(5,))
     assert verts[:, 2].max() < 0.36
     assert moved[:, 2].max() > 0.55
 
 
 def test_the_same_bytes_twice() -> None:
-    verts, faces, codes = _animal(detail=2)
-    parents = dict.fromkeys(_EARS, _HEAD)
-    results = [grown(verts, faces, codes, *_goal(), parents=parents).tobytes() for _ in range(2)]
+    animal, parents = _animal(detail=2), dict.fromkeys(_EARS, _HEAD)
+    results = [grown(animal, _goal(), parents=parents).tobytes() for _ in range(2)]
     assert results[0] == results[1]
 
 

@@ -8,7 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from meshdeform.exemplar.outlines import Outline, Outlines, contour_of, outlined, outlines_of
-from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, smooth_fit
 from meshdeform.geometry.pictures import SilhouetteView
 
 _Array = NDArray[Any]
@@ -85,8 +85,7 @@ def test_masks_get_the_size_and_direction_of_the_surface() -> None:
 
 def test_an_outline_leads_beside_a_goal() -> None:
     verts, faces = _ball(3)
-    none = np.zeros(len(faces), np.int64)
-    outlines = Outlines(verts, faces, [Outline.seen(0, 0, *_ellipse(0.4, 0.3))])
-    moved = smooth_fit(verts, faces, none, verts, faces, none, planes=(0,), outlines=outlines)
+    ball, outlines = CodedSurface.alike(verts, faces), Outlines(verts, faces, [Outline.seen(0, 0, *_ellipse(0.4, 0.3))])
+    moved = smooth_fit(ball, ball, planes=(0,), pulls=[outlines])
     assert 0.66 < np.ptp(moved[:, 0]) < 0.82
-    assert np.array_equal(moved, smooth_fit(verts, faces, none, verts, faces, none, planes=(0,), outlines=outlines))
+    assert np.array_equal(moved, smooth_fit(ball, ball, planes=(0,), pulls=[outlines]))

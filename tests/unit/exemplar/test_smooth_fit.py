@@ -8,7 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, pulls_to, smooth_fit
 
 _Array = NDArray[Any]
 _MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -27,8 +27,7 @@ def _bumped() -> tuple[_Array, _Array]:
 
 
 def _fit(verts: _Array, faces: _Array, goal: _Array, goal_faces: _Array, **options: Any) -> _Array:
-    none = np.zeros(len(faces), np.int64), np.zeros(len(goal_faces), np.int64)
-    return smooth_fit(verts, faces, none[0], goal, goal_faces, none[1], **options)
+    return smooth_fit(CodedSurface.alike(verts, faces), CodedSurface.alike(goal, goal_faces), **options)
 
 
 def _distance(verts: _Array, faces: _Array, goal: _Array, goal_faces: _Array) -> float:
@@ -45,7 +44,7 @@ def test_a_goal_without_faces_moves_nothing() -> None:
 def test_parts_without_a_partner_move_nothing() -> None:
     verts, faces = _ball(detail=3)
     codes = np.zeros(len(faces), np.int64)
-    moved = smooth_fit(verts, faces, codes, verts * 1.2, faces, codes + 1, planes=())
+    moved = smooth_fit(CodedSurface(verts, faces, codes), CodedSurface(verts * 1.2, faces, codes + 1), planes=())
     assert np.abs(moved - verts).max() < 1e-6
 
 
@@ -117,9 +116,10 @@ def test_only_like_parts_are_paired() -> None:
     front = np.where(verts[faces].mean(1)[:, 2] > 0, 1, 2)
     goal = verts.copy()
     goal[goal[:, 2] > 0] *= [1.0, 1.0, 1.4]
-    moved = smooth_fit(verts, faces, front, goal, faces, np.where(front == 1, 1, 7))
+    source = CodedSurface(verts, faces, front)
+    moved = smooth_fit(source, CodedSurface(goal, faces, np.where(front == 1, 1, 7)))
     assert np.ptp(moved[:, 2]) > 1.1 * np.ptp(verts[:, 2])
-    still = smooth_fit(verts, faces, front, goal, faces, np.where(front == 1, 7, 2))
+    still = smooth_fit(source, CodedSurface(goal, faces, np.where(front == 1, 7, 2)))
     assert np.ptp(still[:, 2]) < 1.05 * np.ptp(verts[:, 2])
 
 
@@ -135,7 +135,7 @@ def test_what_may_reach_far_does() -> None:
 def test_landmarks_pull_their_places_to_their_goals() -> None:
     verts, faces = _ball()
     tip = verts[[verts[:, 2].argmax()]]
-    moved = _fit(verts, faces, verts, faces, landmarks=(tip, tip + [0.0, 0.1, 0.0]))
+    moved = _fit(verts, faces, verts, faces, pulls=pulls_to((tip, tip + [0.0, 0.1, 0.0])))
     free = _fit(verts, faces, verts, faces)
     nearest = verts[:, 2].argmax()
     assert np.linalg.norm(moved[nearest] - tip - [0, 0.1, 0]) < 0.4 * np.linalg.norm(free[nearest] - tip - [0, 0.1, 0])

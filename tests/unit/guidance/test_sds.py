@@ -8,7 +8,7 @@ from torch import Tensor
 
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.guidance.base import StepContext
-from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, rescaled
+from meshdeform.guidance.sds import REFERENCE_ELEMENTS, ScoreDistillation, Timesteps, rescaled
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from tests.cases import each_case
 from tests.close import assert_close
@@ -95,7 +95,7 @@ def test_the_prompt_is_encoded_once_a_job() -> None:
 
 
 def bounded(prior: FakePrior, low: float, high: float, end: float) -> ScoreDistillation:
-    return ScoreDistillation(prior, "", guidance_scale=1.0, timestep_min=low, timestep_max=high, timestep_max_end=end)
+    return ScoreDistillation(prior, "", guidance_scale=1.0, timesteps=Timesteps(low, high, end))
 
 
 def test_timesteps_fill_their_range_and_never_leave_it_and_its_upper_bound_moves_linearly() -> None:

@@ -10,7 +10,7 @@ from meshdeform.nouns.families import FAMILIES, Traits, member
 from meshdeform.nouns.labels import LabelledMember, code, labelled, labelled_member
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
-from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES, carrier, layout, part_label, parts_of
+from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES, layout, parent_of, part_label, parts_of
 from tests.cases import each_case
 
 NEARLY_ALIKE = {("boat", "sail"): "mast", ("tree", "crown"): "trunk"}
@@ -71,9 +71,9 @@ def test_what_a_part_carries_ends_at_the_body() -> None:
         while above[-1] in CARRIED_BY:
             above.append(CARRIED_BY[above[-1]])
             assert len(above) < 6, above
-    assert carrier("ear", ("body", "head")) == "head"
-    assert carrier("ear", ("body",)) == "body"
-    assert carrier("body", ("body", "leg")) is None
+    assert parent_of("ear", ("body", "head")) == "head"
+    assert parent_of("ear", ("body",)) == "body"
+    assert parent_of("body", ("body", "leg")) is None
     horse = labelled_member("horse", (), np.random.default_rng(0))
     moving = horse.carried("neck")
     assert moving[horse.solids == horse.solids_named("ear")[0]].all()

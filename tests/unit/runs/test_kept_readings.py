@@ -85,7 +85,7 @@ def test_a_child_is_handed_what_was_kept_of_just_this_question(tmp_path: Path, m
 
     class Child:
         @staticmethod
-        def ask_about(_asset: Path, task: dict[str, Any], _timeout_s: float) -> dict[str, Any]:
+        def ask(task: dict[str, Any], _folder: Path, _timeout_s: float) -> dict[str, Any]:
             path = Path(task["reading"])
             handed.append(path.read_bytes() if path.is_file() else None)
             path.write_bytes(task["params"]["source_noun"].encode())

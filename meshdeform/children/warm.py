@@ -1,4 +1,4 @@
-"""Keep child processes that have imported what an answer takes, and remember what they read. Torch-free, numpy-free.
+"""Keep child processes that have imported what an answer takes, and remember what they read.
 
 One child imports and does nothing else; whoever asks has a copy of it (`os.fork`), which no other owner's files reach.
 A copy has no secrets in its environment, bounded memory, and less of the processor than whatever else wants it. It ends
@@ -15,29 +15,26 @@ import queue
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
+from functools import partial
 from typing import Any
 
-from meshdeform.assets.limits import bound_memory, error_to_json, start_child
+from meshdeform.children.asking import ChildLostError, start_child
+from meshdeform.children.protocol import Bounds, StoppedError, answer_of, found_in
+from meshdeform.children.tasks import place_of, task
 from meshdeform.errors import DependencyError, MeshdeformError, UnavailableError
 
-__all__ = ["Asked", "StoppedError", "WarmProcesses", "verdict_of"]
+__all__ = ["Asked", "WarmProcesses"]
 
-_MEMORY_BYTES = 16 * 2**30
-"""Address space of a copy; torch alone maps several gigabytes of it."""
+_BOUNDS = Bounds(memory_bytes=16 * 2**30, seconds=None, file_bytes=2**30)
+"""Of a copy; torch alone maps several gigabytes of address space."""
 _NICE = 10
 _GRACE_S = 3.0
 """How long a copy may take to notice that nobody waits for its answer, before it ends with all that it knows."""
 _POLL_S = 0.1
-
-
-class StoppedError(Exception):
-    """Nobody waits for the answer any more."""
 
 
 class Asked:
@@ -65,46 +62,50 @@ class _Copy:
     busy: bool = True
     received: bytes = b""
     owed: int = 0
-    """Verdicts on questions that were taken back, which come before the next one."""
+    """Answers to questions that were taken back, which come before the next one."""
     owed_since: float = 0.0
 
-    def ask(self, task: dict[str, Any], until: float, asked: Asked) -> dict[str, Any] | None:
-        """Return its verdict; None: it has ended, or is still busy with a question that was taken back long ago.
+    def ask(self, given: Mapping[str, Any], until: float, asked: Asked) -> Any:
+        """Return what it found, or raise what it raised.
 
         `TimeoutError`, `StoppedError`: it was told to stop, as time was up or nobody waits, and may be asked again.
+        `ChildLostError`: it has ended, or is still busy with a question that was taken back long ago.
         """
-        self._tell(task)
+        self._tell({"given": given})
         while (line := self._line()) is not None:
             if line and not self.owed:
-                verdict: dict[str, Any] = json.loads(line)
-                return verdict
+                return found_in(json.loads(line))
             self.owed -= bool(line)
             now = time.monotonic()
             if asked.stopped or now > until:
-                self._tell({})
+                self._tell({"stop": True})
                 self.owed_since = self.owed_since if self.owed else now
                 self.owed += 1
                 raise StoppedError if asked.stopped else TimeoutError
             if self.owed and now > self.owed_since + _GRACE_S:
-                return None
-        return None
+                break
+        raise ChildLostError
 
     def _tell(self, message: dict[str, Any]) -> None:
         self.connection.settimeout(_GRACE_S)
         try:
             self.connection.sendall(json.dumps(message).encode() + b"\n")
-        except TimeoutError as error:  # not that of the question
-            raise ConnectionError from error
+        except OSError as error:  # also a timeout, which is not that of the question
+            raise ChildLostError from error
 
     def _line(self) -> bytes | None:
-        """Return the next verdict, if it comes within a moment, else nothing; None: it has ended."""
+        """Return the next answer, if it comes within a moment, else nothing; None: it has ended."""
         if b"\n" not in self.received:
             self.connection.settimeout(_POLL_S)
-            with contextlib.suppress(TimeoutError):
+            try:
                 chunk = self.connection.recv(2**16)
-                if not chunk:
-                    return None
-                self.received += chunk
+            except TimeoutError:
+                return b""
+            except OSError:
+                return None
+            if not chunk:
+                return None
+            self.received += chunk
         if b"\n" not in self.received:
             return b""
         line, _, self.received = self.received.partition(b"\n")
@@ -112,23 +113,23 @@ class _Copy:
 
 
 class WarmProcesses:
-    """Processes that answer by a module's function `answer`, at most one at a time for each owner. Thread-safe.
+    """Processes that carry out one task, at most one at a time for each owner. Thread-safe.
 
     Parameters
     ----------
-    module : str
-        Its full name; `answer` takes the task and a function that says whether to stop, which it asks now and then.
+    name : str
+        The task's name.
     most : int
         How many copies are kept; the one that was asked least recently goes.
     idle_s : float
         How long one is kept that nobody asks, and the process that imports after the last of them.
     """
 
-    def __init__(self, module: str, *, most: int, idle_s: float) -> None:
-        self.module, self._most, self._idle_s = module, most, idle_s
+    def __init__(self, name: str, *, most: int, idle_s: float) -> None:
+        self.name, self._most, self._idle_s = name, most, idle_s
         self._lock = threading.Lock()
         self._first: subprocess.Popen[bytes] | None = None
-        self._control: socket.socket | None = None
+        self._channel: socket.socket | None = None
         self._copies: dict[str, _Copy] = {}
         self._used_at = time.monotonic()
 
@@ -138,34 +139,39 @@ class WarmProcesses:
             with self._lock, contextlib.suppress(UnavailableError):
                 self._started()
 
-    def ask(self, owner: str, task: dict[str, Any], timeout_s: float, asked: Asked) -> dict[str, Any] | None:
-        """Return the verdict on a task; None: the process ended, as one does that takes too much memory.
+    def ask(self, owner: str, given: Mapping[str, Any], timeout_s: float, asked: Asked) -> Any:
+        """Return what was found of what is given (JSON).
 
         Raises
         ------
         TimeoutError, StoppedError
             It was not there in time, or before it was taken back.
+        ChildLostError
+            The process ended, as one does that takes too much memory.
         DependencyError
             This system cannot copy processes.
         UnavailableError
             No process can be started now.
+        MeshdeformError
+            What the task raised.
         """
         until = time.monotonic() + timeout_s
         while True:
             copy = self._copy_of(owner)
             late, kept = copy.owed > 0, False
             try:
-                verdict = copy.ask(task, until, asked)
-                kept = verdict is not None
-            except (StoppedError, TimeoutError):
+                found = copy.ask(given, until, asked)
+            except (StoppedError, TimeoutError, MeshdeformError):
                 kept = True
                 raise
-            except OSError:
-                verdict = None
+            except ChildLostError:
+                if not late:  # else it ended with an earlier question
+                    raise
+            else:
+                kept = True
+                return found
             finally:
                 self._leave(owner, copy, kept=kept)
-            if verdict is not None or not late:  # else it ended with an earlier question
-                return verdict
 
     def tidy(self) -> None:
         """End what nobody has asked for long."""
@@ -226,46 +232,46 @@ class WarmProcesses:
         return ours
 
     def _started(self) -> socket.socket:
-        if self._control is None or self._first is None or self._first.poll() is not None:
+        if self._channel is None or self._first is None or self._first.poll() is not None:
             self._end_first()
             ours, theirs = socket.socketpair()
             with theirs:
-                arguments = [self.module, str(theirs.fileno())]
-                self._first = start_child(__name__, arguments, passed=[theirs.fileno()])
-            self._control, self._used_at = ours, time.monotonic()
-        return self._control
+                given = {"task": place_of(self.name), "channel": theirs.fileno()}
+                self._first = start_child("copies", given, _BOUNDS, passed=[theirs.fileno()])
+            self._channel, self._used_at = ours, time.monotonic()
+        return self._channel
 
     def _end_first(self) -> None:
-        if self._control is not None:
-            self._control.close()
+        if self._channel is not None:
+            self._channel.close()
         if self._first is not None:
             self._first.kill()  # which leaves copies alone
             if self._first.stdout is not None:
                 self._first.stdout.close()
             self._first.wait()
-        self._control = self._first = None
+        self._channel = self._first = None
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Import a module, and copy this process for each socket that comes; in the child."""
-    module, control_fd = sys.argv[1:] if arguments is None else arguments
+def make_copies(given: dict[str, Any]) -> None:
+    """Import a task, and copy this process for each socket that comes; in the child."""
     os.nice(_NICE)
-    control = socket.socket(fileno=int(control_fd))
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads what a decoder may print
+    channel = socket.socket(fileno=given["channel"])
     try:
-        answer = import_module(module).answer
+        answer = task(given["task"])
     except ModuleNotFoundError as error:
         answer = _refusal(DependencyError(f"{error.name} is not installed."))
     gc.freeze()  # so that collections in copies leave the pages shared
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     while True:
-        data, fds, _, _ = socket.recv_fds(control, 1, 1)
+        data, fds, _, _ = socket.recv_fds(channel, 1, 1)
         if not data:
-            return 0
+            return
         if os.fork() == 0:
-            control.close()
-            _serve(socket.socket(fileno=fds[0]), answer)
-            os._exit(0)
+            channel.close()
+            try:
+                _serve(socket.socket(fileno=fds[0]), answer)
+            finally:
+                os._exit(0)
         os.close(fds[0])
 
 
@@ -278,9 +284,9 @@ def _refusal(error: MeshdeformError) -> Callable[..., Any]:
 
 @dataclass
 class _Question:
-    """A task as a copy has it."""
+    """What is given to a copy."""
 
-    task: dict[str, Any] = field(default_factory=dict)
+    given: dict[str, Any] = field(default_factory=dict)
     stop: threading.Event = field(default_factory=threading.Event)
     over: threading.Event = field(default_factory=threading.Event)
 
@@ -290,17 +296,23 @@ class _Question:
         if not self.over.wait(_GRACE_S):
             os._exit(0)
 
+    def answer(self, find: Callable[[dict[str, Any], Callable[[], bool]], Any]) -> Any:
+        """Return what is found, unless it was taken back before."""
+        if self.stop.is_set():
+            raise StoppedError
+        return find(self.given, self.stop.is_set)
 
-def _serve(connection: socket.socket, answer: Callable[[dict[str, Any], Callable[[], bool]], Any]) -> None:
-    """Answer the tasks of a socket until it is closed."""
-    bound_memory(_MEMORY_BYTES)
+
+def _serve(connection: socket.socket, find: Callable[[dict[str, Any], Callable[[], bool]], Any]) -> None:
+    """Answer the questions of a socket until it is closed."""
     questions: queue.SimpleQueue[_Question] = queue.SimpleQueue()
 
     def receive() -> None:
         last = _Question()
         for line in connection.makefile("rb"):
-            if task := json.loads(line):
-                last = _Question(task)
+            told = json.loads(line)
+            if "given" in told:
+                last = _Question(told["given"])
                 questions.put(last)
             else:
                 threading.Thread(target=last.take_back, daemon=True).start()
@@ -309,21 +321,6 @@ def _serve(connection: socket.socket, answer: Callable[[dict[str, Any], Callable
     threading.Thread(target=receive, daemon=True).start()
     while True:
         question = questions.get()
-        stopped = question.stop.is_set
-        verdict = {"stopped": True} if stopped() else verdict_of(answer, question.task, stopped)
+        answer = answer_of(partial(question.answer, find))
         question.over.set()
-        connection.sendall(json.dumps(verdict).encode() + b"\n")
-
-
-def verdict_of(
-    answer: Callable[[dict[str, Any], Callable[[], bool]], Any], task: dict[str, Any], stopped: Callable[[], bool]
-) -> dict[str, Any]:
-    """Return what a process says of a task: what `answer` found, its error, or that it was stopped."""
-    try:
-        return {"ok": True, "found": answer(task, stopped)}
-    except StoppedError:
-        return {"stopped": True}
-    except MeshdeformError as error:
-        return {"ok": False, "error": error_to_json(error)}
-    except ModuleNotFoundError as error:
-        return {"ok": False, "error": error_to_json(DependencyError(f"{error.name} is not installed."))}
+        connection.sendall(json.dumps(answer).encode() + b"\n")

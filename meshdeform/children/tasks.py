@@ -1,0 +1,37 @@
+"""The tasks of child processes by name: a function each, which takes what is given and returns what it found as JSON.
+
+Those that are kept (`warm`) also take a function that says whether to stop, which they ask now and then. Kinds of job
+bring further ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from meshdeform.requests.kind_folders import merged
+
+__all__ = ["TASKS", "place_of", "task"]
+
+TASKS = {
+    "copies": "meshdeform.children.warm:make_copies",
+    "check": "meshdeform.assets.check:check_given",
+    "derive": "meshdeform.runs.derive:derive_given",
+    "outlook": "meshdeform.runs.outlook:find_outlook",
+    "parts": "meshdeform.runs.changes:find_parts_asked",
+    "preview": "meshdeform.runs.preview_work:make_preview",
+}
+
+
+def place_of(name: str) -> str:
+    """Return the place of a task, `module:function`."""
+    place: str = TASKS[name] if name in TASKS else merged("child_tasks", "TASKS")[name]
+    return place
+
+
+def task(place: str) -> Callable[..., Any]:
+    """Return the function at a place, as `place_of` has it; `ModuleNotFoundError`: a package of it is missing."""
+    module, _, name = place.partition(":")
+    function: Callable[..., Any] = getattr(import_module(module), name)
+    return function
