@@ -26,9 +26,8 @@ from meshdeform.geometry.junctions import opened
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import WeldedMesh, weld
-from meshdeform.kinds.surface_fit import run as surface_fit
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs import text_deform
+from meshdeform.runs import start_run, text_deform
 from meshdeform.runs.base import job_input
 
 __all__ = ["WAYS", "problems", "torn"]
@@ -52,7 +51,7 @@ def _text(prompt: str, *, target: bytes | None = None) -> Callable[[bytes], byte
 
 def _field(asset: bytes) -> bytes:
     request = JobRequest.model_validate({"kind": "surface_fit", "params": _FIT})
-    run = surface_fit.start(job_input(asset, "input.glb", request))
+    run = start_run(job_input(asset, "input.glb", request))
     for _ in run:
         pass
     return run.finish()[f"level_{_FIT['level']}.glb"].data
