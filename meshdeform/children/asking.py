@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -98,9 +99,9 @@ def run_child(task: str, given: Mapping[str, Any], bounds: Bounds, *, temporary:
     """
     assert bounds.seconds is not None
     until = time.monotonic() + bounds.seconds
-    with _started(task, temporary=temporary) as child:
+    with start_child(task, given, bounds, temporary=temporary) as child:
         try:
-            answer = _printed(child, _asked(task, given, bounds), until)
+            answer = _printed(child, until)
         except BaseException:
             child.kill()
             raise
@@ -114,44 +115,41 @@ def run_child(task: str, given: Mapping[str, Any], bounds: Bounds, *, temporary:
 
 
 def start_child(
-    task: str, given: Mapping[str, Any], bounds: Bounds, *, passed: Sequence[int] = ()
+    task: str,
+    given: Mapping[str, Any],
+    bounds: Bounds,
+    *,
+    passed: Sequence[int] = (),
+    temporary: Path | None = None,
 ) -> subprocess.Popen[bytes]:
-    """Start a task that is kept, as `run_child` starts one; `passed`: file descriptors that it gets."""
-    child = _started(task, passed)
-    assert child.stdin is not None
-    with suppress(BrokenPipeError), child.stdin as pipe:  # who talks to it finds out that it has ended
-        pipe.write(_asked(task, given, bounds))
-    return child
-
-
-def _asked(task: str, given: Mapping[str, Any], bounds: Bounds) -> bytes:
-    return json.dumps({"task": place_of(task), "given": given, "bounds": asdict(bounds)}).encode()
-
-
-def _started(task: str, passed: Sequence[int] = (), temporary: Path | None = None) -> subprocess.Popen[bytes]:
+    """Start a task, as `run_child` does, and do not wait for it; `passed`: file descriptors that it gets."""
     root = Path(__file__).resolve().parents[2]
     # -P leaves the current folder out of the module path. The task's name is for whoever lists processes.
     command = [sys.executable, "-P", "-c", _PROGRAM, str(root), task]
+    asked = {"task": place_of(task), "given": given, "bounds": asdict(bounds)}
     try:
-        return subprocess.Popen(
-            command,
-            env=_environment(temporary),
-            cwd=root.anchor,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            pass_fds=passed,
-        )
+        # Not a pipe, which holds little: the rest would have to be written while the child starts.
+        with tempfile.TemporaryFile(dir=temporary) as file:
+            file.write(json.dumps(asked).encode())
+            file.seek(0)
+            return subprocess.Popen(
+                command,
+                env=_environment(temporary),
+                cwd=root.anchor,
+                stdin=file,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                pass_fds=passed,
+            )
     except OSError as error:
         raise UnavailableError(f"No process can be started now: {error.strerror}.") from error
 
 
-def _printed(child: subprocess.Popen[bytes], asked: bytes | None, until: float) -> bytes:
+def _printed(child: subprocess.Popen[bytes], until: float) -> bytes:
     """Return what a child has printed when it ends."""
     while True:
         with suppress(subprocess.TimeoutExpired):
-            return child.communicate(asked, timeout=_POLL_S)[0]
-        asked = None  # the rest of it is sent with the next wait
+            return child.communicate(timeout=_POLL_S)[0]
         if time.monotonic() > until:
             raise TimeoutError
         if _gone.get()():

@@ -421,7 +421,8 @@ class _Interpolate(torch.autograd.Function):
         width: int,
     ) -> Tensor:
         arrays = [t.detach().contiguous().numpy() for t in (clip, values, faces)]
-        shown = _Shown(*(t.detach().contiguous().numpy() for t in (pixels, face_of_pixel)), height, width)
+        at, owner = (t.detach().contiguous().numpy() for t in (pixels, face_of_pixel))
+        shown = _Shown(at, owner, height, width)
         weights = np.empty((len(pixels), 3))
         out = np.empty((len(pixels), values.shape[2]), arrays[1].dtype)
         _forward(*arrays, shown, weights, out)  # type: ignore[no-untyped-call, call-arg]

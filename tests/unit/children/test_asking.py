@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from meshdeform.children import asking
 from meshdeform.children.asking import ChildLostError, run_child
 from meshdeform.children.protocol import OUT_OF_MEMORY, Bounds, answer_of, found_in
 from meshdeform.children.tasks import TASKS, place_of, task
@@ -53,6 +54,7 @@ def test_a_child_ends_with_its_parent(tmp_path: Path, repository: Path) -> None:
 
 def test_what_is_given_may_be_long_and_what_is_printed_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(TASKS, "echo", "tests.echoing_child:echo")
+    monkeypatch.setattr(asking, "_POLL_S", 0.001)  # it is waited for before it can read
     given = {"text": "é\0\n" * 2**20}
     assert run_child("echo", given, BOUNDS) == given
 
