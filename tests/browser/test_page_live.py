@@ -28,6 +28,7 @@ from tests.browser.steps import (
     open_more,
     picture,
     until_drawn,
+    until_shown,
 )
 
 if TYPE_CHECKING:
@@ -197,6 +198,7 @@ def test_the_asset_is_back_where_a_prompt_is_refused_gone_or_of_another_file(
     until_asked(page, "it is made of the other file", lambda: len(shown.asked) > asked)
 
 
+@pytest.mark.without_pictures
 def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Service, asset: Path, watch: Watch) -> None:
     del service
     watch.allow(r"status of 501 .*/v1/jobs:preview")
@@ -204,7 +206,7 @@ def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Serv
     previews.status = 501
     open_form(page)
     choose(page, asset)
-    until_drawn(viewer(page))
+    until_shown(page, 1280)
     page.locator("#prompt").fill("a mushroom")
     until_asked(page, "it was asked", lambda: previews.asked != [])
     expect(page.locator(".live")).to_be_hidden()

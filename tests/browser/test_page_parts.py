@@ -90,6 +90,7 @@ def test_a_part_is_pointed_at_changed_and_seen_at_once(page: Page, service: Serv
     assert len(load_asset(service.artifact(job, "result.glb")).surface.positions)
 
 
+@pytest.mark.without_pictures
 def test_another_prompt_is_the_users_own(page: Page, tmp_path: Path) -> None:
     asset = tmp_path / "dog.glb"
     asset.write_bytes(rigged_dog())
