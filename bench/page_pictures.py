@@ -82,7 +82,7 @@ def main() -> None:
         )
         with with_jobs(Path(folder)) as (url, job):
             desktop: dict[str, Any] = {"viewport": {"width": 1200, "height": 760}}
-            take(launched, url, PICTURES / "web_job.png", f"/#/jobs/{job}", ".verdict p", "Side by side", **JOB)
+            take(launched, url, PICTURES / "web_job.png", f"/#/jobs/{job}", ".parts .read .chip", "Side by side", **JOB)
             take(launched, url, PICTURES / "web_list_dark.png", "/#/jobs", ".card img", color_scheme="dark", **desktop)
             take(launched, url, PICTURES / "web_phone.png", f"/#/jobs/{job}", ".verdict p", **PHONE)
 
