@@ -37,10 +37,15 @@ def newly_cut(rest: _Floats, verts: _Floats, faces: _Index) -> _Flags:
     corners = (verts - rest)[faces]
     apart = np.linalg.norm(corners[new[:, 0], :, None] - corners[new[:, 1], None], axis=3).max((1, 2))
     anew = np.ones(len(new), bool)
+    orders = [np.argsort(pairs, kind="stable") for pairs in between]
+    grouped = [pairs[order] for pairs, order in zip(between, orders, strict=True)]
     for pair in np.intersect1d(*between):
         if pair // count == pair % count:
             continue  # a piece that folds through itself
-        mine, theirs = np.flatnonzero(between[0] == pair), np.flatnonzero(between[1] == pair)
+        mine, theirs = (
+            order[slice(*np.searchsorted(pairs, [pair, pair + 1]))]
+            for pairs, order in zip(grouped, orders, strict=True)
+        )
         far, nearest = cKDTree(at_old[theirs]).query(at_new[mine])
         anew[mine] = far > np.minimum(apart[mine], most) + size_new[mine] + size_old[theirs[nearest]]
     found = np.zeros(len(faces), bool)
