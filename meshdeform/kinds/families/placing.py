@@ -93,7 +93,7 @@ class PartFloor:
         height = away @ self.normal
         aside = np.linalg.norm(away - height[:, None] * self.normal, axis=1)
         share = np.clip(3 - 2 * aside / max(self.reach, _INSIDE), 0.0, 1.0)
-        return (share * np.clip(-height, 0.0, self.most))[:, None] * self.normal
+        return np.asarray((share * np.clip(-height, 0.0, self.most))[:, None] * self.normal)
 
 
 @dataclass(frozen=True)

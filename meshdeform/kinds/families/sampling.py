@@ -22,7 +22,7 @@ from meshdeform.kinds.families.placing import axis_fit
 
 _Floats = NDArray[np.float64]
 
-_NEAREST, _LIKE, _SHARED = 5, 0.5, 0.5
+_NEAREST, _LIKE, _SHARED = 5, 0.5, 0.75
 """A shape lies beside one of so many; a part is given by one of this share of the members, the most alike, that have at
 least this share of its points."""
 _BEYOND = 0.25

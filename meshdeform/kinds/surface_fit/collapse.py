@@ -192,35 +192,24 @@ def _fan(e: int, twin: _Index, around: _Index) -> int:
 @kernel
 def _place(h: int, verts: _Floats, faces: _Index, state: _Index, quadrics: _Floats, at: _Floats) -> float:
     """Set the place of least error for the vertex that two become; return the error. Borders stay where they are."""
-    # In scalars: a small array costs more than all that is computed with it.
     a, b = faces[h], faces[_of_face(h, 1)]
-    kept = a if state[a, 1] > state[b, 1] else b
-    u, v, w = verts[kept, 0], verts[kept, 1], verts[kept, 2]
-    one, two = quadrics[a], quadrics[b]
-    xx, xy, xz, x = one[0, 0] + two[0, 0], one[0, 1] + two[0, 1], one[0, 2] + two[0, 2], one[0, 3] + two[0, 3]
-    yy, yz, y = one[1, 1] + two[1, 1], one[1, 2] + two[1, 2], one[1, 3] + two[1, 3]
-    zz, z, last = one[2, 2] + two[2, 2], one[2, 3] + two[2, 3], one[3, 3] + two[3, 3]
+    q, kept = quadrics[a] + quadrics[b], a if state[a, 1] > state[b, 1] else b
+    for i in range(3):
+        at[i] = verts[kept, i]
     if state[a, 1] == state[b, 1]:
         # The matrix is symmetric, and regular unless all faces are without area.
+        xx, xy, xz, yy, yz, zz = q[0, 0], q[0, 1], q[0, 2], q[1, 1], q[1, 2], q[2, 2]
         first, second, third = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        det = xx * first + xy * second + xz * third
+        det, x, y, z = xx * first + xy * second + xz * third, q[0, 3], q[1, 3], q[2, 3]
         if det > 1e-12 * (xx + yy + zz) ** 3:
-            u = -(first * x + second * y + third * z) / det
-            v = -(second * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z) / det
-            w = -(third * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z) / det
-    at[0], at[1], at[2] = u, v, w
-    error = xx * u * u + xy * u * v + xz * u * w + x * u
-    error = error + xy * v * u + yy * v * v + yz * v * w + y * v
-    error = error + xz * w * u + yz * w * v + zz * w * w + z * w
-    return error + x * u + y * v + z * w + last
-
-
-@kernel
-def _crossed(p: _Floats, q: _Floats, o: _Floats) -> tuple[float, float, float]:
-    """Return the product of two vectors, from o to p and from o to q."""
-    a, b, c = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-    d, e, f = q[0] - o[0], q[1] - o[1], q[2] - o[2]
-    return b * f - c * e, c * d - a * f, a * e - b * d
+            at[0] = -(first * x + second * y + third * z) / det
+            at[1] = -(second * x + (xx * zz - xz * xz) * y + (xy * xz - xx * yz) * z) / det
+            at[2] = -(third * x + (xy * xz - xx * yz) * y + (xx * yy - xy * xy) * z) / det
+    error = 0.0
+    for i in range(4):
+        for j in range(4):
+            error += q[i, j] * at[i] * at[j]
+    return error
 
 
 @kernel
@@ -246,10 +235,10 @@ def _allowed(
                     state[w, 3] = tick + 1
                     common += 1
             if e // 3 != h // 3 and (t < 0 or e // 3 != t // 3):
-                x, y, z = _crossed(verts[p], verts[q], verts[v])
-                k, m, n = _crossed(verts[p], verts[q], at)
-                product = (x * x + y * y + z * z) * (k * k + m * m + n * n)
-                if product > 0 and x * k + y * m + z * n < _TURN * np.sqrt(product):
+                before = np.cross(verts[p] - verts[v], verts[q] - verts[v])
+                after = np.cross(verts[p] - at[:3], verts[q] - at[:3])
+                product = (before**2).sum() * (after**2).sum()
+                if product > 0 and (before * after).sum() < _TURN * np.sqrt(product):
                     return False
     # Of a tetrahedron nothing can be taken.
     return common == (1 if t < 0 else 2) and (most > 3 or bordering > 0)

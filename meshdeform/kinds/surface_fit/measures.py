@@ -25,7 +25,7 @@ _Index = NDArray[np.int64]
 EIGENVALUES = 20
 _SAMPLES = 20_000
 _SOURCES = 4
-_MOST_FACES = 100_000
+_MOST_FACES = 40_000
 """Larger inputs are simplified to as many faces for eigenvalues and geodesics."""
 _FEWEST_FACES = 10_000
 """Smaller ones are divided to as many: on a coarse triangulation both are off by more than the field is."""
