@@ -8,7 +8,7 @@ that of most, each is believed that is not unlikely by itself; else what others 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,7 +85,7 @@ def agreed_nouns(readings: Sequence[MemberReading]) -> list[str]:
     return [_among(each, alike) for each in readings]
 
 
-def _among(reading: MemberReading, alike: dict[str, float]) -> str:
+def _among(reading: MemberReading, alike: Mapping[str, float]) -> str:
     """Return what a member of a kit is; `alike` are the nouns of one kind with most of it, and how many are each."""
     sure = _SURE if reading.noun in alike else _VERY_SURE
     likely = {noun: share * alike[noun] for noun, share in reading.probabilities.items() if noun in alike}
