@@ -204,12 +204,17 @@ def _read_collection(path: Path, _filename: str, limits: Limits) -> dict[str, An
 
 
 def _read_words(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    limits.check_bytes(path.stat().st_size)
+    bound_reading(path, limits)
     from meshdeform.words.file import read_words
 
     words = [word.checked() for word in read_words(path.read_bytes())]
     return asdict(AssetSummary("safetensors", 0, sum(sum(word.faces) for word in words), meshes=len(words)))
+
+
+def bound_reading(path: Path, limits: Limits) -> None:
+    """Bound what the child process may take that reads a file, and refuse one of too many bytes."""
+    bound_resources(limits.max_memory_bytes, limits.max_check_s)
+    limits.check_bytes(path.stat().st_size)
 
 
 def has_area(surface: Surface) -> bool:

@@ -6,13 +6,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from meshdeform.assets.check import bound_reading
 from meshdeform.assets.inspect import AssetSummary
-from meshdeform.assets.limits import Limits, bound_resources
+from meshdeform.assets.limits import Limits
 
 
 def _read_family(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    limits.check_bytes(path.stat().st_size)
+    bound_reading(path, limits)
     from meshdeform.kinds.families.family_file import read_family
 
     family = read_family(path.read_bytes(), limits)

@@ -6,9 +6,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from meshdeform.assets.check import decode_mesh
+from meshdeform.assets.check import bound_reading, decode_mesh
 from meshdeform.assets.inspect import surface_format
-from meshdeform.assets.limits import Limits, bound_resources
+from meshdeform.assets.limits import Limits
 
 
 def _read_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
@@ -18,16 +18,14 @@ def _read_surface(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
             return decode_mesh(path, filename, limits)
     from meshdeform.kinds.surface_fit.surface_files import read_surface_file, summary_of
 
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    limits.check_bytes(path.stat().st_size)
+    bound_reading(path, limits)
     surface = read_surface_file(path.read_bytes(), filename, limits)
     assert surface is not None
     return asdict(summary_of(surface, filename))
 
 
 def _read_scalars(path: Path, _filename: str, limits: Limits) -> dict[str, Any]:
-    bound_resources(limits.max_memory_bytes, limits.max_check_s)
-    limits.check_bytes(path.stat().st_size)
+    bound_reading(path, limits)
     from meshdeform.kinds.surface_fit.scalar_files import read_scalar_file, summary_of_scalars
 
     return asdict(summary_of_scalars(read_scalar_file(path.read_bytes())))
