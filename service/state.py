@@ -39,7 +39,8 @@ _BODIES_AT_ONCE, _BODIES_PER_OWNER, _BODY_WAIT_S = 16, 8, 20.0
 _FETCHES_AT_ONCE, _FETCHES_PER_OWNER, _FETCH_WAIT_S = 16, 4, 120.0
 _PROCESSES_AT_ONCE, _PROCESSES_PER_OWNER = 2, 1
 _LOOKUPS_AT_ONCE = 16
-_PREVIEWS, _PREVIEWING_OWNERS, _PREVIEWS_IDLE_S = "meshdeform.runs.preview_work", 8, 600.0
+_PREVIEWS, _PREVIEWERS, _PREVIEWS_IDLE_S = "meshdeform.runs.preview_work", 12, 600.0
+"""An owner may have two: one fits, the other makes plain changes."""
 _STORE_HEALTH_S = 2.0
 _BACKGROUND = 4
 """Of the connections to PostgreSQL, those for the reconciler and for webhooks."""
@@ -107,7 +108,7 @@ class AppState:
     readings: StoredReadings
     kept_assets: KeptAssets
     previews: WarmProcesses = field(
-        default_factory=lambda: WarmProcesses(_PREVIEWS, most=_PREVIEWING_OWNERS, idle_s=_PREVIEWS_IDLE_S)
+        default_factory=lambda: WarmProcesses(_PREVIEWS, most=_PREVIEWERS, idle_s=_PREVIEWS_IDLE_S)
     )
     # Requests whose files are checked and stored at the same time, in threads: others never wait for a decoder.
     intake: FairSlots = field(
@@ -135,6 +136,8 @@ class AppState:
     store_health: Probe = field(default_factory=lambda: Probe(_STORE_HEALTH_S))
     # Searches of parts and previews, readings of drawings and makings of shapes, and words: each in a process.
     naming: FairSlots = field(default_factory=_processes("parts are being found or previews made"))
+    # Previews of plain changes: a moment's work never waits for the fits of others.
+    changing: FairSlots = field(default_factory=_processes("previews of changes are made"))
     sketching: FairSlots = field(default_factory=_processes("drawings are being read"))
     wording: FairSlots = field(default_factory=_processes("words are being made"))
     # Threads that resolve the hosts of webhooks and of files; neither waits for the other.

@@ -65,7 +65,7 @@ class PreviewShapes:
 
     `asset`: SHA-256 of the asset, by which the next preview may name it; `change`: whether the prompt is a change in
     plain words, which is the same with all seeds; `reading`: what the asset was read as, as in a report, or None;
-    `draft`: whether a simplified surface was fitted in place of a large asset's, which followed it.
+    `draft`: whether the fits were left unmended, of a large asset those of a simplified surface, which it followed.
     """
 
     asset: str

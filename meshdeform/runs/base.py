@@ -200,7 +200,7 @@ class RunInput:
     limits: Limits | None = None  # limits on the files
     device: str = "cpu"  # as the setting names it: `auto`, `cpu`, `cuda` or `cuda:N`; what needs one resolves it
     readings: Readings = field(default_factory=Unkept)  # where readings of the asset are kept
-    draft: bool = False  # whether a simplified surface may be fitted in place of a large one (`runs/drafts.py`)
+    draft: bool = False  # whether a fit is left unmended, of a large surface that of a simple one (`runs/drafts.py`)
     on_wait: Callable[[], None] = lambda: None
     """Called now and then while the start takes long; raises if the run must stop."""
 

@@ -1,7 +1,7 @@
 """Fit a simplified surface in place of a large one, which follows it: for the draft of a preview, within seconds.
 
-The draft has the noun, the front and the parts that were read of the whole surface. Small parts may be lost to it, and
-what is broken only on the large surface is not mended.
+It has the noun, the front and the parts that were read of the whole surface. Small parts may be lost to it, and nothing
+is mended, as in no draft.
 """
 
 from __future__ import annotations

@@ -144,7 +144,8 @@ class ExemplarRun(JobRun):
     def __init__(self, facts: ExemplarFacts, body: Body, job_input: RunInput, log: RunLog) -> None:
         self._labels = ReadParts(body).labels
         whole = FitSurface(body.points, body.faces, self._labels)
-        self._fitted = in_place_of(whole) if job_input.draft else whole
+        self._is_draft = job_input.draft
+        self._fitted = in_place_of(whole) if self._is_draft else whole
         self._wishes = _wishes(facts, self._fitted)
         super().__init__(STEPS * len(self._wishes), 0, log)
         self._facts, self._body, self._cache = facts, body, job_input.readings.samples
@@ -211,8 +212,8 @@ class ExemplarRun(JobRun):
 
     @property
     def is_draft(self) -> bool:
-        """Whether a simplified surface is fitted in place of the asset's."""
-        return self._fitted.binding is not None
+        """Whether it ends where the surface, or a simplified one in its place, would slide and be mended."""
+        return self._is_draft
 
     @property
     def members(self) -> list[dict[str, Any]]:

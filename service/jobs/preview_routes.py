@@ -103,8 +103,8 @@ async def preview_job(
     draft: Annotated[
         bool,
         Query(
-            description="Whether of a large asset a draft will do: a simplified surface is fitted, which the asset "
-            "follows, with the same vertices in the same order. `Meshdeform-Draft` says whether it is one.",
+            description="Whether a draft of a fit will do, unmended; of a large asset, a simplified surface is fitted, "
+            "which the asset follows. The vertices are the same. `Meshdeform-Draft` says whether it is one.",
             examples=[True],
         ),
     ] = False,

@@ -28,6 +28,8 @@ from service.state import AppState
 
 As = Literal["positions", "glb"]
 _ADVICE = "Send the job."
+_CHANGES = "\nchanges"
+"""After the id of an owner, which has no line break: the name of the process that makes plain changes."""
 _SOON_S, _MOST_WAITING = 10.0, 2
 """How long a preview waits for its turn, and how many of one owner do."""
 
@@ -44,7 +46,7 @@ class Preview:
 async def preview(
     app: AppState, request: Request, owner_id: str, submission: Submission, form: As, *, draft: bool
 ) -> Preview:
-    """Make a preview in the folder of the submission; `draft`: of a large asset a draft will do.
+    """Make a preview in the folder of the submission; `draft`: of a fit a draft will do.
 
     Raises what a job's check and its run do, `LimitError` where too many are asked for, and UnavailableError where it
     takes too long. It ends when the caller goes.
@@ -52,8 +54,10 @@ async def preview(
     task, asset = await app.take_in(owner_id, _task, app, owner_id, submission, form)
     task["draft"] = draft
     app.previews.prepare()
-    async with while_waited_for(request) as asked, app.naming.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
-        found = await to_thread.run_sync(_answered, app, owner_id, task, asset, asked)
+    changes = _changes(submission.document, asset[1])
+    slots, copy = (app.changing, owner_id + _CHANGES) if changes else (app.naming, owner_id)
+    async with while_waited_for(request) as asked, slots.slot(owner_id, soon_s=_SOON_S, most=_MOST_WAITING):
+        found = await to_thread.run_sync(_answered, app, owner_id, copy, task, asset, asked)
     return Preview(Path(task["result"]), asset[0].sha256, found["draft"])
 
 
@@ -97,10 +101,15 @@ def _task(
     return task, (asset, params)
 
 
+def _changes(request: JobRequest, params: ResolvedParams) -> bool:
+    """Return whether a request asks for a change in plain words, whatever the asset is: a moment's work."""
+    sentence = asked_changes(request.prompt, params)
+    return sentence is not None and is_change(sentence)
+
+
 def _refuse_slow(request: JobRequest, params: ResolvedParams) -> None:
     """Refuse what an optimiser makes, which takes longer than anybody looks on."""
-    sentence = asked_changes(request.prompt, params)
-    if params.guidance is GuidanceKind.EXEMPLAR or (sentence is not None and is_change(sentence)):
+    if params.guidance is GuidanceKind.EXEMPLAR or _changes(request, params):
         return
     raise ParameterError.at(
         ["params", "guidance", "kind"],
@@ -110,9 +119,17 @@ def _refuse_slow(request: JobRequest, params: ResolvedParams) -> None:
 
 
 def _answered(
-    app: AppState, owner_id: str, task: dict[str, Any], asset: tuple[ReceivedFile, ResolvedParams], asked: Asked
+    app: AppState,
+    owner_id: str,
+    copy: str,
+    task: dict[str, Any],
+    asset: tuple[ReceivedFile, ResolvedParams],
+    asked: Asked,
 ) -> dict[str, Any]:
-    """Let a process of the owner carry out the task, with the reading of the asset that is kept; keep a new one."""
+    """Let a process of the owner carry out the task, with the reading of the asset that is kept; keep a new one.
+
+    `copy`: the name of the process.
+    """
     folder = app.workspace.folder / f"readings-{hashlib.sha256(owner_id.encode()).hexdigest()[:16]}"
     folder.mkdir(exist_ok=True)
     task = {**task, "readings": str(folder.absolute())}
@@ -124,7 +141,7 @@ def _answered(
         here.put(key, kept)
         known = kept
     try:
-        verdict = app.previews.ask(owner_id, task, PREVIEW_S, asked)
+        verdict = app.previews.ask(copy, task, PREVIEW_S, asked)
     except StoppedError:
         return {}
     except TimeoutError as error:

@@ -45,6 +45,8 @@ class Previews:
         self.status = 200
         self.drafts = False
         """Whether exact shapes are held back, and drafts come before them."""
+        self.slow = False
+        """And drafts as well."""
         self.held: list[Callable[[], None]] = []
         page.route("**/v1/jobs:preview*", self._answer)
 
@@ -69,7 +71,7 @@ class Previews:
         body = glb if form == "glb" else pack(PreviewShapes("0" * 64, False, None, [shape]))
         headers = {"Meshdeform-Asset": "0" * 64, "Meshdeform-Draft": str(draft).lower()}
         answer = partial(route.fulfill, body=body, content_type="application/octet-stream", headers=headers)
-        if self.drafts and form == "glb" and not draft:
+        if self.drafts and form == "glb" and (self.slow or not draft):
             self.held.append(answer)
         else:
             answer()
@@ -224,18 +226,55 @@ def test_a_change_in_plain_words_is_made_by_the_server_as_it_is_typed(
 
 
 @pytest.mark.without_pictures
-def test_a_draft_of_a_large_asset_gives_way_to_the_exact_shape(page: Page, service: Service, asset: Path) -> None:
+def test_a_draft_gives_way_to_the_exact_shape(page: Page, service: Service, asset: Path) -> None:
     del service
+    previews = drafted(page, asset)
+    expect(members(page)).to_have_count(0)
+    previews.held[0]()
+    expect(tag(page)).to_have_text("Preview")
+    expect(members(page)).to_have_count(6)
+    assert previews.forms == ["glb", "glb", *6 * ["positions"]]
+
+
+@pytest.mark.without_pictures
+def test_the_exact_shape_of_a_large_asset_comes_after_the_designs(page: Page, service: Service, asset: Path) -> None:
+    del service
+    ball = icosphere(5)
+    asset.write_bytes(build_glb(ball.verts, ball.faces))
+    previews = drafted(page, asset)
+    expect(members(page)).to_have_count(6)
+    previews.held[0]()
+    expect(tag(page)).to_have_text("Preview")
+    assert previews.forms == ["glb", *6 * ["positions"], "glb"]
+
+
+def drafted(page: Page, asset: Path) -> Previews:
+    """The form with a draft in the view, of which the exact shape is asked for."""
     previews = Previews(page, asset)
     previews.drafts = True
     open_form(page)
     choose(page, asset)
     page.locator("#prompt").fill("a mushroom")
-    expect(members(page)).to_have_count(6)
     expect(tag(page)).to_have_text("Draft")
-    # The exact shape is asked for once the designs are there: of the one that is taken alone.
     until_asked(page, "the exact shape is asked for", lambda: previews.held != [])
     expect(page.get_by_text("A draft; the exact shape follows.")).to_be_visible()
-    previews.held[0]()
-    expect(tag(page)).to_have_text("Preview")
-    assert previews.forms == ["glb", *6 * ["positions"], "glb"]
+    return previews
+
+
+@pytest.mark.without_pictures
+def test_a_draft_under_way_is_shown_before_it_gives_way_to_what_is_typed_next(
+    page: Page, service: Service, asset: Path
+) -> None:
+    del service
+    previews = Previews(page, asset)
+    previews.drafts = previews.slow = True
+    open_form(page)
+    choose(page, asset)
+    page.locator("#prompt").fill("a mushroom")
+    until_asked(page, "the draft is asked for", lambda: previews.held != [])
+    for prompt in ("a mushroom house", "a vase"):
+        page.locator("#prompt").fill(prompt)
+    previews.held.pop(0)()
+    expect(tag(page)).to_have_text("Draft")
+    until_asked(page, "the last prompt is asked for", lambda: previews.held != [])
+    assert [prompt for prompt, *_ in previews.asked] == ["a mushroom", "a vase"]

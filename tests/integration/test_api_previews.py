@@ -212,12 +212,28 @@ def test_only_what_takes_seconds_has_a_preview_and_a_file_has_one_shape(two: tup
     assert problem["errors"][0]["loc"] == ["seeds"]
 
 
+def test_a_draft_is_the_whole_surface_unmended_and_the_exact_shape_is_remembered(
+    two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ann, _ = two
+    answer = preview(ann, draft=True)
+    assert (answer.headers["meshdeform-draft"], shapes(answer).draft) == ("true", True)
+    (fit,) = fake_exemplars.FakeFit.made
+    assert (len(fit.faces), fit.mends) == (len(BALL.faces), False)
+    exact = preview(ann)
+    assert exact.headers["meshdeform-draft"] == "false"
+    assert [fit.mends for fit in fake_exemplars.FakeFit.made] == [False, True]
+    assert preview(ann, draft=True).content == exact.content
+    monkeypatch.setattr(runs_reading, "read_source", lambda *_: None)
+    change = preview(ann, prompt="twice as tall", params={}, draft=True)
+    assert change.headers["meshdeform-draft"] == "false"
+
+
 def test_of_a_large_asset_a_draft_has_the_same_vertices_near_where_they_will_be(
     two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ann, _ = two
     asset = two_nodes("Plinth", "Head")
-    assert preview(ann, asset, draft=True).headers["meshdeform-draft"] == "false"  # it is not large
     monkeypatch.setattr(drafts, "_LARGE", 100)
     monkeypatch.setattr(drafts, "_FACES", 100)
     monkeypatch.setattr(preview_work, "_recent", Recent(8, 2**20))
@@ -276,6 +292,29 @@ def test_more_previews_than_there_may_be_are_refused_until_there_is_room(
     for thread in threads:
         thread.join()
     assert preview(ann).content == b"made"
+
+
+def test_a_change_in_plain_words_does_not_wait_for_fits(two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runs_reading, "read_source", lambda *_: None)
+    ask, let, asked = WarmProcesses.ask, threading.Event(), list[str]()
+
+    def held(processes: WarmProcesses, copy: str, task: dict[str, Any], timeout_s: float, taken: Asked) -> Any:
+        asked.append(copy)
+        if "giraffe" in task["request"]["prompt"]:
+            until(let.is_set)
+        return ask(processes, copy, task, timeout_s, taken)
+
+    monkeypatch.setattr(WarmProcesses, "ask", held)
+    threads = [threading.Thread(target=preview, args=(each,)) for each in two]
+    for number, thread in enumerate(threads):  # which take all slots of fits
+        thread.start()
+        until(lambda number=number: len(asked) > number)
+    assert shapes(preview(two[0], prompt="twice as tall", params={})).change
+    assert sorted(asked)[0] == "ann"  # whose other process has made the change
+    assert len(set(asked)) == 3
+    let.set()
+    for thread in threads:
+        thread.join()
 
 
 def test_the_work_ends_when_the_caller_goes(two: tuple[Api, Api], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ export interface SubmitOptions {
 export interface PreviewOptions extends Omit<SubmitOptions, "idempotencyKey"> {
   /** `positions` (the default) of all seeds, for `readPreview`; or `glb`: the `result.glb` of one seed. */
   as?: "positions" | "glb";
-  /** Whether of a large asset a draft will do; `draft` of the answer says whether it is one. */
+  /** Whether a draft will do, before it is mended; `draft` of the answer says whether it is one. */
   draft?: boolean;
 }
 

@@ -354,7 +354,7 @@ class Client:
         seeds : sequence of int, optional
             Up to 6 seeds, one for each shape. Default: that of the parameters.
         draft : bool
-            Whether of a large asset a draft will do, which takes seconds where the shape itself may take minutes.
+            Whether a draft will do, unmended, which takes about half as long; of a large asset, seconds, not minutes.
 
         Raises
         ------

@@ -32,6 +32,8 @@ export class ViewerBox {
     this.element = h("div", { class: "viewer" }, this.canvas, this.note, this.tag);
     /** The viewer, once it is here; null where nothing can be drawn. @type {any} */
     this.viewer = null;
+    /** Of what is loaded. */
+    this.triangles = 0;
     this.failed = false;
     this.ready = this._open();
     scope.add(() => {
@@ -76,7 +78,9 @@ export class ViewerBox {
     if (!this.viewer) return null;
     if (!this.note.classList.contains("viewer-cover")) this.say("");
     try {
-      return await this.viewer.load(buffer, { format, keepCamera });
+      const found = await this.viewer.load(buffer, { format, keepCamera });
+      this.triangles = found?.triangles ?? 0;
+      return found;
     } catch (error) {
       // Another file took its place meanwhile: that one is shown.
       if (this.scope.over || isAbort(error)) return null;

@@ -35,6 +35,7 @@ export const PICTURE = 168; // pixels, twice as many as are seen
 const AGAIN_S = 5;
 const AGAIN_MS = 3000;
 const KNOWN = 12;
+const LARGE = 20_000; // triangles, above which the exact shape may take minutes
 
 /** @param {string} goal @param {number} seed */
 export function shapeKey(goal, seed) {
@@ -46,7 +47,7 @@ export class Live {
    * @param {import("../viewer-box.js").ViewerBox} box
    * @param {import("../scope.js").Scope} scope
    * @param {object} does
-   * @param {(form: "glb" | "positions", seed: number, signal: AbortSignal, draft: boolean) => Promise<{data: ArrayBuffer, draft?: boolean}>} does.ask The server, about the form, at full strength. `draft`: whether of a large asset a draft will do, and whether it is one.
+   * @param {(form: "glb" | "positions", seed: number, signal: AbortSignal, draft: boolean) => Promise<{data: ArrayBuffer, draft?: boolean}>} does.ask The server, about the form, at full strength. `draft`: whether a draft will do, and whether it is one.
    * @param {(seed: number) => void} does.take A design.
    * @param {() => void} does.reshaped What is shown has another shape.
    * @param {(shape: Shape | null) => void} does.shown A shape is shown as it is; null: the asset alone.
@@ -74,6 +75,9 @@ export class Live {
     this.able = true;
     this.asking = new AbortController();
     scope.add(() => this.asking.abort());
+    /** Ends with the first shape under way, which is shown before it gives way to what is typed next. @type {Promise<void> | null} */
+    this.first = null;
+    this.turns = 0;
     this.show = debounced(() => this._ask(), PAUSE_MS, scope);
     this.note = h("p", { class: "small muted", role: "status", hidden: true });
     this.lacks = h("div", { class: "outlook", "aria-live": "polite", hidden: true });
@@ -89,7 +93,7 @@ export class Live {
     this.asked = asked;
     this._press();
     if (same) return this._blend();
-    this.asking.abort();
+    if (!this.first) this.asking.abort();
     const known = this.known.get(this.key);
     if (known && asked.goal) return void this.look(known);
     if (!asked.goal || !asked.possible || !this.able) return this.clear();
@@ -170,34 +174,52 @@ export class Live {
   }
 
   async _ask() {
+    const turn = ++this.turns;
+    await this.first;
     const { goal, seed, possible } = this.asked;
-    if (!goal || !possible) return;
+    if (turn !== this.turns || !goal || !possible) return;
+    this.asking.abort();
     const { signal } = (this.asking = new AbortController());
     this._designs(true);
     this.element.setAttribute("aria-busy", "true");
     const slow = setTimeout(() => signal.aborted || say(this.note, "Making the shape…"), 700);
     try {
-      const isDraft = await this._make(goal, seed, signal, true);
-      if (signal.aborted) return;
+      const isDraft = await this._first(goal, seed, signal);
+      if (signal.aborted || this.key !== shapeKey(goal, seed)) return;
       clearTimeout(slow);
       say(this.note, isDraft ? "A draft; the exact shape follows." : "");
       announce("The preview is shown");
+      const last = this.box.triangles > LARGE;
+      if (isDraft && !last) await this._make(goal, seed, signal, false);
+      if (signal.aborted) return;
+      if (!last) say(this.note, "");
       if (this.of !== goal || !this.members.some((member) => member.seed === seed)) await this._others(goal, seed, signal);
-      if (isDraft && !signal.aborted) await this._make(goal, seed, signal, false);
+      if (isDraft && last && !signal.aborted) await this._make(goal, seed, signal, false);
       if (!signal.aborted) say(this.note, "");
     } catch (error) {
-      if (!signal.aborted && !isAbort(error)) this._failed(error);
+      if (!signal.aborted && !isAbort(error) && this.key === shapeKey(goal, seed)) this._failed(error);
     } finally {
       clearTimeout(slow);
       if (!signal.aborted) this.element.setAttribute("aria-busy", "false");
     }
   }
 
-  /** Show what the server makes of a goal. @param {string} goal @param {number} seed @param {AbortSignal} signal @param {boolean} fast Whether of a large asset a draft will do. @returns {Promise<boolean>} whether it is one */
+  /** Show the first shape of a goal, which is let come. @param {string} goal @param {number} seed @param {AbortSignal} signal @returns {Promise<boolean>} whether it is a draft */
+  async _first(goal, seed, signal) {
+    const making = this._make(goal, seed, signal, true);
+    const over = making.then(() => {}, () => {}).then(() => {
+      if (this.first === over) this.first = null;
+    });
+    this.first = over;
+    return making;
+  }
+
+  /** Show what the server makes of a goal. @param {string} goal @param {number} seed @param {AbortSignal} signal @param {boolean} fast Whether a draft will do. @returns {Promise<boolean>} whether it is one */
   async _make(goal, seed, signal, fast) {
+    const label = this.does.label();
     const { data, draft = false } = await this.does.ask("glb", seed, signal, fast);
-    const shape = { key: shapeKey(goal, seed), label: this.does.label(), load: async () => data, strength: 1, tag: draft ? "Draft" : "Preview", warnings: this.of === goal ? this.warnings.get(seed) : [] };
-    await this._put(shape, data, signal, draft);
+    const shape = { key: shapeKey(goal, seed), label, load: async () => data, strength: 1, tag: draft ? "Draft" : "Preview", warnings: this.of === goal ? this.warnings.get(seed) : [] };
+    await this._put(shape, data, signal, draft || this.key !== shape.key);
     return draft;
   }
 

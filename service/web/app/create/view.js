@@ -562,7 +562,7 @@ export class Workbench {
     return { ...this._wish(), strength: "" };
   }
 
-  /** @param {import("../params.js").Wish} wish @param {"glb" | "positions"} form @param {number} seed @param {AbortSignal} signal @param {boolean} [draft] Whether of a large asset a draft will do. @returns {Promise<{data: ArrayBuffer, draft?: boolean}>} */
+  /** @param {import("../params.js").Wish} wish @param {"glb" | "positions"} form @param {number} seed @param {AbortSignal} signal @param {boolean} [draft] Whether a draft will do. @returns {Promise<{data: ArrayBuffer, draft?: boolean}>} */
   async _asked(wish, form, seed, signal, draft = false) {
     const options = /** @type {any} */ ({ as: form, draft, signal });
     const asset = /** @type {Asset} */ (this.assets.asset);
