@@ -1,10 +1,10 @@
 """Time previews of a real service, as somebody types: ``python -m bench.live [--browser] [--turns N] [--faces N]``.
 
 Starts a service in a temporary folder, reads an asset (the painted animal with 10,000 faces), and asks for prompts one
-after the other, whose nouns were drawn before: how long the first takes, the next ones, of a large asset after a draft,
-five more seeds of each, and the file of one that was seen. `import torch` is timed between them, by the clock and by
-the processor, which counts on a busy machine. With ``--browser``, Chromium types on the page: from the end of its pause
-of .3 s to the frame after the shape has come.
+after the other, whose nouns were drawn before: how long the draft takes, the exact shape, its file, drafts of five more
+seeds, and a plain change. `import torch` is timed between them, by the clock and by the processor, which counts on a
+busy machine. With ``--browser``, Chromium types on the page: from the end of its pause of .3 s to the frame after the
+first shape and the exact one have come, and to the last of six designs; and it drags the slider of a part.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING
 
 import httpx
 import numpy as np
@@ -34,10 +35,30 @@ from meshdeform.runs.kept_readings import samples_in
 from meshdeform.settings import Settings
 from tests.servers import free_port
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
 PROMPTS = ("a giraffe", "a dog", "a horse", "an elephant", "a pig", "a rhino", "a cow", "a camel", "a sheep", "a lion")
 PAUSE_S, READY_S = 0.3, 300.0
-LARGE = 20_000
-"""Faces above which previews have drafts."""
+TORCH = "import torch"
+TWO_FRAMES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+FRAMES = 120
+DRAG = """async (count) => {
+  const slider = document.querySelector(".parts input[type=range]");
+  const [frames, scripts] = [[], []];
+  const frame = () => new Promise((done) => requestAnimationFrame(done));
+  let last = await frame();
+  for (let k = 0; k < count; k++) {
+    const begun = performance.now();
+    slider.value = String(Math.round(30 + 25 * Math.sin(k / 8)));
+    slider.dispatchEvent(new Event("input", { bubbles: true }));
+    scripts.push(performance.now() - begun);
+    const now = await frame();
+    frames.push(now - last);
+    last = now;
+  }
+  return [frames, scripts];
+}"""
 
 
 def asset_of(faces: int) -> bytes:
@@ -94,69 +115,25 @@ def used_s() -> float:
     return total / os.sysconf("SC_CLK_TCK")
 
 
-def by_http(url: str, asset: bytes, turns: int, *, large: bool) -> dict[str, list[tuple[float, float]]]:
-    """Return the seconds of what is asked, by what it is: of the clock and of the processor."""
-    times: dict[str, list[tuple[float, float]]] = {"import torch": []}
-    with httpx.Client(base_url=url, timeout=600) as client:
+class Times:
+    """Seconds of what was asked, of the clock and of the processor; each is printed as it comes."""
 
-        def ask(what: str, document: dict[str, object], **query: str) -> None:
-            begun, used = time.perf_counter(), used_s()
-            named = "asset" in document
-            sent = {"asset": ("animal.glb", asset), "request": (None, json.dumps(document))}
-            answer = client.post("/v1/jobs:preview", params=query, **({"json": document} if named else {"files": sent}))
-            times.setdefault(what, []).append((time.perf_counter() - begun, used_s() - used))
-            if answer.status_code != 503:  # it took too long
-                answer.raise_for_status()
+    def __init__(self) -> None:
+        self.by_name: dict[str, list[tuple[float, float]]] = {}
 
-        ask("reading it, and a change", {"prompt": "longer legs"})
-        kept = {"asset": {"sha256": hashlib.sha256(asset).hexdigest()}}
-        ask("first prompt", {**kept, "prompt": PROMPTS[0]})
-        for number in range(turns):
-            times["import torch"].append(import_torch())
-            prompt = PROMPTS[(number + 1) % len(PROMPTS)]
-            if large:
-                ask("next prompt, a draft", {**kept, "prompt": prompt}, draft="true")
-            ask("next prompt", {**kept, "prompt": prompt})
-            ask("its file", {**kept, "prompt": prompt}, **{"as": "glb"})
-            ask("five more seeds", {**kept, "prompt": prompt, "seeds": [0, 1, 2, 3, 4, 5]})
-            ask("a change", {**kept, "prompt": f"legs longer by {10 + number} %"})
-    return times
+    def add(self, what: str, clock_s: float, processor_s: float) -> None:
+        """Add a measurement, and print it."""
+        self.by_name.setdefault(what, []).append((clock_s, processor_s))
+        print(f"  {what:26} {clock_s:6.2f} s  processor {processor_s:6.2f} s", flush=True)
 
+    def add_torch(self) -> None:
+        """Time `import torch`, which the others stand beside."""
+        self.add(TORCH, *import_torch())
 
-def by_browser(url: str, asset: Path, turns: int) -> dict[str, list[tuple[float, float]]]:
-    """Return the seconds from the end of the pause to the shape and to the last of six, on the page."""
-    from playwright.sync_api import sync_playwright
-
-    from tests.browser.conftest import CHROMIUM_ARGUMENTS, FEW_SAMPLES, chromium_path
-
-    names = ("first prompt on the page", "next prompt on the page", "six on it")
-    times: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium_path(), args=CHROMIUM_ARGUMENTS)
-        page = browser.new_page()
-        page.set_default_timeout(600_000)
-        page.add_init_script(FEW_SAMPLES)
-        page.goto(url)
-        page.set_input_files("#asset-file", asset)
-        page.locator("#asset-facts", has_text=asset.name).wait_for()
-        page.locator(".parts[aria-busy='false']").wait_for(state="attached")
-        for number, prompt in enumerate(PROMPTS[:turns]):  # what it has shown the page does not ask for again
-            with page.expect_response(lambda answer: "as=glb" in answer.url and answer.status == 200) as found:
-                begun, used = time.perf_counter() + PAUSE_S, used_s()
-                page.locator("#prompt").fill(prompt)
-            found.value.finished()
-            page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-            times[names[min(number, 1)]].append((time.perf_counter() - begun, used_s() - used))
-            page.locator(".live-member:nth-child(6) img[src]").wait_for(state="attached")
-            times[names[2]].append((time.perf_counter() - begun, used_s() - used))
-        browser.close()
-    return times
-
-
-def told(times: dict[str, list[tuple[float, float]]], torch: tuple[float, float]) -> None:
-    """Print the medians and the 95th percentiles, in seconds and beside `import torch`."""
-    for what, seconds in times.items():
-        if seconds:
+    def told(self) -> None:
+        """Print the medians and the 95th percentiles, in seconds and beside `import torch`."""
+        torch = [median(each) for each in zip(*self.by_name[TORCH], strict=True)]
+        for what, seconds in self.by_name.items():
             clock, used = zip(*seconds, strict=True)
             print(
                 f"{what:26} {len(seconds):3}  p50 {median(clock):6.2f} s ({median(clock) / torch[0]:5.2f})"
@@ -166,25 +143,108 @@ def told(times: dict[str, list[tuple[float, float]]], torch: tuple[float, float]
             )
 
 
+def by_http(url: str, asset: bytes, turns: int) -> Times:
+    """Ask for previews, prompt after prompt."""
+    times = Times()
+    with httpx.Client(base_url=url, timeout=600) as client:
+
+        def ask(what: str, document: dict[str, object], **query: str) -> None:
+            begun, used = time.perf_counter(), used_s()
+            named = "asset" in document
+            sent = {"asset": ("animal.glb", asset), "request": (None, json.dumps(document))}
+            answer = client.post("/v1/jobs:preview", params=query, **({"json": document} if named else {"files": sent}))
+            times.add(what, time.perf_counter() - begun, used_s() - used)
+            if answer.status_code != 503:  # it took too long
+                answer.raise_for_status()
+
+        ask("reading it, and a change", {"prompt": "longer legs"})
+        kept = {"asset": {"sha256": hashlib.sha256(asset).hexdigest()}}
+        ask("first prompt", {**kept, "prompt": PROMPTS[0]})
+        for number in range(turns):
+            times.add_torch()
+            prompt = PROMPTS[(number + 1) % len(PROMPTS)]
+            ask("next prompt, a draft", {**kept, "prompt": prompt}, draft="true")
+            ask("exactly", {**kept, "prompt": prompt})
+            ask("its file", {**kept, "prompt": prompt}, **{"as": "glb"})
+            ask("drafts of five more seeds", {**kept, "prompt": prompt, "seeds": [0, 1, 2, 3, 4, 5]}, draft="true")
+            ask("a change", {**kept, "prompt": f"legs longer by {10 + number} %"})
+    return times
+
+
+def by_browser(url: str, asset: Path, turns: int) -> Times:
+    """Type on the page: from the end of its pause to the first shape, the exact one, and pictures of six."""
+    from playwright.sync_api import sync_playwright
+
+    from tests.browser.conftest import CHROMIUM_ARGUMENTS, FEW_SAMPLES, chromium_path
+
+    times = Times()
+
+    def typed(page: Page, prompt: str, which: str) -> None:
+        with (
+            page.expect_response(lambda answer: "as=glb&draft=false" in answer.url) as exact,
+            page.expect_response(lambda answer: "as=glb&draft=true" in answer.url) as first,
+        ):
+            begun, used = time.perf_counter() + PAUSE_S, used_s()
+            page.locator("#prompt").fill(prompt)
+            first.value.finished()
+            page.evaluate(TWO_FRAMES)
+            times.add(f"{which} prompt, first shape", time.perf_counter() - begun, used_s() - used)
+        exact.value.finished()
+        page.evaluate(TWO_FRAMES)
+        times.add(f"{which} prompt, exactly", time.perf_counter() - begun, used_s() - used)
+        page.locator(".live-member:nth-child(6) img[src]").wait_for(state="attached")
+        times.add(f"{which} prompt, six designs", time.perf_counter() - begun, used_s() - used)
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium_path(), args=CHROMIUM_ARGUMENTS)
+        page = browser.new_page()
+        page.set_default_timeout(600_000)
+        page.add_init_script(FEW_SAMPLES)
+        page.goto(url)
+        begun, used = time.perf_counter(), used_s()
+        page.set_input_files("#asset-file", asset)
+        page.locator("#asset-facts", has_text=asset.name).wait_for()
+        page.locator(".parts[aria-busy='false']").wait_for(state="attached")
+        times.add("reading it", time.perf_counter() - begun, used_s() - used)
+        slide(page)
+        for number, prompt in enumerate(PROMPTS[:turns]):  # what it has shown the page does not ask for again
+            times.add_torch()
+            typed(page, prompt, "next" if number else "first")
+        browser.close()
+    return times
+
+
+def slide(page: Page) -> None:
+    """Drag the slider of a part, and print how long frames take, and what of it the page's scripts do."""
+    parts = page.locator(".parts")
+    parts.get_by_role("button", name="legs", exact=True).click()
+    with page.expect_response(lambda answer: "jobs:preview" in answer.url and answer.status == 200):
+        parts.get_by_role("button", name="longer", exact=True).click()
+    page.wait_for_timeout(2000)
+    frames, scripts = page.evaluate(DRAG, FRAMES)
+    for what, each in (("frames", frames), ("of which the scripts", scripts)):
+        p50, p95 = np.percentile(each, (50, 95))
+        print(f"  a slider of a part, {what}: p50 {p50:.1f} ms, p95 {p95:.1f} ms", flush=True)
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--browser", action="store_true", help="also type on the page, in Chromium")
-    parser.add_argument("--turns", type=int, default=10, help="prompts (default: %(default)s)")
+    parser.add_argument("--browser", action="store_true", help="type on the page instead, in Chromium")
+    parser.add_argument("--turns", type=int, default=5, help="prompts (default: %(default)s)")
     parser.add_argument("--faces", type=int, default=10_000, help="of the asset (default: %(default)s)")
     arguments = parser.parse_args()
     asset = asset_of(arguments.faces)
     for prompt in PROMPTS[: arguments.turns + 1]:  # once a machine, whoever asks first
         bank_of(prompt.split()[1], samples_in(Settings().cache_folder), ())
     with tempfile.TemporaryDirectory() as folder, service(Path(folder) / "data") as url:
-        times = by_http(url, asset, arguments.turns, large=arguments.faces > LARGE)
-        clock, used = zip(*times["import torch"], strict=True)
-        torch = median(clock), median(used)
-        told(times, torch)
         if arguments.browser:
-            file = Path(folder) / "animal-10k.glb"
+            file = Path(folder) / "animal.glb"
             file.write_bytes(asset)
-            told(by_browser(url, file, arguments.turns), torch)
+            times = by_browser(url, file, arguments.turns)
+        else:
+            times = by_http(url, asset, arguments.turns)
+        times.told()
 
 
 if __name__ == "__main__":

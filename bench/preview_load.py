@@ -1,15 +1,18 @@
 """Ask a service for previews as many people do, beside jobs: ``python -m bench.preview_load [--people 5] [--every 3]``.
 
 Starts a service with one worker, and posts jobs one after the other, first alone and then while people, each an owner
-with a key, ask for the painted animal with 10,000 faces by one prompt after the other: `--people 5 --every 3` as five
-type, `--people 40 --every 15` as 40 try something now and then. Prints the p50 and p95 of previews, what they were
-answered with, and how much longer the jobs took beside them. Nouns are drawn and the asset is read before.
+with a key, type one prompt after the other for the painted animal with 10,000 faces, as the page asks: a draft, the
+exact shape, drafts of six designs, until the next is typed. `--people 5 --every 3`: as five type; `--people 40 --every
+15`: as 40 try something now and then. One of them also drags a slider. Prints the p50 and p95 of the first shapes and
+of plain changes, what was answered, and how much longer the jobs took beside them. Nouns are drawn and the asset is
+read before.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import hashlib
 import json
 import random
@@ -30,7 +33,7 @@ from meshdeform.record.keys import KeyRing
 from meshdeform.runs.kept_readings import samples_in
 from meshdeform.settings import Settings
 
-FACES, TIMEOUT_S = 10_000, 300.0
+FACES, TIMEOUT_S, DESIGNS = 10_000, 300.0, 6
 
 
 def key_of(folder: Path, owner: str) -> str:
@@ -49,6 +52,7 @@ class Load:
         self._url, self._asset = url, asset
         self._kept = {"sha256": hashlib.sha256(asset).hexdigest()}
         self.previews: list[float] = []
+        self.changes: list[float] = []
         self.answers: Counter[int] = Counter()
 
     def client(self, key: str) -> httpx.AsyncClient:
@@ -56,20 +60,43 @@ class Load:
         return httpx.AsyncClient(base_url=self._url, timeout=TIMEOUT_S, headers={"Authorization": f"Bearer {key}"})
 
     async def person(self, key: str, every_s: float, until: float) -> None:
-        """Ask for previews, so many seconds apart in the mean, until a time."""
+        """Type prompts, so many seconds apart in the mean, until a time; the next one ends what follows a draft."""
         async with self.client(key) as http:
             sent = {"asset": ("animal.glb", self._asset), "request": (None, json.dumps({"prompt": "longer legs"}))}
             while (answer := await http.post("/v1/jobs:preview", files=sent)).status_code in (429, 503):
                 await asyncio.sleep(every_s)  # whoever else reads the asset for the first time
             answer.raise_for_status()
             while time.monotonic() < until:
-                await asyncio.sleep(every_s * random.uniform(0.5, 1.5))
-                begun = time.perf_counter()
-                document = {"asset": self._kept, "prompt": random.choice(PROMPTS)}
-                answer = await http.post("/v1/jobs:preview", json=document)
-                self.answers[answer.status_code] += 1
-                if answer.status_code == 200:
+                pause_s = every_s * random.uniform(0.5, 1.5)
+                prompt, begun = random.choice(PROMPTS), time.perf_counter()
+                if await self._ask(http, prompt, 0, "glb", draft=True) == 200:
                     self.previews.append(time.perf_counter() - begun)
+                    with contextlib.suppress(TimeoutError):
+                        await asyncio.wait_for(self._follow(http, prompt), begun + pause_s - time.perf_counter())
+                await asyncio.sleep(begun + pause_s - time.perf_counter())
+
+    async def _follow(self, http: httpx.AsyncClient, prompt: str) -> None:
+        """Ask for what the page shows after a draft: the exact shape, and other designs."""
+        await self._ask(http, prompt, 0, "glb", draft=False)
+        for seed in range(DESIGNS):
+            await self._ask(http, prompt, seed, "positions", draft=True)
+
+    async def _ask(self, http: httpx.AsyncClient, prompt: str, seed: int, form: str, *, draft: bool) -> int:
+        """Ask for a preview, and return the status of the answer."""
+        query = {"as": form, "draft": str(draft).lower()}
+        document = {"asset": self._kept, "prompt": prompt, "seeds": [seed]}
+        answer = await http.post("/v1/jobs:preview", params=query, json=document)
+        self.answers[answer.status_code] += 1
+        return answer.status_code
+
+    async def change(self, key: str, until: float) -> None:
+        """Drag a slider now and then: plain changes, which are not to wait for fits."""
+        async with self.client(key) as http:
+            while time.monotonic() < until:
+                await asyncio.sleep(1.0)
+                begun, prompt = time.perf_counter(), f"legs longer by {random.randint(5, 60)} %"
+                if await self._ask(http, prompt, 0, "positions", draft=False) == 200:
+                    self.changes.append(time.perf_counter() - begun)
 
     async def jobs(self, key: str, until: float) -> list[float]:
         """Run one job after the other until a time, and return the seconds of each."""
@@ -92,7 +119,7 @@ class Load:
         """Let people ask and jobs run for so many seconds; return the seconds of the jobs."""
         until = time.monotonic() + seconds
         people = (self.person(key, every_s, until) for key in keys[1:])
-        return (await asyncio.gather(self.jobs(keys[0], until), *people))[0]
+        return (await asyncio.gather(self.jobs(keys[0], until), self.change(keys[1], until), *people))[0]
 
 
 def main() -> None:
@@ -114,8 +141,10 @@ def main() -> None:
             asyncio.run(load.jobs(keys[0], 0))
             alone = asyncio.run(load.jobs(keys[0], time.monotonic() + options.seconds / 3))
             beside = asyncio.run(load.together(keys, options.every, options.seconds))
-    p50, p95 = (float(np.percentile(load.previews, q)) for q in (50, 95))
-    print(f"previews: {len(load.previews)}, p50 {p50:.2f} s, p95 {p95:.2f} s; answers {dict(load.answers)}")
+    for what, seconds in (("first shapes", load.previews), ("changes", load.changes)):
+        p50, p95 = np.percentile(seconds, (50, 95))
+        print(f"{what}: {len(seconds)}, p50 {p50:.2f} s, p95 {p95:.2f} s", flush=True)
+    print(f"answers {dict(load.answers)}")
     print(
         f"jobs: alone {median(alone):.2f} s, beside {median(beside):.2f} s, {median(beside) / median(alone):.2f} times"
     )
