@@ -240,8 +240,9 @@ class _Chooser:
         numbers = [np.bincount(one.kinds, minlength=len(LIMBS)) for one in (own, held)]
         lone = float(np.abs(numbers[0] - numbers[1]).sum()) / max(len(own.kinds) + len(held.kinds), 1)
         living = is_living(self._asset.shape.noun) and is_living(self._wish.noun)
+        held_unlike = unlikeness(own, held) if living else 0.0
         unseen = LIMBS.index("leg") not in own.kinds and self._pose(number) in _OF_LEGS
-        return _POSTURE * unlikeness(own, held) * living + _SHARES * differing + _LONE * lone + _UNSEEN * unseen
+        return _POSTURE * held_unlike + _SHARES * differing + _LONE * lone + _UNSEEN * unseen
 
     @staticmethod
     def _dearer(turn_deg: float) -> float:

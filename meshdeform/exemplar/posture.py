@@ -108,14 +108,14 @@ def unlikeness(asset: Posture, member: Posture) -> float:
 
 def _pairs(asset: Posture, member: Posture) -> list[tuple[int, int]]:
     """Return the limbs of both that are of one kind and lie alike."""
-    from scipy.optimize import linear_sum_assignment  # takes long to import, and most have no limbs
-
     pairs: list[tuple[int, int]] = []
     for kind in np.intersect1d(asset.kinds, member.kinds):
         mine, others = np.flatnonzero(asset.kinds == kind), np.flatnonzero(member.kinds == kind)
         if len(mine) == len(others) == 1:
             pairs.append((int(mine[0]), int(others[0])))
             continue
+        from scipy.optimize import linear_sum_assignment  # takes long to import, and most have no limbs
+
         apart = (asset.middles[mine][:, None] - member.middles[others]) * _AXES
         rows, columns = linear_sum_assignment(np.linalg.norm(apart, axis=2))
         pairs += [(int(mine[row]), int(others[column])) for row, column in zip(rows, columns, strict=True)]
