@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from meshdeform.exemplar import faults
 from meshdeform.exemplar.faults import Faults
 from meshdeform.exemplar.mending import mended
+from meshdeform.geometry.intersections import newly_cutting_pairs
 from meshdeform.nouns.labels import Floats, Index
 
 
@@ -102,3 +104,15 @@ def test_the_same_bytes_each_time() -> None:
     rest, faces = sheet(10)
     goal = rest + 0.2 * np.random.default_rng(0).normal(size=rest.shape)
     assert mended(rest, goal, faces).verts.tobytes() == mended(rest, goal, faces).verts.tobytes()
+
+
+def test_what_is_remembered_of_pairs_changes_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    rest, faces = joined(box((1, 1, 1), (0, 0, 0)), box((1, 1, 1), (1, 0, 0)), box((1, 1, 1), (3, 0, 0)))
+    known, random = Faults(rest, faces), np.random.default_rng(0)
+    shapes = [rest + random.normal(0, 0.6, rest.shape) for _ in range(6)]
+    for most in (faults._KNOWN, 3):  # so that it also forgets
+        monkeypatch.setattr(faults, "_KNOWN", most)
+        for verts in [*shapes, *shapes]:
+            expected = newly_cutting_pairs(rest, verts, faces)
+            assert len(expected) > 3
+            np.testing.assert_array_equal(known.find(verts).pairs, expected)
