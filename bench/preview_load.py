@@ -147,8 +147,11 @@ def main() -> None:
             alone = asyncio.run(load.jobs(keys[0], time.monotonic() + options.seconds / 3))
             beside = asyncio.run(load.together(keys, options.every, options.seconds))
     for what, seconds in (("first shapes", load.previews), ("changes", load.changes)):
-        p50, p95 = np.percentile(seconds, (50, 95))
-        print(f"{what}: {len(seconds)}, p50 {p50:.2f} s, p95 {p95:.2f} s", flush=True)
+        if seconds:
+            p50, p95 = np.percentile(seconds, (50, 95))
+            print(f"{what}: {len(seconds)}, p50 {p50:.2f} s, p95 {p95:.2f} s", flush=True)
+        else:
+            print(f"{what}: none", flush=True)
     print(f"answers {dict(load.answers)}")
     print(
         f"jobs: alone {median(alone):.2f} s, beside {median(beside):.2f} s, {median(beside) / median(alone):.2f} times"
