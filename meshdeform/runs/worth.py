@@ -65,7 +65,7 @@ _COMPARED = {
 }  # fmt: skip
 
 _SWELLED = "Parts of it swelled or withered against the rest."
-_ANOTHER = "Try another variation: another seed takes another way."
+_ANOTHER = "Try another variation: each goes its own way."
 _WEAKER = "Use less strength, such as 0.6: most of what went wrong comes last."
 _NEARER = "Ask for what is nearer to the asset, or for less strength, such as 0.6."
 _SAID_PLAINLY = (
@@ -196,7 +196,7 @@ def _plain_changes(reading: ParsedPrompt, likeness: Mapping[str, Any], source: S
         return [_as_change(" and ".join(words))] if words else []
     group = next((name for name, nouns in NOUN_GROUPS.items() if source.noun in nouns), "")
     if group and reading.noun not in NOUN_GROUPS[group]:
-        return [f"Ask for what is nearer to {ParsedPrompt(source.noun)}: others of the {group} do better."]
+        return [f"Ask for what is nearer to {ParsedPrompt(source.noun)}: some others of the {group} work better."]
     if not group:
         return []
     word = _proportion(source)

@@ -23,7 +23,7 @@ DOUBTFUL = {
 BAD = {
     "value": "keep_source",
     "reasons": ["It looks no more like a vase than before (number 9 of 474 nouns, where the source was 9)."],
-    "advice": ["Try another variation: another seed takes another way."],
+    "advice": ["Try another variation: each goes its own way."],
 }
 EARLIER = {"value": "keep_result", "reasons": []}
 

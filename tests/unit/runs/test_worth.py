@@ -145,7 +145,7 @@ def test_the_reasons_and_the_advice_are_sentences() -> None:
         "Faces were flipped: 1,200.",
     ]
     assert said["advice"][0] == "If your asset is not a mug, say what it is with source_noun: its front depends on it."
-    assert said["advice"][1].startswith("Ask for what is nearer to a mug: others of the vessels and tools")
+    assert said["advice"][1].startswith("Ask for what is nearer to a mug: some others of the vessels and tools")
     assert len(said["advice"]) == 3
     assert verdict_line(said).startswith("keep_source: It looks no more like an umbrella")
     assert verdict_line(said).endswith(said["advice"][-1])
