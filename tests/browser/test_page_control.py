@@ -200,7 +200,7 @@ def test_a_target_or_a_picture(page: Page, service: Service, tmp_path: Path) -> 
     expect(page.get_by_label("Prompt", exact=True)).to_be_hidden()
     target = page.locator(".asset-panel .viewer").nth(1)
     until_shown(page, LOWER)
-    until("both files are kept", lambda: {"sphere.glb", "balls.glb"} <= {*kept_files(page)})
+    until("both files are kept", lambda: {"horse.glb", "balls.glb"} <= {*kept_files(page)})
     page.reload()  # a draft has both
     expect(target.locator(".viewer-tag")).to_have_text("Target")
     expect(page.locator("#estimate")).to_contain_text("2 steps")

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -22,7 +23,9 @@ def test_the_client_goes_from_a_file_to_a_result(api: Api, repository: Path, tmp
     dist = built_package(repository, tmp_path)
     sphere, port = repository / "examples/sphere.glb", urlsplit(api.url).port
     assert port is not None
-    with working(api.settings, FakeKind().start), FaultProxy(port) as proxy:
+    kind = FakeKind()
+    kind.on_step = lambda step: time.sleep(0.02 if step > 12 else 0)  # what is canceled lasts: it has 5,000 steps
+    with working(api.settings, kind.start), FaultProxy(port) as proxy:
         proxy.cut_after(901)
         command = [shutil.which("node") or "node", repository / "tests/node/client_scenario.mjs"]
         addresses = [(dist / "index.js").as_uri(), api.url, f"http://127.0.0.1:{proxy.port}"]

@@ -53,7 +53,10 @@ def test_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_version_follows_all_that_a_reading_is_made_by() -> None:
-    packages = "import sys, meshdeform.vocabulary.grammar, meshdeform.support.files, meshdeform.support.sources"
+    packages = (
+        "import sys, meshdeform.vocabulary.grammar, "
+        "meshdeform.support.files, meshdeform.support.giving_way, meshdeform.support.sources"
+    )
     tell = f"{packages}; old = {{*sys.modules}}; import meshdeform.reading; print(*({{*sys.modules}} - old))"
     told = subprocess.run([sys.executable, "-c", tell], capture_output=True, text=True, check=True).stdout.split()
     loaded = {f"{name.removeprefix('meshdeform.')}." for name in told if name.startswith("meshdeform.")}

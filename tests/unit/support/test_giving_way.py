@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 import pytest
 
 from meshdeform.exemplar.mending import mended
 from meshdeform.exemplar.relaxing import relaxed
-from meshdeform.exemplar.smooth_fit import smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, smooth_fit
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.support.giving_way import give_way, stopped_by
 from tests.cases import each_case
 
 BALL = icosphere(2)
 TALL = BALL.verts * [1.0, 1.3, 1.0]
-CODES = np.zeros(len(BALL.faces), np.int64)
 
 
 class GoneError(Exception):
@@ -30,7 +28,7 @@ def fold() -> None:
 
 
 WORK: dict[str, Callable[[], object]] = {
-    "fitting": lambda: smooth_fit(BALL.verts, BALL.faces, CODES, TALL, BALL.faces, CODES),
+    "fitting": lambda: smooth_fit(CodedSurface.alike(BALL.verts, BALL.faces), CodedSurface.alike(TALL, BALL.faces)),
     "sliding": lambda: relaxed(BALL.verts, TALL, BALL.faces, TALL, BALL.faces),
     "mending": fold,
 }
