@@ -84,7 +84,13 @@ class Deployment(Cluster):
                 command = [sys.executable, "-m", "meshdeform", "api", "--host", "127.0.0.1", "--port", str(port)]
                 self._start(name, command, {})
         urls = [f"http://127.0.0.1:{port}/healthz" for port in self.ports]
-        until("both answer", lambda: all(httpx.get(url).is_success for url in urls))
+        try:
+            until("both answer", lambda: all(httpx.get(url).is_success for url in urls))
+        except AssertionError:
+            for name in APIS:
+                part = self.parts[name]
+                print(f"    {name}, status {part.process.poll()}, says last:", part.log[-2000:], sep="\n", flush=True)
+            raise
 
     def start_worker(self, name: str = "worker", **environment: str) -> Part:  # type: ignore[override]
         """Start a supervisor with a worker of the kind that is tried."""
