@@ -44,6 +44,7 @@ def test_pages_hold_every_job_once_newest_first_also_when_jobs_come_in_between(r
     third = record.list_jobs(limit=2, cursor=second.next_cursor)
     assert [job.id for page in (first, second, third) for job in page.jobs] == ids[::-1]
     assert third.next_cursor is None
+    assert record.list_jobs(limit=6).next_cursor is None, "a full page may be the last one"
 
 
 @each_case("cursor", ["", "x", "!!", "am9", "bm9fam9i", "é"])

@@ -80,6 +80,7 @@ def test_the_log_has_pages(record: JobRecord) -> None:
     every = [each for ids in found for each in ids]
     assert every == sorted(set(every), reverse=True)
     assert len(record.webhooks.deliveries(webhook.id, "", state="pending").deliveries) == 5
+    assert record.webhooks.deliveries(webhook.id, "", limit=5).next_cursor is None, "a full page may be the last one"
     assert record.webhooks.deliveries(webhook.id, "", state="failed").deliveries == []
     with pytest.raises(ParameterError):
         record.webhooks.deliveries(webhook.id, "", cursor="am9iXzAx")

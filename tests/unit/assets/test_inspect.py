@@ -147,6 +147,7 @@ def put(*path: Any) -> Any:
         (put("bufferViews", 0, "byteStride", 24), AssetTruncatedError),
         (put("bufferViews", 0, "buffer", 1), AssetError),
         (put("bufferViews", 0, []), AssetError),
+        (put("images", [{"bufferView": 9, "mimeType": "image/png"}]), AssetError),
         (put("buffers", [{"byteLength": 10}]), None),
         (put("buffers", [{"uri": "scene.bin", "byteLength": 10}]), AssetExternalError),
         (put("images", [{"uri": 1}]), AssetError),
