@@ -142,6 +142,13 @@ def test_a_branch_begins_with_a_checkpoint_and_asks_for_something_else(
     assert api.store.get(job.origin.key) == f"{source} 100".encode()
 
 
+def test_a_branch_may_not_tell_an_address_that_is_not_allowed(api: Api) -> None:
+    source = interrupted_job(api, steps=(100,))
+    document = {**BRANCH, "webhook": {"url": "http://10.0.0.1/"}}
+    refused = api.http.post(f"/v1/jobs/{source}/checkpoints/100/branch", json=document)
+    assert (refused.status_code, refused.json()["code"]) == (422, "webhook_address")
+
+
 def test_a_branch_may_have_a_target_of_its_own(api: Api, sphere: bytes) -> None:
     source = interrupted_job(api, steps=(100,))
     path = f"/v1/jobs/{source}/checkpoints/100/branch"
