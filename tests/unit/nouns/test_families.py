@@ -63,4 +63,5 @@ def test_both_degrees_of_a_part_change_the_shape(noun: str) -> None:
     for part in NOUNS[noun]:
         lesser, greater = (member(noun, (Attribute(part, d),), np.random.default_rng(3)) for d in PARTS[part])
         assert lesser.verts.shape == greater.verts.shape
-        assert np.linalg.norm(lesser.verts - greater.verts, axis=1).max() > 0.1
+        # Of a length of about 2: the ears of a tiger and the eyes of a lizard are small.
+        assert np.linalg.norm(lesser.verts - greater.verts, axis=1).max() > 0.03
