@@ -83,10 +83,6 @@ class MemberPart:
     patches: _Index  # (V,) int64: connected patch of each vertex
     area: float
 
-    def patch_of(self, points: _Floats) -> _Index:
-        """Return the patch (P,) of the vertex nearest to each point."""
-        return np.asarray(self.patches[cKDTree(self.verts).query(points)[1]])
-
     def beside(self, points: _Floats, patches: _Index, verts: _Floats | None = None) -> tuple[_Floats, _Floats]:
         """Return points on one patch, and the vertices of that patch, where they are or moved to others (V, 3)."""
         return points, (self.verts if verts is None else verts)[self.patches == patches[0]]
