@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from meshdeform.requests.declaration import FORM
 from meshdeform.requests.groups import grouped, plain_place
-from meshdeform.requests.parameters import CommonParams, Control, DeformParams, PromptGuidance
+from meshdeform.requests.parameters import CommonParams, ControlParams, DeformParams, PromptGuidanceParams
 
 __all__ = ["FROM_PRESET", "MORE", "inputs", "problem", "wanted"]
 
@@ -71,7 +71,7 @@ def problem(values: Mapping[str, Any]) -> str | None:
 
 def _form() -> dict[str, dict[str, Any]]:
     members: dict[str, dict[str, Any]] = {}
-    for model in (CommonParams, PromptGuidance, Control):
+    for model in (CommonParams, PromptGuidanceParams, ControlParams):
         members |= model.model_json_schema()["properties"]
     return {name: member for name, member in members.items() if FORM in member}
 

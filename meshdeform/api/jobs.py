@@ -11,13 +11,13 @@ from pydantic import Field, SerializeAsAny, SkipValidation
 from meshdeform.api.documents import ApiDocument, or_new
 from meshdeform.api.states import EventType, JobError, JobState, OriginMode, Progress
 from meshdeform.record.models import Artifact, CheckpointRef, Event, Job, Origin, StoredFile
-from meshdeform.requests.document import DeformParams, JobKind, OutputOptions
+from meshdeform.requests.document import DeformParams, JobKind, OutputParams
 
 _POLL_S = "1"
 _TIME = "2026-01-31T12:00:00Z"
 _JOB_ID = "job_01kg9zqk2xf3v8c5m7n9p1r4t6"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
-_OUTPUT = OutputOptions().model_dump(mode="json")
+_OUTPUT = OutputParams().model_dump(mode="json")
 
 
 class FileView(ApiDocument):
@@ -89,7 +89,7 @@ class JobView(ApiDocument):
         description="The parameters as given in the request.",
         examples=[{"seed": 7, "guidance": {"kind": "exemplar"}}],
     )
-    output: OutputOptions = Field(description="Files that the job writes, and how.", examples=[{"morph": False}])
+    output: OutputParams = Field(description="Files that the job writes, and how.", examples=[{"morph": False}])
     metadata: dict[str, str] = Field(description="Your own labels.", examples=[{"shot": "sc010"}])
     priority: int = Field(0, description="Workers take the job with the highest priority first.", examples=[0])
     files: dict[str, FileView] = Field(

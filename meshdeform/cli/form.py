@@ -85,9 +85,9 @@ def of_request(name: str, panel: str, **more: Any) -> Form:
     """Return the form of a group of the request such as `output`, or of the request's own members (`job`)."""
 
     def model() -> type[BaseModel]:
-        from meshdeform.requests.document import JobRequest, OutputOptions
+        from meshdeform.requests.document import JobRequest, OutputParams
 
-        return OutputOptions if name == "output" else JobRequest
+        return OutputParams if name == "output" else JobRequest
 
     return Form(name, model, panel, **more)
 

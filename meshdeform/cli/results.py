@@ -32,7 +32,7 @@ from meshdeform.errors import ParameterError
 if TYPE_CHECKING:
     from meshdeform.assets import Asset, Limits
     from meshdeform.deformation.edit_map import EditMap
-    from meshdeform.requests.document import MorphPath
+    from meshdeform.requests.document import MorphParams
     from meshdeform.settings import Settings
 
 _ANIMATED = (".webp", ".gif")
@@ -156,7 +156,7 @@ def _map_of(result: Path, source: Path | None, strength: float) -> EditMap:
 
 
 def _at_strength(
-    result: Path, source: Path | None, strength: float, way: MorphPath, *, morph: bool, compact: bool
+    result: Path, source: Path | None, strength: float, way: MorphParams, *, morph: bool, compact: bool
 ) -> bytes:
     from meshdeform.runs.strength import AssetPath, matched, with_strength, write_morph
     from meshdeform.runs.surfaces import read_result

@@ -21,7 +21,7 @@ from meshdeform.api import documents, jobs
 from meshdeform.api.jobs import ArtifactView
 from meshdeform.api.states import JobError, Progress
 from meshdeform.errors import MeshdeformError, StoredFileError, UnavailableError
-from meshdeform.requests.document import DeformParams, OutputOptions, ResolvedParams
+from meshdeform.requests.document import DeformParams, OutputParams, ResolvedParams
 from meshdeform.requests.problems import reason
 
 M = TypeVar("M", bound=BaseModel)
@@ -61,7 +61,7 @@ class _Resolved(_AsItCame, ResolvedParams):  # type: ignore[misc]
     model_config = _OPEN
 
 
-class _Output(_AsItCame, OutputOptions):
+class _Output(_AsItCame, OutputParams):
     model_config = _OPEN
 
 
@@ -77,7 +77,7 @@ class JobView(jobs.JobView):
     """A job."""
 
     params: Annotated[DeformParams, _else(_Params), SerializeAsAny()]
-    output: Annotated[OutputOptions, _else(_Output), SerializeAsAny()]
+    output: Annotated[OutputParams, _else(_Output), SerializeAsAny()]
     error: _JobError | None = None
     progress: _Progress
 

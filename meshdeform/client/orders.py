@@ -23,7 +23,7 @@ from pydantic import BaseModel
 
 from meshdeform.api.documents import UploadView
 from meshdeform.requests.choices import JobKind
-from meshdeform.requests.document import DeformParams, OutputOptions
+from meshdeform.requests.document import DeformParams, OutputParams
 
 AssetLike = str | os.PathLike[str] | bytes | IO[bytes] | UploadView | Mapping[str, str]
 """A path; the bytes; a binary stream, read from its current position; an upload; or a reference such as
@@ -33,7 +33,7 @@ _IN_MEMORY = 2**20
 _ENDINGS = frozenset({".glb", ".obj", ".ply", ".stl"})
 
 Params = DeformParams | Mapping[str, Any]
-Output = OutputOptions | Mapping[str, Any]
+Output = OutputParams | Mapping[str, Any]
 
 
 class JobOptions(TypedDict, total=False):

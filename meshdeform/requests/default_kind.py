@@ -18,7 +18,7 @@ from meshdeform.requests.parameters import (
     OF_OPTIMISER,
     SILHOUETTE_PARTS,
     TARGET_PARTS,
-    OpenGuidance,
+    OpenGuidanceParams,
 )
 
 __all__ = ["kind_like", "with_kind"]
@@ -63,7 +63,7 @@ def _kinds(request: JobRequest, default_model: str, files: Collection[str]) -> l
 
 
 def _is_open(request: JobRequest) -> bool:
-    return isinstance(request.params, DeformParams) and isinstance(request.params.guidance, OpenGuidance)
+    return isinstance(request.params, DeformParams) and isinstance(request.params.guidance, OpenGuidanceParams)
 
 
 def _named(request: R, kinds: Sequence[GuidanceKind]) -> R:

@@ -66,8 +66,8 @@ __all__ = [
     "GuidanceKind",
     "JobKind",
     "JobRequest",
-    "MorphPath",
-    "OutputOptions",
+    "MorphParams",
+    "OutputParams",
     "Preset",
     "ResolvedParams",
     "Safeguard",
@@ -176,7 +176,7 @@ def _reader(node: dict[str, Any], shared: dict[str, Any]) -> Callable[[Any], Any
     return read
 
 
-class MorphPath(StrictModel):
+class MorphParams(StrictModel):
     """The frames and the timing of a morph."""
 
     frames: int = Field(
@@ -217,7 +217,7 @@ class MorphPath(StrictModel):
         return 0.5 - math.sin(math.asin(1 - 2 * share) / 3)
 
 
-class OutputOptions(StrictModel):
+class OutputParams(StrictModel):
     """Options for what the job writes besides `result.glb`, `report.json` and `preview.png`."""
 
     morph: bool = Field(
@@ -225,8 +225,8 @@ class OutputOptions(StrictModel):
         description="Also write `morph.glb`: the source with the way to the result as morph targets and an animation.",
         examples=[True],
     )
-    morph_path: MorphPath = Field(
-        MorphPath(),
+    morph_path: MorphParams = Field(
+        MorphParams(),
         description="The frames and the timing of `morph.glb` ([Control](control.md#morph)).",
         examples=[{"frames": 12}],
     )
@@ -256,7 +256,7 @@ class OutputOptions(StrictModel):
     )
 
 
-class JobWebhook(StrictModel):
+class WebhookParams(StrictModel):
     """A webhook for the messages about one job."""
 
     url: str = Field(
@@ -287,7 +287,7 @@ class JobRequest(StrictModel):
         description="Parameters of this kind of job.",
         examples=[{"seed": 7}],
     )
-    output: OutputOptions = Field(default_factory=OutputOptions, description="Files that the job writes, and how.")
+    output: OutputParams = Field(default_factory=OutputParams, description="Files that the job writes, and how.")
     metadata: dict[_MetaKey, _MetaValue] = Field(
         default_factory=dict,
         max_length=MAX_METADATA_ENTRIES,
@@ -326,7 +326,7 @@ class JobRequest(StrictModel):
         "MESHDEFORM_RETENTION_S.",
         examples=[604800],
     )
-    webhook: JobWebhook | None = Field(
+    webhook: WebhookParams | None = Field(
         None,
         description="Where to send messages about this job, beside your webhooks ([Webhooks](webhooks.md#one-job)). "
         "Default: nowhere.",
@@ -418,7 +418,7 @@ def _with_rig_of_its_time(request: JobRequest, document: Mapping[str, Any]) -> J
     if request.kind is not JobKind.TEXT_DEFORM or "rig" in (document.get("output") or {}):
         return request
     values = {**dict(request.output), "rig": RigMode.KEEP}
-    output = OutputOptions.model_construct(request.output.model_fields_set, **values)
+    output = OutputParams.model_construct(request.output.model_fields_set, **values)
     return request.model_copy(update={"output": output})
 
 

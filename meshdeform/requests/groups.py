@@ -8,13 +8,13 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from meshdeform.requests.choices import GuidanceKind
-from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, Control, InputFrame, OpenGuidance
+from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, ControlParams, InputParams, OpenGuidanceParams
 from meshdeform.requests.problems import did_you_mean, reason
 
 PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     **dict.fromkeys(CommonParams.model_fields, ("", ())),
-    **dict.fromkeys(Control.model_fields, ("control", ())),
-    **dict.fromkeys(InputFrame.model_fields, ("input", ())),
+    **dict.fromkeys(ControlParams.model_fields, ("control", ())),
+    **dict.fromkeys(InputParams.model_fields, ("input", ())),
     **{
         name: ("guidance", tuple(kind for kind, other in GUIDANCES.items() if name in other.model_fields))
         for group in GUIDANCES.values()
@@ -24,7 +24,10 @@ PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
 }
 """The group of each parameter, empty for those that are in none, and for `guidance` the kinds that have it."""
 
-_TAGS: dict[str, type[BaseModel]] = {**{kind.value: model for kind, model in GUIDANCES.items()}, OPEN: OpenGuidance}
+_TAGS: dict[str, type[BaseModel]] = {
+    **{kind.value: model for kind, model in GUIDANCES.items()},
+    OPEN: OpenGuidanceParams,
+}
 """What pydantic adds to the path of guidance, and the model of each."""
 
 

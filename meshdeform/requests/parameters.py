@@ -49,13 +49,13 @@ from meshdeform.requests.selection import (
     MAX_HANDLES,
     MAX_LANDMARKS,
     MAX_SELECTORS,
-    Handle,
-    LandmarkPair,
+    HandleParams,
+    LandmarkParams,
     Part,
-    PartCorrection,
-    Region,
-    RigidSelector,
-    Selection,
+    PartParams,
+    RegionParams,
+    RigidParams,
+    SelectionParams,
 )
 
 __all__ = [
@@ -74,18 +74,18 @@ __all__ = [
     "SILHOUETTE_PARTS",
     "TARGET_PARTS",
     "WORDS_PART",
-    "Control",
+    "ControlParams",
     "DeformParams",
-    "ExemplarGuidance",
-    "InputFrame",
-    "OpenGuidance",
-    "Prompt",
-    "PromptGuidance",
+    "ExemplarGuidanceParams",
+    "InputParams",
+    "OpenGuidanceParams",
+    "PromptGuidanceParams",
     "ResolvedParams",
-    "Silhouette",
-    "SilhouetteGuidance",
+    "SilhouetteGuidanceParams",
     "StrictModel",
-    "TargetGuidance",
+    "TargetGuidanceParams",
+    "ViewParams",
+    "WeightedPromptParams",
     "active_prompts",
     "prompt_words",
 ]
@@ -129,7 +129,7 @@ OPEN = "open"
 """The tag of guidance without a kind."""
 
 
-class Prompt(StrictModel):
+class WeightedPromptParams(StrictModel):
     """One of several prompts that guide at the same time."""
 
     prompt: _Text = Field(description="New shape of the asset, or of its region.", examples=["a rabbit"])
@@ -141,7 +141,7 @@ class Prompt(StrictModel):
         "weight 1. Where the weights add up to more than 1, they are divided by their sum.",
         examples=[0.5],
     )
-    regions: tuple[Selection, ...] = Field(
+    regions: tuple[SelectionParams, ...] = Field(
         (),
         max_length=MAX_SELECTORS,
         description="The parts of the surface that it pulls at. Default: everything.",
@@ -156,9 +156,9 @@ class Prompt(StrictModel):
         return self
 
 
-def active_prompts(prompt: str, prompts: tuple[Prompt, ...]) -> list[Prompt]:
+def active_prompts(prompt: str, prompts: tuple[WeightedPromptParams, ...]) -> list[WeightedPromptParams]:
     """Return the prompts that pull at anything, that of the request first; there may be none."""
-    active = [Prompt(prompt=prompt)] if prompt else []
+    active = [WeightedPromptParams(prompt=prompt)] if prompt else []
     return [*active, *(each for each in prompts if each.weight > 0)]
 
 
@@ -307,7 +307,7 @@ OF_OPTIMISER = frozenset(CommonParams.model_fields) - {"preset", "seed", "checkp
 """The parameters of the optimiser, which `exemplar` guidance does without."""
 
 
-class Silhouette(StrictModel):
+class ViewParams(StrictModel):
     """The direction from which a picture shows what the asset should become."""
 
     azimuth: float = Field(
@@ -336,7 +336,7 @@ class Silhouette(StrictModel):
 class PictureParams(Parameters):
     """The pictures that guide."""
 
-    silhouettes: tuple[Silhouette, ...] = Field(
+    silhouettes: tuple[ViewParams, ...] = Field(
         (),
         max_length=MAX_SILHOUETTES,
         description="Pictures whose silhouettes the result should have ([Control](control.md#pictures-as-targets)): "
@@ -388,7 +388,7 @@ class ModelParams(Parameters):
 class WordParams(Parameters):
     """The parameters of prompts, whatever makes shapes of them."""
 
-    prompts: tuple[Prompt, ...] = Field(
+    prompts: tuple[WeightedPromptParams, ...] = Field(
         (),
         max_length=MAX_PROMPTS,
         description="Further prompts that guide at the same time, each with a weight and, if it has one, a region "
@@ -464,7 +464,7 @@ class PlacementParams(Parameters):
         "get the same centre of mass and spread; `none`: both files share their coordinates.",
         examples=["auto"],
     )
-    landmarks: tuple[LandmarkPair, ...] = Field(
+    landmarks: tuple[LandmarkParams, ...] = Field(
         (),
         max_length=MAX_LANDMARKS,
         description="Points of the asset and their places on the target, which also help to find the turn.",
@@ -505,10 +505,10 @@ class ExemplarParams(PlacementParams, WordParams, PictureParams):
     )
 
 
-class Control(Parameters):
+class ControlParams(Parameters):
     """Parts that may move, and properties that the result keeps."""
 
-    regions: tuple[Region, ...] = Field(
+    regions: tuple[RegionParams, ...] = Field(
         (),
         max_length=MAX_SELECTORS,
         description="Parts of the surface that do not move, or that alone move ([Control](control.md)).",
@@ -522,14 +522,14 @@ class Control(Parameters):
         "pull within its regions, as a share of the diagonal of the asset's bounding box.",
         examples=[0.1],
     )
-    handles: tuple[Handle, ...] = Field(
+    handles: tuple[HandleParams, ...] = Field(
         (),
         max_length=MAX_HANDLES,
         description="Points of the surface that go to places. A large asset with handles has no simplified stand-in, "
         "which takes longer.",
         examples=[[{"position": [0, 1, 0], "to": [0, 1.5, 0]}]],
     )
-    rigid: tuple[RigidSelector, ...] = Field(
+    rigid: tuple[RigidParams, ...] = Field(
         (),
         max_length=MAX_SELECTORS,
         description="The parts that keep their shape, such as wheels, and move with what is around them. Needs the "
@@ -559,7 +559,7 @@ class Control(Parameters):
         "are.",
         examples=[["Ground"]],
     )
-    parts: tuple[PartCorrection, ...] = Field(
+    parts: tuple[PartParams, ...] = Field(
         (),
         max_length=MAX_SELECTORS,
         description="Corrections of the parts that are found on the asset ([Parts](parts.md#correct-it)): a part by "
@@ -579,7 +579,7 @@ class Control(Parameters):
 
     @field_validator("parts")
     @classmethod
-    def _renamed_once(cls, parts: tuple[PartCorrection, ...]) -> tuple[PartCorrection, ...]:
+    def _renamed_once(cls, parts: tuple[PartParams, ...]) -> tuple[PartParams, ...]:
         """Refuse two names for what was found under one."""
         renamed = [old for each in parts for old in each.parts or ()]
         if twice := sorted({old for old in renamed if renamed.count(old) > 1}):
@@ -587,7 +587,7 @@ class Control(Parameters):
         return parts
 
 
-class InputFrame(Parameters):
+class InputParams(Parameters):
     """How the asset's file is to be read."""
 
     up: UpAxis = Field(
@@ -605,7 +605,7 @@ class InputFrame(Parameters):
     )
 
 
-class PromptGuidance(PromptParams):
+class PromptGuidanceParams(PromptParams):
     """A diffusion model and the prompt."""
 
     kind: Literal["sds"] = Field(
@@ -616,7 +616,7 @@ class PromptGuidance(PromptParams):
     )
 
 
-class TargetGuidance(TargetParams):
+class TargetGuidanceParams(TargetParams):
     """A second mesh, sent as the part `target`."""
 
     kind: Literal["target"] = Field(
@@ -624,7 +624,7 @@ class TargetGuidance(TargetParams):
     )
 
 
-class SilhouetteGuidance(SilhouetteParams):
+class SilhouetteGuidanceParams(SilhouetteParams):
     """Pictures alone."""
 
     kind: Literal["silhouettes"] = Field(
@@ -632,7 +632,7 @@ class SilhouetteGuidance(SilhouetteParams):
     )
 
 
-class ExemplarGuidance(ExemplarParams):
+class ExemplarGuidanceParams(ExemplarParams):
     """A member of the prompt's noun, or the nearest of up to eight meshes, to which the asset is fitted."""
 
     kind: Literal["exemplar"] = Field(
@@ -640,24 +640,24 @@ class ExemplarGuidance(ExemplarParams):
     )
 
 
-class OpenGuidance(ExemplarParams, TargetParams, PromptParams):
+class OpenGuidanceParams(ExemplarParams, TargetParams, PromptParams):
     """Options without a `kind`, which they, the files and the prompt decide: of a prompt alone, `exemplar`."""
 
 
 def _kind_of_guidance(value: Any) -> str | None:
     """Return the kind of guidance of a value, `OPEN` of one without a kind; None if it is none."""
-    if isinstance(value, OpenGuidance):
+    if isinstance(value, OpenGuidanceParams):
         return OPEN
     kind = value.get("kind", OPEN) if isinstance(value, Mapping) else getattr(value, "kind", None)
     return kind if isinstance(kind, str) else None
 
 
-Guidance = Annotated[
-    Annotated[PromptGuidance, Tag("sds")]
-    | Annotated[TargetGuidance, Tag("target")]
-    | Annotated[SilhouetteGuidance, Tag("silhouettes")]
-    | Annotated[ExemplarGuidance, Tag("exemplar")]
-    | Annotated[OpenGuidance, Tag(OPEN)],
+GuidanceParams = Annotated[
+    Annotated[PromptGuidanceParams, Tag("sds")]
+    | Annotated[TargetGuidanceParams, Tag("target")]
+    | Annotated[SilhouetteGuidanceParams, Tag("silhouettes")]
+    | Annotated[ExemplarGuidanceParams, Tag("exemplar")]
+    | Annotated[OpenGuidanceParams, Tag(OPEN)],
     Discriminator(
         _kind_of_guidance,
         custom_error_type="guidance_kind",
@@ -669,22 +669,22 @@ Guidance = Annotated[
 class DeformParams(CommonParams):
     """The parameters of a deformation as a user writes them; the rest comes from the preset."""
 
-    guidance: Guidance = Field(
-        default_factory=OpenGuidance,
+    guidance: GuidanceParams = Field(
+        default_factory=OpenGuidanceParams,
         description="Guidance of the deformation, by `kind`: `exemplar` (what the prompt's noun stands for, part to "
         "part), `sds` (a diffusion model and the prompt), `target` (a second mesh, sent as the part `target`) or "
         "`silhouettes` (pictures alone). Default: the first that fits the files and the prompt and has every option "
         "that was sent ([Which kind](parameters.md#which-kind)).",
         examples=[{"strength": 0.9}, {"kind": "sds"}],
     )
-    control: Control = Field(
-        default_factory=Control,
+    control: ControlParams = Field(
+        default_factory=ControlParams,
         description="Parts that may move and properties that the result keeps, with any guidance.",
         examples=[{"regions": [{"node": "Hinge"}]}],
     )
 
-    input: InputFrame = Field(
-        default_factory=InputFrame,
+    input: InputParams = Field(
+        default_factory=InputParams,
         description="How the asset's file is to be read: its upward axis and its unit.",
         examples=[{"up": "z"}],
     )
@@ -702,7 +702,7 @@ class DeformParams(CommonParams):
     @property
     def kind(self) -> GuidanceKind:
         """The kind of guidance; `sds` where none is named, which was the default of earlier versions."""
-        return GuidanceKind.SDS if isinstance(self.guidance, OpenGuidance) else GuidanceKind(self.guidance.kind)
+        return GuidanceKind.SDS if isinstance(self.guidance, OpenGuidanceParams) else GuidanceKind(self.guidance.kind)
 
     @property
     def model(self) -> str | None:
@@ -710,12 +710,12 @@ class DeformParams(CommonParams):
         return self.guidance.model if isinstance(self.guidance, ModelParams) else None
 
     @property
-    def prompts(self) -> tuple[Prompt, ...]:
+    def prompts(self) -> tuple[WeightedPromptParams, ...]:
         """The further prompts."""
         return self.guidance.prompts if isinstance(self.guidance, WordParams) else ()
 
     @property
-    def silhouettes(self) -> tuple[Silhouette, ...]:
+    def silhouettes(self) -> tuple[ViewParams, ...]:
         """The directions of the pictures."""
         return self.guidance.silhouettes if isinstance(self.guidance, PictureParams) else ()
 
@@ -733,7 +733,7 @@ class DeformParams(CommonParams):
         return own
 
 
-class ResolvedParams(Control, InputFrame, ExemplarParams, TargetParams, PromptParams, CommonParams):
+class ResolvedParams(ControlParams, InputParams, ExemplarParams, TargetParams, PromptParams, CommonParams):
     """Every parameter with its value, without groups: the basis of the run, the report and the parameter hash.
 
     The members that no group of `DeformParams` has are constants of the method, or of a preset for one kind of guidance
@@ -774,14 +774,14 @@ class ResolvedParams(Control, InputFrame, ExemplarParams, TargetParams, PromptPa
 
 
 GUIDANCES: Mapping[GuidanceKind, type[Parameters]] = {
-    GuidanceKind.SDS: PromptGuidance,
-    GuidanceKind.TARGET: TargetGuidance,
-    GuidanceKind.SILHOUETTES: SilhouetteGuidance,
-    GuidanceKind.EXEMPLAR: ExemplarGuidance,
+    GuidanceKind.SDS: PromptGuidanceParams,
+    GuidanceKind.TARGET: TargetGuidanceParams,
+    GuidanceKind.SILHOUETTES: SilhouetteGuidanceParams,
+    GuidanceKind.EXEMPLAR: ExemplarGuidanceParams,
 }
 """The parameters of each kind of guidance."""
 
-_PARAMETERS = (CommonParams, PromptParams, TargetParams, ExemplarParams, Control, InputFrame)
+_PARAMETERS = (CommonParams, PromptParams, TargetParams, ExemplarParams, ControlParams, InputParams)
 
 CONSTANTS = ResolvedParams.model_fields.keys() - {"guidance"}.union(*(each.model_fields for each in _PARAMETERS))
 """The constants of the method and of presets, which no request has."""

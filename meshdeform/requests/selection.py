@@ -52,7 +52,7 @@ _Range = Annotated[tuple[Number, Number], _row(2, "integer", minimum=0)]
 _Color = Annotated[tuple[_Share, _Share, _Share], _row(3, minimum=0.0, maximum=1.0)]
 
 
-class JointWeight(StrictModel):
+class JointParams(StrictModel):
     """The faces that follow joints of a skin; several joints of one name count together."""
 
     name: Name | Number = Field(description="The joint's name, or its index among the nodes.", examples=["Head"])
@@ -61,7 +61,7 @@ class JointWeight(StrictModel):
     )
 
 
-class ColorRange(StrictModel):
+class ColorParams(StrictModel):
     """The faces of a vertex colour."""
 
     rgb: _Color = Field(description="Linear red, green and blue, 0 to 1, as in the file.", examples=[[1.0, 0.0, 0.0]])
@@ -70,7 +70,7 @@ class ColorRange(StrictModel):
     )
 
 
-class Box(StrictModel):
+class BoxParams(StrictModel):
     """The faces within a box."""
 
     min: Point = Field(description="Its least coordinates.", examples=[[-1.0, 0.0, -1.0]])
@@ -83,14 +83,14 @@ class Box(StrictModel):
         return self
 
 
-class Sphere(StrictModel):
+class SphereParams(StrictModel):
     """The faces within a sphere."""
 
     center: Point = Field(description="Its centre.", examples=[[0.0, 1.5, 0.0]])
     radius: _Length = Field(description="Its radius.", examples=[0.4])
 
 
-class Capsule(StrictModel):
+class CapsuleParams(StrictModel):
     """The faces within a distance of a line."""
 
     start: Point = Field(description="One end of the line.", examples=[[0.0, 0.0, 0.0]])
@@ -98,7 +98,7 @@ class Capsule(StrictModel):
     radius: _Length = Field(description="The distance.", examples=[0.2])
 
 
-class Selection(StrictModel):
+class SelectionParams(StrictModel):
     """A part of the surface; exactly one of the members that say where is set.
 
     Coordinates are those of the file in world space, with +Y up, as `meshdeform inspect` lists them.
@@ -119,21 +119,21 @@ class Selection(StrictModel):
     component: Number | None = Field(
         None, description="The connected component with this number, as `meshdeform inspect` lists it.", examples=[3]
     )
-    joint: JointWeight | None = Field(
+    joint: JointParams | None = Field(
         None, description="Vertices of a joint, such as a vertex group.", examples=[{"name": "Head", "above": 0.5}]
     )
-    color: ColorRange | None = Field(
+    color: ColorParams | None = Field(
         None, description="Vertices of a colour.", examples=[{"rgb": [1.0, 0.0, 0.0], "within": 0.1}]
     )
-    box: Box | None = Field(
+    box: BoxParams | None = Field(
         None,
         description="Vertices within a box.",
         examples=[{"min": [-1.0, 0.0, -1.0], "max": [1.0, 2.0, 1.0]}],
     )
-    sphere: Sphere | None = Field(
+    sphere: SphereParams | None = Field(
         None, description="Vertices within a sphere.", examples=[{"center": [0.0, 1.5, 0.0], "radius": 0.4}]
     )
-    capsule: Capsule | None = Field(
+    capsule: CapsuleParams | None = Field(
         None,
         description="Vertices near a line.",
         examples=[{"start": [0.0, 0.0, 0.0], "end": [0.0, 1.0, 0.0], "radius": 0.2}],
@@ -164,10 +164,10 @@ class Selection(StrictModel):
         what, value = self.where
         if what not in _NAMED:
             return None
-        return what, value.name if isinstance(value, JointWeight) else value
+        return what, value.name if isinstance(value, JointParams) else value
 
 
-class RigidSelector(Selection):
+class RigidParams(SelectionParams):
     """A selection of what keeps its shape; exactly one of the members that say where is set."""
 
     mode: Rigidity = Field(
@@ -183,7 +183,7 @@ class RigidSelector(Selection):
     )
 
 
-class Region(Selection):
+class RegionParams(SelectionParams):
     """A part of the surface and what happens to it; exactly one of the members that say where is set."""
 
     action: RegionAction = Field(
@@ -208,7 +208,7 @@ PartName = Annotated[
 """The name of a part, as sentences have it, in lower case."""
 
 
-class PartCorrection(Selection):
+class PartParams(SelectionParams):
     """What is a part of the asset; exactly one of `parts` and of the members that say where is set."""
 
     name: PartName = Field(
@@ -237,7 +237,7 @@ class PartCorrection(Selection):
         return super().named if self.parts is None else None
 
 
-class Handle(StrictModel):
+class HandleParams(StrictModel):
     """A point of the surface that goes to a place; exactly one of `vertex` and `position` is set."""
 
     vertex: Number | None = Field(
@@ -269,7 +269,7 @@ class Handle(StrictModel):
 Place = Annotated[StrictInt, Field(ge=0)] | Point
 
 
-class LandmarkPair(StrictModel):
+class LandmarkParams(StrictModel):
     """A point of the asset, and the place on the target to which it goes."""
 
     source: Place = Field(
@@ -284,7 +284,7 @@ class LandmarkPair(StrictModel):
     )
 
 
-def find_parts(place: List, number: int, selection: Selection, parts: Sequence[Mapping[str, Any]]) -> list[int]:
+def find_parts(place: List, number: int, selection: SelectionParams, parts: Sequence[Mapping[str, Any]]) -> list[int]:
     """Return the indices of what a selection names.
 
     `place`: name of the list in `params`, or the path to it there; `number`: place of the selection in the list;
@@ -321,7 +321,7 @@ def _matching(reference: str | int, parts: Sequence[Mapping[str, Any]]) -> list[
 
 def check_selections(
     place: List,
-    selections: Sequence[Selection],
+    selections: Sequence[SelectionParams],
     named: Mapping[str, Sequence[Mapping[str, Any]]],
     triangles: int | None = None,
 ) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from meshdeform.errors import KindRetiredError, ParameterError
 from meshdeform.requests.choices import RETIRED_PARTS, is_retired
-from meshdeform.requests.document import JobRequest, OutputOptions
+from meshdeform.requests.document import JobRequest, OutputParams
 from meshdeform.requests.kind_folders import brought
 from meshdeform.runs.base import JobFile, JobRun, Kind, RunInput
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
@@ -66,7 +66,7 @@ def check_request(
     for name in sorted(set(files) - set(kind.parts)):
         reads = ", ".join(kind.parts) or "no file"
         raise ParameterError.at([name], f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
-    if request.output != OutputOptions() and not kind.takes_output:
+    if request.output != OutputParams() and not kind.takes_output:
         raise ParameterError.at(["output"], "`output` is for jobs that deform one asset.", "Leave it out.")
     return kind.check(request, settings, dict.fromkeys(files, JobFile()) | dict(known or {}))
 

@@ -37,7 +37,7 @@ from meshdeform.requests import selection
 from meshdeform.requests.choices import RegionAction, Rigidity, Symmetry
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.selection import (
-    RigidSelector,
+    RigidParams,
 )
 from meshdeform.runs.changes import parts_found
 from meshdeform.runs.reading import ReadingSource, reading_document, welded_body
@@ -67,7 +67,7 @@ class WeldedSurface(SelectableSurface):
         return self.welded.mesh
 
 
-def select_bodies(selectors: Sequence[RigidSelector], surface: WeldedSurface) -> list[RigidBody]:
+def select_bodies(selectors: Sequence[RigidParams], surface: WeldedSurface) -> list[RigidBody]:
     """Return the bodies of an asset that keep their shape.
 
     Selections that share vertices become one body, which is rigid if one of them is.
@@ -97,7 +97,7 @@ def _with_edges(body: RigidBody, mesh: RestMesh) -> RigidBody:
     return replace(body, verts=np.flatnonzero(mesh.junctions.completed(members)))
 
 
-def _bodies(selector: RigidSelector, flags: _Flags, mesh: RestMesh) -> list[_Index]:
+def _bodies(selector: RigidParams, flags: _Flags, mesh: RestMesh) -> list[_Index]:
     """Return the vertices of each body: all together, or each connected part of the selected faces."""
     faces = mesh.faces[flags]
     verts, local = np.unique(faces, return_inverse=True)
@@ -168,7 +168,7 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: CameraFr
     return AssetControl(constraints, bodies, regions, partners)
 
 
-def _kept(regions: Sequence[selection.Region], surface: WeldedSurface) -> tuple[_Flags, list[dict[str, Any]]]:
+def _kept(regions: Sequence[selection.RegionParams], surface: WeldedSurface) -> tuple[_Flags, list[dict[str, Any]]]:
     """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
     faces = surface.mesh.faces
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
@@ -230,7 +230,7 @@ def _partners(symmetry: Symmetry, mesh: RestMesh) -> Partners | None:
 
 def _handle(
     number: int,
-    item: selection.Handle,
+    item: selection.HandleParams,
     surface: WeldedSurface,
     frame: CameraFrame,
     kept: _Flags,
@@ -247,7 +247,7 @@ def _handle(
 
 
 def _held_point(
-    number: int, item: selection.Handle, surface: WeldedSurface
+    number: int, item: selection.HandleParams, surface: WeldedSurface
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
     """Return the welded vertices around the point that a handle holds, and its barycentric coordinates."""
     if item.vertex is not None:

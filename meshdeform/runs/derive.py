@@ -22,7 +22,7 @@ from meshdeform.errors import (
     ParameterError,
     UnavailableError,
 )
-from meshdeform.requests.document import MorphPath, OutputOptions
+from meshdeform.requests.document import MorphParams, OutputParams
 from meshdeform.runs.base import FORMATS_OF_RESULT, RESULT
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class DerivedInput:
         source: Path,
         result: Path,
         filename: str,
-        output: OutputOptions,
+        output: OutputParams,
         exclude: Sequence[str | int] = (),
         strength: float = 1.0,
         outside: str = "refuse",
@@ -172,7 +172,7 @@ def _morph(source: Path, result: Path, options: dict[str, Any], limits: Limits) 
     except ParameterError as error:
         raise _other_triangles() from error
     path = AssetPath(asset, end.surface.positions)
-    return write_morph(asset, path, path.at(1), MorphPath.model_validate(options["morph_path"]), **written)
+    return write_morph(asset, path, path.at(1), MorphParams.model_validate(options["morph_path"]), **written)
 
 
 def _straight(asset: Asset, end: Surface, written: dict[str, Any]) -> bytes:

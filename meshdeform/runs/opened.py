@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.subdivide import Subdivision
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.requests.document import OutputOptions, ResolvedParams
+from meshdeform.requests.document import OutputParams, ResolvedParams
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.surfaces import drawn_triangles, prepared, welded_surface
 from meshdeform.support.recent import Recent
@@ -37,7 +37,7 @@ class Opened:
     welded: WeldedMesh
 
 
-def opened(file: InputFile, params: ResolvedParams, output: OutputOptions, limits: Limits | None) -> Opened:
+def opened(file: InputFile, params: ResolvedParams, output: OutputParams, limits: Limits | None) -> Opened:
     """Read, prepare and weld an asset, or return that of a run before; raises what `load_asset` does."""
     suffix = PurePath(file.filename).suffix.lower()
     key = file.digest, suffix, tuple(params.exclude), params.backdrop, output.subdivide, limits

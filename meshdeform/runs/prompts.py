@@ -24,7 +24,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.guidance.weighted import WeightedPrompt
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.requests.parameters import Prompt, active_prompts
+from meshdeform.requests.parameters import WeightedPromptParams, active_prompts
 from meshdeform.runs.control import AssetControl, WeldedSurface
 
 _Flags = NDArray[np.bool_]
@@ -35,7 +35,7 @@ _Floats = NDArray[np.float64]
 class Prompts:
     """The prompts of a job that pull at anything."""
 
-    given: list[Prompt] = field(default_factory=list)
+    given: list[WeightedPromptParams] = field(default_factory=list)
     faces: list[_Flags | None] = field(default_factory=list)
     """list of (F,) bool or None: the faces of the welded mesh that each pulls at; None for everything."""
     texts: list[WeightedPrompt] = field(default_factory=list)  # the same, for the guidance
@@ -90,7 +90,7 @@ def read_prompts(
     return Prompts(active, faces, texts, shares)
 
 
-def _pulled(number: int, prompt: Prompt, surface: WeldedSurface, control: AssetControl) -> _Flags:
+def _pulled(number: int, prompt: WeightedPromptParams, surface: WeldedSurface, control: AssetControl) -> _Flags:
     """Return flags (F,) of the faces that a prompt with regions pulls at."""
     place = ("guidance", "prompts", number, "regions")
     pulled = np.any([surface.faces(place, at, region) for at, region in enumerate(prompt.regions)], axis=0)

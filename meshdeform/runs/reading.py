@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from meshdeform.geometry.weld import WeldedMesh
     from meshdeform.plain.body import Body, Flags, Floats, Index
     from meshdeform.requests.document import ResolvedParams
-    from meshdeform.requests.selection import PartCorrection
+    from meshdeform.requests.selection import PartParams
 
 __all__ = [
     "ReadingSource",
@@ -135,7 +135,7 @@ def reshaped(body: Body, points: Floats, params: ResolvedParams, source: Reading
 
 
 def _corrections(
-    body: Body, asset: Asset, corrections: tuple[PartCorrection, ...]
+    body: Body, asset: Asset, corrections: tuple[PartParams, ...]
 ) -> tuple[dict[str, Flags], dict[str, str]]:
     """Return the faces (F,) of each part that the file names or the request paints, and new names.
 

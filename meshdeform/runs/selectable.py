@@ -13,13 +13,13 @@ from scipy.sparse import csgraph
 from meshdeform.assets.surface import NamedParts
 from meshdeform.errors import ParameterError
 from meshdeform.requests.selection import (
-    Box,
-    Capsule,
-    ColorRange,
-    JointWeight,
+    BoxParams,
+    CapsuleParams,
+    ColorParams,
+    JointParams,
     List,
-    Selection,
-    Sphere,
+    SelectionParams,
+    SphereParams,
     check_faces,
     find_parts,
     refuse_selection,
@@ -65,7 +65,7 @@ class SelectableSurface:
         labels = csgraph.connected_components(graph, directed=False)[1]
         return np.asarray(labels.astype(np.int64)[corners.reshape(-1, 3)[:, 0]])
 
-    def faces(self, place: List, number: int, selection: Selection) -> _Flags:
+    def faces(self, place: List, number: int, selection: SelectionParams) -> _Flags:
         """Return flags (F,) of the faces that a selection selects.
 
         `place`: name of the list in `params`, or the path to it there, for errors; `number`: place of the selection in
@@ -83,18 +83,18 @@ class SelectableSurface:
             raise self._nothing(place, number, what, reference)
         return np.asarray(flags)
 
-    def _triangles(self, place: List, number: int, selection: Selection) -> _Flags:
+    def _triangles(self, place: List, number: int, selection: SelectionParams) -> _Flags:
         """Return flags (T,) of the source's triangles that a selection by name, colour or number selects."""
         what, reference = selection.where
         parts = self.parts
-        if isinstance(reference, ColorRange):
+        if isinstance(reference, ColorParams):
             distance = np.linalg.norm(self._asset.vertex_colors() - np.array(reference.rgb), axis=2)
             return np.asarray((distance <= reference.within + 1e-6).all(1))
         if what == "faces":
             return self._numbered(place, number, reference)
         known = {"node": parts.nodes, "mesh": parts.meshes, "material": parts.materials, "joint": parts.joints}
         matches = find_parts(place, number, selection, known[what])
-        if isinstance(reference, JointWeight):
+        if isinstance(reference, JointParams):
             return np.asarray((self._asset.joint_weights(matches) > reference.above).all(1))
         flags_of = {"node": parts.in_node, "mesh": parts.of_mesh, "material": parts.of_material}[what]
         return np.asarray(np.any([flags_of(at) for at in matches], axis=0))
@@ -131,12 +131,12 @@ class SelectableSurface:
         return refuse_selection(place, number, what, detail, "Leave it out.")
 
 
-def _inside(shape: Box | Sphere | Capsule, points: _Floats) -> _Flags:
+def _inside(shape: BoxParams | SphereParams | CapsuleParams, points: _Floats) -> _Flags:
     """Return flags (P,) of the points (P, 3) inside of a shape or on it."""
-    if isinstance(shape, Box):
+    if isinstance(shape, BoxParams):
         return np.asarray(((points >= np.array(shape.min)) & (points <= np.array(shape.max))).all(1))
-    start = np.array(shape.center if isinstance(shape, Sphere) else shape.start)
-    line = np.zeros(3) if isinstance(shape, Sphere) else np.array(shape.end) - start
+    start = np.array(shape.center if isinstance(shape, SphereParams) else shape.start)
+    line = np.zeros(3) if isinstance(shape, SphereParams) else np.array(shape.end) - start
     arms = points - start
     along = np.clip(arms @ line / max(float(line @ line), 1e-300), 0.0, 1.0)
     return np.asarray(np.linalg.norm(arms - along[:, None] * line, axis=1) <= shape.radius)

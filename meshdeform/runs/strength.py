@@ -18,7 +18,7 @@ from meshdeform.deformation.path import ShapePath
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.requests.choices import BackdropMode
-from meshdeform.requests.document import MorphPath
+from meshdeform.requests.document import MorphParams
 from meshdeform.requests.selection import find_excluded
 from meshdeform.runs.surfaces import (
     DeformedSurface,
@@ -184,7 +184,7 @@ def write_morph(
     source: Asset,
     path: AssetPath,
     result: DeformedSurface,
-    morph: MorphPath,
+    morph: MorphParams,
     *,
     compact: bool = False,
     provenance: Mapping[str, Any] | None = None,

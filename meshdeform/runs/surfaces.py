@@ -31,7 +31,7 @@ from meshdeform.geometry.mesh import TriangleMesh, face_cross
 from meshdeform.geometry.weld import WeldedMesh, weld
 from meshdeform.rendering.studio import SurfaceState
 from meshdeform.requests.choices import BackdropMode
-from meshdeform.requests.document import OutputOptions, ResolvedParams
+from meshdeform.requests.document import OutputParams, ResolvedParams
 from meshdeform.requests.selection import find_excluded
 
 _Floats = NDArray[np.float64]
@@ -210,7 +210,7 @@ class Shown:
 
 
 def prepared(
-    asset: Asset, params: ResolvedParams, output: OutputOptions, limits: Limits | None
+    asset: Asset, params: ResolvedParams, output: OutputParams, limits: Limits | None
 ) -> tuple[Asset, Subdivision | None]:
     """Return the asset that a run deforms, and what was split if it is subdivided."""
     if params.exclude:
@@ -245,7 +245,7 @@ def subdivided(asset: Asset, limits: Limits | None) -> tuple[Asset, Subdivision]
     return asset.subdivided(min(MAX_TRIANGLES, (limits or Limits()).max_triangles))
 
 
-def shape_id(asset_sha256: str, asset: Asset, params: ResolvedParams, output: OutputOptions) -> str:
+def shape_id(asset_sha256: str, asset: Asset, params: ResolvedParams, output: OutputParams) -> str:
     """Return the id of the mesh that a run deforms; a checkpoint fits only its own."""
     done = ["subdivided"] if output.subdivide else []
     if asset.rig().joints:

@@ -23,7 +23,7 @@ from meshdeform.priors import check_model, configured_name, hidden_folders, publ
 from meshdeform.requests.choices import StartMode, is_builtin, is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
 from meshdeform.requests.groups import PLACES
-from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, Silhouette, active_prompts
+from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, ViewParams, active_prompts
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.runs.base import JobFile
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
@@ -250,7 +250,7 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
                 )
 
 
-def _same(one: Silhouette, other: Silhouette) -> bool:
+def _same(one: ViewParams, other: ViewParams) -> bool:
     apart = abs((one.azimuth - other.azimuth + 180.0) % 360.0 - 180.0)
     return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
 

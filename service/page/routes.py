@@ -21,7 +21,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
 
-from meshdeform.requests.document import DeformParams, GuidanceKind, OutputOptions
+from meshdeform.requests.document import DeformParams, GuidanceKind, OutputParams
 from meshdeform.requests.parameters import OF_OPTIMISER
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def _parameters() -> bytes:
     """
     schema = {
         **DeformParams.model_json_schema(),
-        "x-output": OutputOptions().model_dump(mode="json"),
+        "x-output": OutputParams().model_dump(mode="json"),
         "x-unused": {GuidanceKind.EXEMPLAR: sorted(_UNUSED_BY_EXEMPLARS)},
     }
     return json.dumps(schema).encode()

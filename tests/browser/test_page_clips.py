@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from meshdeform.requests.document import OutputOptions
+from meshdeform.requests.document import OutputParams
 from tests.acceptance.service import Service, until
 from tests.browser.steps import (
     barriers,
@@ -80,7 +80,7 @@ def test_clips_are_chosen_scrubbed_and_played_in_step(page: Page, service: Servi
 
 @pytest.mark.without_pictures
 def test_a_rig_follows_or_stays_as_it_was_chosen(page: Page, service: Service, waving: Path) -> None:
-    usual = OutputOptions().rig.value
+    usual = OutputParams().rig.value
     open_form(page)
     open_more(page)
     rig = page.get_by_label("Rig", exact=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from meshdeform.requests.document import DeformParams, OutputOptions
+from meshdeform.requests.document import DeformParams, OutputParams
 from tests.acceptance.service import Service
 from tests.browser.conftest import Watch
 from tests.browser.steps import badge, choose, expect, open_form, open_more
@@ -33,7 +33,7 @@ PROBLEM = {"status": 422, "code": "invalid_request", "title": "Invalid request",
 
 def names() -> set[str]:
     """The names of parameters that are no words."""
-    schemas = [DeformParams.model_json_schema(), OutputOptions.model_json_schema()]
+    schemas = [DeformParams.model_json_schema(), OutputParams.model_json_schema()]
     parts = [part for schema in schemas for part in [schema, *schema.get("$defs", {}).values()]]
     return {name for part in parts for name in part.get("properties", {}) if "_" in name}
 

@@ -17,7 +17,7 @@ from meshdeform.assets.limits import Limits
 from meshdeform.children.asking import run_child
 from meshdeform.client import Client
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.requests.document import MorphPath, OutputOptions
+from meshdeform.requests.document import MorphParams, OutputParams
 from meshdeform.runs import derive
 from meshdeform.runs.base import FORMATS_OF_RESULT
 from meshdeform.runs.derive import DerivedInput
@@ -73,7 +73,7 @@ def test_a_morph_is_made_once_and_is_that_of_a_run(
     assert api.http.get(url, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
     asset = source()
     path = AssetPath(asset, load_asset(stretched).surface.positions)
-    assert answer.content == write_morph(asset, path, path.at(1), MorphPath(), compact=True, provenance=ORIGIN)
+    assert answer.content == write_morph(asset, path, path.at(1), MorphParams(), compact=True, provenance=ORIGIN)
     document = json.loads(answer.content[20 : 20 + int.from_bytes(answer.content[12:16], "little")])
     assert [animation["name"] for animation in document["animations"]] == ["deform"]
     shown = load_asset(answer.content).surface.positions  # at rest, as viewers show it
@@ -194,7 +194,7 @@ def test_a_child_that_exceeds_its_limits_is_an_error(
     paths = tmp_path / "source", tmp_path / "result", tmp_path / "target"
     for path in paths[:2]:
         path.write_bytes(source().to_bytes())
-    given = derive.DerivedInput(paths[0], paths[1], "ball.glb", OutputOptions())
+    given = derive.DerivedInput(paths[0], paths[1], "ball.glb", OutputParams())
     with pytest.raises(derive.AssetTooLargeError, match="could not be made"):
         derive.derive("morph.glb", given, paths[2], derive.Limits(**arguments))
     assert not paths[2].exists()

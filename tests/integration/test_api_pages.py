@@ -15,7 +15,7 @@ import httpx
 import pytest
 
 from meshdeform.requests.declaration import FORM
-from meshdeform.requests.document import DeformParams, OutputOptions, Safeguard
+from meshdeform.requests.document import DeformParams, OutputParams, Safeguard
 from meshdeform.requests.parameters import OF_OPTIMISER
 from meshdeform.settings import Settings
 from service.page.routes import PAGE_HEADERS
@@ -86,10 +86,10 @@ def test_the_page_learns_the_parameters_from_their_declaration(http: httpx.Clien
     assert answer.headers["content-security-policy"] == PAGE_HEADERS["Content-Security-Policy"]
     assert answer.headers["content-encoding"] == "gzip"
     schema = answer.json()
-    assert schema.pop("x-output") == OutputOptions().model_dump(mode="json")
+    assert schema.pop("x-output") == OutputParams().model_dump(mode="json")
     assert set(schema.pop("x-unused")["exemplar"]) == {*OF_OPTIMISER, "preset"}
     assert schema == DeformParams.model_json_schema()
-    groups = [schema, schema["$defs"]["PromptGuidance"], schema["$defs"]["ExemplarGuidance"]]
+    groups = [schema, schema["$defs"]["PromptGuidanceParams"], schema["$defs"]["ExemplarGuidanceParams"]]
     forms = {name: it[FORM] for group in groups for name, it in group["properties"].items() if FORM in it}
     assert {"steps", "learning_rate", "safeguard", "negative_prompt", "strength"} <= set(forms)
     assert all({"label", "help"} <= set(form) for form in forms.values())

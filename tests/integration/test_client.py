@@ -27,7 +27,7 @@ from meshdeform.errors import (
     VocabularyError,
 )
 from meshdeform.record.models import JobError, JobState, Progress
-from meshdeform.requests.document import DeformParams, OutputOptions
+from meshdeform.requests.document import DeformParams, OutputParams
 from tests.claims import claim_job
 from tests.client_flavors import both_clients, opened
 from tests.integration.conftest import DEADLINE_S, Api, new_job, stored_result
@@ -69,7 +69,7 @@ def answering(*answers: Any, max_retries: int = 0) -> Client:
 @both_clients
 def test_from_a_file_to_a_file(api: Api, client: Client, sphere: Path, tmp_path: Path) -> None:
     params = DeformParams.model_validate({"preset": "preview", "seed": 7, "guidance": {"kind": "sds"}})
-    job = client.submit(sphere, "a mushroom", params=params, output=OutputOptions(morph=True), metadata={"a": "b"})
+    job = client.submit(sphere, "a mushroom", params=params, output=OutputParams(morph=True), metadata={"a": "b"})
     assert (job.state, job.prompt, job.asset.filename) == (JobState.QUEUED, "a mushroom", "sphere.glb")
     assert job.params == params
     assert job.params.model_fields_set == {"preset", "seed", "guidance"}

@@ -62,7 +62,7 @@ def test_loading_the_nodes_loads_neither_torch_nor_comfyui() -> None:
 
 def test_a_new_node_of_parameters_has_those_of_the_page_and_asks_for_nothing(repository: Path) -> None:
     api = json.loads((repository / "openapi/openapi.json").read_text())
-    schemas = (api["components"]["schemas"][name] for name in ("DeformParams", "PromptGuidance", "Control"))
+    schemas = (api["components"]["schemas"][name] for name in ("DeformParams", "PromptGuidanceParams", "ControlParams"))
     declared = {name: member for schema in schemas for name, member in schema["properties"].items()}
     widgets = kinds["MeshdeformParameters"].INPUT_TYPES()["required"]
     assert list(widgets) == [*(name for name, member in declared.items() if "x-form" in member), "more"]

@@ -17,7 +17,7 @@ MAX_LEVEL = 4
 RETIRED = {"surface_fit": frozenset({"batch_faces", "learning_rate", "normal_weight"})}
 
 
-class Anchor(StrictModel):
+class AnchorParams(StrictModel):
     """A place of the base that comes to lie at a place of the surface."""
 
     base: Point = Field(description="A point near the base.", examples=[[1.0, 0.0, 0.0]])
@@ -56,7 +56,7 @@ class SurfaceFitParams(StrictModel):
         "before.",
         examples=[2],
     )
-    anchors: list[Anchor] = Field(
+    anchors: list[AnchorParams] = Field(
         default_factory=list,
         max_length=MAX_ANCHORS,
         description="Pairs of points that the fit brings together, for a base of its own (the file `base`), which may "

@@ -18,7 +18,7 @@ from meshdeform.client.events import Parser, ServerEvent
 from meshdeform.client.retries import Policy
 from meshdeform.errors import MeshdeformError, UnavailableError
 from meshdeform.record.models import EventType, JobState
-from meshdeform.requests.document import DeformParams, OutputOptions
+from meshdeform.requests.document import DeformParams, OutputParams
 from tests.cases import each_case
 from tests.unit.client.worlds import World, answer
 
@@ -63,7 +63,7 @@ def event(seq: int, kind: str = "progress", **more: Any) -> bytes:
 def test_a_known_job_is_of_the_known_classes_and_what_is_new_is_kept() -> None:
     job = read(JobView, JOB, "u")
     assert type(job.params) is DeformParams
-    assert type(job.output) is OutputOptions
+    assert type(job.output) is OutputParams
     assert job.state is JobState.QUEUED
     assert job.params.model_fields_set == {"preset", "seed"}
     job = read(JobView, FUTURE, "u")

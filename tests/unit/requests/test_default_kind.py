@@ -15,18 +15,18 @@ from meshdeform.requests.parameters import (
     GUIDANCES,
     TARGET_PARTS,
     CommonParams,
-    Control,
-    ExemplarGuidance,
-    PromptGuidance,
-    TargetGuidance,
+    ControlParams,
+    ExemplarGuidanceParams,
+    PromptGuidanceParams,
+    TargetGuidanceParams,
 )
 from meshdeform.runs import check_request
 from meshdeform.settings import Settings
 from tests.cases import each_case
 
 PROMPT = "a giraffe"
-OF_FITS = ExemplarGuidance.model_fields.keys() - {"kind"}
-OF_MODELS = PromptGuidance.model_fields.keys() - ExemplarGuidance.model_fields.keys()
+OF_FITS = ExemplarGuidanceParams.model_fields.keys() - {"kind"}
+OF_MODELS = PromptGuidanceParams.model_fields.keys() - ExemplarGuidanceParams.model_fields.keys()
 
 
 def example(model: Any, name: str) -> Any:
@@ -58,7 +58,7 @@ def test_a_prompt_alone_is_a_shape_and_the_request_says_so() -> None:
 
 @each_case("name", sorted(OF_MODELS))
 def test_what_only_a_model_has_means_sds(name: str) -> None:
-    value = example(PromptGuidance, name)
+    value = example(PromptGuidanceParams, name)
     request = decided({"guidance": {name: value}})
     assert request.params.guidance.model_dump(mode="json") == {"kind": "sds", name: value}
 
@@ -74,12 +74,12 @@ def test_what_only_the_optimiser_has_means_sds(name: str) -> None:
     assert kind(params, "", ["target"]) == "target"
 
 
-@each_case("name", sorted(OF_FITS | Control.model_fields.keys()))
+@each_case("name", sorted(OF_FITS | ControlParams.model_fields.keys()))
 def test_what_fits_have_is_left_to_them(name: str) -> None:
-    group = {name: example(ExemplarGuidance if name in OF_FITS else Control, name)}
+    group = {name: example(ExemplarGuidanceParams if name in OF_FITS else ControlParams, name)}
     params = {"guidance" if name in OF_FITS else "control": group}
     assert kind(params) == "exemplar"
-    elsewhere = name in PromptGuidance.model_fields or name in Control.model_fields
+    elsewhere = name in PromptGuidanceParams.model_fields or name in ControlParams.model_fields
     # A model that the operator has named is used wherever it can be.
     assert kind(params, model="some/checkpoint") == ("sds" if elsewhere else "exemplar")
 
@@ -152,5 +152,5 @@ def test_a_branch_has_the_kind_of_its_job_as_far_as_it_can(
 
 
 def test_options_of_a_target_are_those_of_its_kind() -> None:
-    for name in TargetGuidance.model_fields.keys() - {"kind"}:
-        assert kind({"guidance": {name: example(TargetGuidance, name)}}, "", ["target"]) == "target"
+    for name in TargetGuidanceParams.model_fields.keys() - {"kind"}:
+        assert kind({"guidance": {name: example(TargetGuidanceParams, name)}}, "", ["target"]) == "target"

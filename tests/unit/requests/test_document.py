@@ -21,7 +21,7 @@ from meshdeform.requests.document import (
 )
 from meshdeform.requests.groups import PLACES, elsewhere, grouped, plain_place, without_unused
 from meshdeform.requests.kind_folders import merged
-from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET, GUIDANCES, CommonParams, Control
+from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET, GUIDANCES, CommonParams, ControlParams
 from meshdeform.runs import kinds
 from tests.cases import each_case
 
@@ -126,7 +126,7 @@ def test_null_means_left_out_where_the_preset_decides_and_nowhere_else() -> None
 
 def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
     for mode in ("validation", "serialization"):
-        for model in (CommonParams, Control, *GUIDANCES.values()):
+        for model in (CommonParams, ControlParams, *GUIDANCES.values()):
             for name, member in model.model_json_schema(mode=mode)["properties"].items():
                 assert ("default" in member) == (name not in FROM_PRESET) or name == "kind", name
                 if name in FROM_PRESET:
@@ -170,7 +170,7 @@ def examples(model: type[BaseModel]) -> list[dict[str, Any]]:
 def test_what_the_door_takes_is_read_as_at_the_door() -> None:
     assert [kind.params for kind in kinds()] == list(PARAMS_OF_KIND.values())
     seen = 0
-    for model in (*PARAMS_OF_KIND.values(), *GUIDANCES.values(), Control, JobRequest):
+    for model in (*PARAMS_OF_KIND.values(), *GUIDANCES.values(), ControlParams, JobRequest):
         for document in examples(model):
             read, taken = read_unbounded(model, document), model.model_validate(document)
             assert read == taken
@@ -259,3 +259,22 @@ def test_requests_are_stripped_and_bounded(bad: dict[str, Any]) -> None:
     assert JobRequest(prompt="  a vase ").prompt == "a vase"
     with pytest.raises(ValidationError):
         JobRequest.model_validate(bad)
+
+
+def test_the_classes_of_a_request_end_in_params() -> None:
+    """A request of a user and what a run makes of it, `HandleParams` and `Handles`, are told apart by their names."""
+    requested: set[type[BaseModel]] = set()
+
+    def visit(annotation: Any) -> None:
+        for each in get_args(annotation):
+            visit(each)
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel) and annotation not in requested:
+            requested.add(annotation)
+            for field in annotation.model_fields.values():
+                visit(field.annotation)
+
+    for params in (*PARAMS_OF_KIND.values(), JobRequest):
+        visit(params)
+    requested.discard(JobRequest)
+    assert len(requested) > 20
+    assert [each.__name__ for each in requested if not each.__name__.endswith("Params")] == []

@@ -15,7 +15,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.requests.selection import Selection, check_selections
+from meshdeform.requests.selection import SelectionParams, check_selections
 from meshdeform.runs.control import AssetControl, WeldedSurface, read_control
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
@@ -49,7 +49,7 @@ SURFACE = WeldedSurface(ASSET, weld(ASSET.surface.positions, ASSET.surface.trian
 
 
 def selected(**where: Any) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    return SURFACE.faces("regions", 0, Selection.model_validate(where))
+    return SURFACE.faces("regions", 0, SelectionParams.model_validate(where))
 
 
 def corners_where(flags: Any) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -103,10 +103,14 @@ def test_names_are_checked_without_the_geometry() -> None:
     summary = ASSET.summary
     lists = {name: getattr(summary, name) for name in ("nodes", "mesh_names", "materials", "joints")}
     assert [item["name"] for item in summary.joints] == ["Root", "Arm"]
-    check_selections("regions", [Selection(node="Body"), Selection(joint={"name": "Arm"}), Selection(faces=[9])], lists)
+    check_selections(
+        "regions",
+        [SelectionParams(node="Body"), SelectionParams(joint={"name": "Arm"}), SelectionParams(faces=[9])],
+        lists,
+    )
     with pytest.raises(ParameterError, match="no mesh named"):
-        check_selections("regions", [Selection(mesh="tors")], lists)
-    check_selections("regions", [Selection(mesh="tors")], {})
+        check_selections("regions", [SelectionParams(mesh="tors")], lists)
+    check_selections("regions", [SelectionParams(mesh="tors")], {})
 
 
 def controlled(asset: Asset = ASSET, **params: Any) -> AssetControl:

@@ -10,7 +10,7 @@ import pytest
 from meshdeform.assets import Limits, build_glb
 from meshdeform.errors import AssetTooLargeError
 from meshdeform.geometry.shapes import icosphere
-from meshdeform.requests.document import DeformParams, OutputOptions, resolve
+from meshdeform.requests.document import DeformParams, OutputParams, resolve
 from meshdeform.runs import opened as module
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.opened import opened
@@ -20,7 +20,7 @@ from tests.unit.plain.test_change import two_nodes
 BALL = icosphere(2)
 FILE = InputFile(build_glb(BALL.verts, BALL.faces), "a.glb")
 PARAMS = resolve(DeformParams())
-PLAIN = OutputOptions()
+PLAIN = OutputParams()
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,7 @@ from meshdeform.geometry.weld import weld
 from meshdeform.requests.choices import Rigidity
 from meshdeform.requests.document import DeformParams, resolve
 from meshdeform.requests.groups import grouped
-from meshdeform.requests.selection import RigidSelector
+from meshdeform.requests.selection import RigidParams
 from meshdeform.runs.control import WeldedSurface, inspect_parts, select_bodies
 from tests.unit.assets.builders import Builder
 from tests.unit.deformation.worlds import moved
@@ -45,7 +45,7 @@ SURFACE = WeldedSurface(ASSET, WELDED)
 
 def select(*selectors: dict[str, object]) -> list[tuple[int, Rigidity]]:
     """Return the size and the mode of each body that the selectors give."""
-    found = select_bodies([RigidSelector.model_validate(item) for item in selectors], SURFACE)
+    found = select_bodies([RigidParams.model_validate(item) for item in selectors], SURFACE)
     return sorted((len(body.verts), body.mode) for body in found)
 
 
@@ -74,7 +74,7 @@ def test_a_whole_rigid_asset_and_rigid_parts_of_a_surface_are_refused() -> None:
     asset = load_asset(alone.glb())
     welded = weld(asset.surface.positions, asset.surface.triangles)
     with pytest.raises(ParameterError, match="nothing is left"):
-        select_bodies([RigidSelector(node="all")], WeldedSurface(asset, welded))
+        select_bodies([RigidParams(node="all")], WeldedSurface(asset, welded))
     for params in ({"preset": "paper"}, {"carrier": "surface"}):
         with pytest.raises(ParameterError, match="need the lattice"):
             resolve(DeformParams.model_validate(grouped({**params, "rigid": [{"component": 0}]})))

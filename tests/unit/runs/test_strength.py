@@ -12,7 +12,7 @@ from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.requests.choices import Easing
-from meshdeform.requests.document import MorphPath
+from meshdeform.requests.document import MorphParams
 from meshdeform.runs.strength import AssetPath, edit_of, with_edit, with_strength, write_morph
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder, unpack
@@ -89,7 +89,7 @@ def test_another_asset_and_a_strength_out_of_range_are_refused() -> None:
 def test_a_morph_goes_through_the_shapes_of_the_path() -> None:
     source, result = made()
     path = AssetPath(source, load_asset(result).surface.positions)
-    way = MorphPath(frames=4, easing=Easing.SMOOTH, ping_pong=True, seconds=2.0)
+    way = MorphParams(frames=4, easing=Easing.SMOOTH, ping_pong=True, seconds=2.0)
     root, binary, _ = unpack(write_morph(source, path, path.at(1), way))
     mesh = root["meshes"][0]
     assert mesh["extras"]["targetNames"] == ["deform 1/4", "deform 2/4", "deform 3/4", "deform"]

@@ -62,7 +62,15 @@ def test_every_parameter_has_a_description_bounds_and_an_example(document: dict[
 
 @each_case(
     "schema",
-    ["JobDocument", "BranchDocument", "DeformParams", "PromptGuidance", "TargetGuidance", "Control", "OutputOptions"],
+    [
+        "JobDocument",
+        "BranchDocument",
+        "DeformParams",
+        "PromptGuidanceParams",
+        "TargetGuidanceParams",
+        "ControlParams",
+        "OutputParams",
+    ],
 )
 def test_every_member_of_a_request_has_a_description_a_default_and_an_example(
     schema: str, document: dict[str, Any]
