@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
+import psutil
 import pytest
 
 from meshdeform.record.models import JobState
@@ -184,13 +185,13 @@ def test_a_worker_that_wakes_up_after_its_lease_writes_nothing(cluster: Cluster)
     sleeper = cluster.start_worker("sleeper", MESHDEFORM_STEP_TIMEOUT_S="600")
     job_id = cluster.submit(300, every=SELDOM)
     cluster.at_step(job_id, 30)
-    asleep = sleeper.child()
-    cluster.put_to_sleep(asleep)
-    sleeper.send(signal.SIGSTOP)
+    asleep = [sleeper.child(), psutil.Process(sleeper.pid)]
+    for process in asleep:
+        cluster.put_to_sleep(process)
     cluster.start_worker("other")
     cluster.when(job_id, "the second attempt", lambda job: job.attempt == 2)
-    asleep.send_signal(signal.SIGCONT)
-    sleeper.send(signal.SIGCONT)
+    for process in asleep:
+        process.send_signal(signal.SIGCONT)
     job = cluster.check(job_id, steps=300)
     assert job.attempt == 2
     until("the sleeper noticed", lambda: "lost its lease" in sleeper.log)

@@ -20,12 +20,14 @@ def test_jobs_run_while_redis_refuses(tmp_path: Path, subtests: pytest.Subtests)
         cluster.check(cluster.submit())
         process = worker.child()
         for way in ("full", "a replica of nobody", HALF_SHUT):
-            heard = worker.log.count("Redis is back")
+            lost, heard = (worker.log.count(f"Redis is {state}") for state in ("away", "back"))
             with subtests.test(way), shut_redis(cluster.redis.url, way) as reopen:
                 assert cluster.http.get("/readyz").status_code == (200 if way == HALF_SHUT else 503)
                 posted = cluster.post()
                 assert posted.status_code == 202, posted.text
                 cluster.check(posted.json()["id"])
+                # Its wait for a message may outlast all of the above.
+                until("it is missed", lambda lost=lost: worker.log.count("Redis is away") > lost)
                 reopen()
                 until("it is heard again", lambda heard=heard: worker.log.count("Redis is back") > heard)
                 assert cluster.http.get("/readyz").status_code == 200
