@@ -32,6 +32,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.alike import LIMBS
+from meshdeform.exemplar.smooth_fit import in_ratio
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.affine_systems import (
     MH,
@@ -64,7 +65,7 @@ _MIRROR, _IMAGE = 0.3, 0.03
 _BESIDE, _BESIDE_FREE = 0.1, 0.6
 _STRAIGHT, _UPRIGHT_DEG = 3.0, 25.0
 _SHRUNK, _SHRUNK_WEIGHT = 0.35, 0.05
-_GROUND, _ON_GROUND = 2.0, 0.02
+_GROUND, _ON_GROUND, _NEAR = 2.0, 0.02, 0.04
 _BOX, _LENGTHS, _WIDTHS = (0.3, 3.5), (0.3, 4.0), (0.4, 2.5)
 _LONG, _NOT_BACK = 1.5, -0.3
 _SHRINKING = frozenset(("tail", "horn", "ear", "feeler", "trunk", "tusk", "wing", "fin", "leg", "foot", "spike"))
@@ -295,8 +296,8 @@ class _Articulated:
         """Move the maps by one round."""
         share = number / (_ROUNDS - 1)
         system = AffineSystem(len(self.names))
-        self._add_pairs(system, _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share)
-        self._add_goals(system, _STIFFNESS[0] * (_STIFFNESS[1] / _STIFFNESS[0]) ** share, number)
+        self._add_pairs(system, in_ratio(_LIMITS, share))
+        self._add_goals(system, in_ratio(_STIFFNESS, share), number)
         self._add_ground(system)
         system.matrix += self.fixed
         self.maps = system.solve(1e-8)
@@ -385,7 +386,7 @@ def _extent(places: Floats, axis: Floats) -> tuple[float, float]:
     return float(high - low), float(np.sqrt(max(np.square(apart).sum(1).mean() - np.square(along).mean(), 1e-6)))
 
 
-def touching(cloud: Cloud, count: int, borders: dict[tuple[int, int], Floats], near: float = 0.04) -> list[Tie]:
+def touching(cloud: Cloud, count: int, borders: dict[tuple[int, int], Floats]) -> list[Tie]:
     """Return the ties of pieces: by the places (P, 3) of borders that they share, else by samples that are near."""
     ties = []
     trees = {k: cKDTree(cloud.places[cloud.own == k]) for k in range(count) if (cloud.own == k).any()}
@@ -396,7 +397,7 @@ def touching(cloud: Cloud, count: int, borders: dict[tuple[int, int], Floats], n
                 if i not in trees or j not in trees:
                     continue
                 away, nearest = trees[j].query(trees[i].data)
-                if away.min() >= near:
+                if away.min() >= _NEAR:
                     continue
                 close = away <= away.min() * 1.2 + 0.01
                 places = (trees[i].data[close] + trees[j].data[nearest[close]]) / 2

@@ -19,7 +19,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.affine_maps import AffineMaps
-from meshdeform.exemplar.pieces import face_areas
+from meshdeform.geometry.mesh import edges_of, face_areas
 from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Flags, Floats, Index, solids_of
 from meshdeform.reading.samples import spread
@@ -121,7 +121,7 @@ def _shares(verts: Floats, faces: Index, of_face: Index, count: int) -> Floats:
 
 def _graph(verts: Floats, faces: Index, loose: Flags) -> sparse.csr_matrix:
     """Return the symmetric weights (V, V) between neighbours."""
-    edges = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1), axis=0)
+    edges = edges_of(faces).edges
     edges = edges[edges[:, 0] != edges[:, 1]]
     length = np.maximum(np.linalg.norm(verts[edges[:, 0]] - verts[edges[:, 1]], axis=1), _LEAST_EDGE)
     weight = np.square(_LENGTH / length)

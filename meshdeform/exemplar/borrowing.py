@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.exemplar.alike import grows_from
-from meshdeform.exemplar.pieces import face_areas
 from meshdeform.exemplar.shapes import Shape
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.families import Part
 from meshdeform.nouns.labels import Floats, Index, solids_of
 from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES

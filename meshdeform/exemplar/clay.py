@@ -13,8 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from meshdeform.exemplar.outer_surface import OuterSurface, outer_surface
@@ -22,6 +20,7 @@ from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.spherical import sphere_map
 from meshdeform.exemplar.unfolding import unfolded
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import connected_components, edges_of, face_areas, face_cross
 from meshdeform.nouns.labels import Floats, Index
 
 __all__ = ["Mould", "is_clay", "mould_of", "moulded"]
@@ -69,18 +68,14 @@ class Mould:
 def is_clay(source: Shape) -> bool:
     """Return whether a surface is one lump without parts: closed, and nearly its convex hull."""
     verts, faces, _ = _welded(source.verts, source.faces)
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    if len(faces) < 4 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
-        return False
-    graph = sparse.csr_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(len(verts),) * 2)
-    if csgraph.connected_components(graph, directed=False)[0] > 1:
+    if len(faces) < 4 or (edges_of(faces).counts != 2).any() or connected_components(faces, len(verts)).any():
         return False
     try:
         hull = ConvexHull(verts)
     except QhullError:
         return False
     a, b, c = verts[faces].transpose(1, 0, 2)
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+    area = float(face_areas(verts, faces).sum())
     volume = float((a * np.cross(b, c)).sum()) / 6
     return abs(area / float(hull.area) - 1) < _HULL_AREA and volume > _HULL_VOLUME * float(hull.volume)
 
@@ -117,8 +112,7 @@ def mould_of(verts: Floats, faces: Index) -> Mould:
 def _turn(surface: OuterSurface, origin: Index, directions: Floats, faces: Index) -> Floats:
     """Return the rotation (3, 3) that takes directions nearest to the places; about x where there is a mirror."""
     places = surface.verts[origin]
-    a, b, c = places[faces].transpose(1, 0, 2)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas = np.linalg.norm(face_cross(places, faces), axis=1)
     share = np.bincount(faces.ravel(), np.repeat(areas / (3 * areas.sum()), 3), len(places))
     from_middle = places - share @ places
     spread = (from_middle * share[:, None]).T @ (directions - share @ directions)

@@ -30,10 +30,11 @@ from meshdeform.exemplar.clay import is_clay, moulded
 from meshdeform.exemplar.distances import between, stretch
 from meshdeform.exemplar.known import known_source
 from meshdeform.exemplar.mending import Mended, mended
-from meshdeform.exemplar.pieces import Matching, face_areas
+from meshdeform.exemplar.pieces import Matching
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
 from meshdeform.exemplar.symmetry import is_even
 from meshdeform.exemplar.targets import fitted_to_target
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
@@ -165,15 +166,10 @@ class ExemplarFit:
             return [Exemplar(self._wish.targets[nearest], away[nearest], away[nearest], {"target": nearest})]
         wish = self._wish
         if wish.borrowed and wish.noun == self.source.noun and not wish.attributes:
-            chosen = [Exemplar(self._standing_shape(), 0.0, 0.0, {"noun": wish.noun, "form": "the asset itself"})]
+            chosen = [Exemplar(self._known.compared.shape, 0.0, 0.0, {"noun": wish.noun, "form": "the asset itself"})]
         else:
             chosen = exemplars(self.source, wish, _TRIED, cache=self._cache, compared=self._known.compared)
         return [self._borrowing(one) for one in chosen]
-
-    def _standing_shape(self) -> Shape:
-        """Return the asset without the ground that it stands on."""
-        standing = self.source.labels != GROUND
-        return Shape(self.source.noun, self.source.verts, self.source.faces[standing], self.source.labels[standing])
 
     def _borrowing(self, exemplar: Exemplar) -> Exemplar:
         """Return an exemplar with the parts of other nouns that are wished."""

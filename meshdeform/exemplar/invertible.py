@@ -21,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import resampled, spread
 
@@ -65,12 +66,11 @@ def invertible_stages(rest: Floats, goal: Floats, faces: Index, start: Floats) -
 
     `rest` (V, 3): the surface at rest, with faces (F, 3). Without an area it has no stages.
     """
-    corners = rest[faces]
-    if not np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any():
+    if not face_cross(rest, faces).any():
         return []
     samples = spread(rest, faces, _SAMPLES, 5)
     own, goals = (resampled(verts, faces, samples.faces, samples.shares).places for verts in (start, goal))
-    diagonal = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    diagonal = float(np.linalg.norm(np.ptp(rest[np.unique(faces)], axis=0)))
     places, stages = start, []
     for width in _WIDTHS * diagonal:
         residuals = goals - own

@@ -27,7 +27,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.smooth_fit import CodedSurface, PullRows, smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, PullRows, in_ratio, smooth_fit
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
@@ -52,33 +52,18 @@ class Outline:
 
     `right`, `up` (3,): unit directions in the picture. `points` (N, 2): its contour, rightward and upward in the unit
     of the frame, from its centre of area; `normals` (N, 2): outward. `distance`: of the camera from the origin, at
-    which it looks; infinite for parallel rays.
+    which it looks.
     """
 
     right: Floats
     up: Floats
     points: Floats
     normals: Floats
-    distance: float = math.inf
-
-    @classmethod
-    def seen(
-        cls,
-        azimuth_deg: float,
-        elevation_deg: float,
-        points: Floats,
-        normals: Floats,
-        distance: float = math.inf,
-    ) -> Outline:
-        """Return the outline seen from an azimuth, 0 from +Z and 90 from +X, and an elevation."""
-        view = SilhouetteView(np.zeros((0, 0), bool), azimuth_deg, elevation_deg)
-        return cls(view.right, view.up, points, normals, distance)
+    distance: float
 
     def seen_at(self, places: Floats) -> tuple[Floats, Floats]:
         """Return where in the picture places (P, 3) are seen, (P, 2), and how much larger than at the origin, (P,)."""
         flat = np.column_stack([places @ self.right, places @ self.up])
-        if math.isinf(self.distance):
-            return flat, np.ones(len(places))
         depth = places @ np.cross(self.right, self.up)
         larger = self.distance / np.maximum(self.distance - depth, 0.1 * self.distance)
         return flat * larger[:, None], larger
@@ -121,15 +106,13 @@ def outlines_of(views: Sequence[SilhouetteView], verts: Floats, faces: Index, tu
     return found
 
 
-def outlined(
-    verts: Floats, faces: Index, outlines: Sequence[Outline], *, planes: Collection[int] = (), built: bool = False
-) -> Floats:
+def outlined(verts: Floats, faces: Index, outlines: Sequence[Outline], *, planes: Collection[int] = ()) -> Floats:
     """Return the vertices (V, 3) of a surface that takes on outlines, and is else bent and stretched little.
 
-    `planes`, `built`: as of `smooth_fit`.
+    `planes`: as of `smooth_fit`.
     """
     surface, pulls = CodedSurface.alike(verts, faces), [Outlines(verts, faces, outlines)]
-    return smooth_fit(surface, CodedSurface.nothing(), planes=planes, built=built, pulls=pulls)
+    return smooth_fit(surface, CodedSurface.nothing(), planes=planes, pulls=pulls)
 
 
 def _distance(view: SilhouetteView, reach: float) -> float:
@@ -203,7 +186,7 @@ class Outlines:
     def rows(self, moved: Callable[[Floats], Floats], share: float) -> PullRows:
         """Return the rows of a round."""
         now = moved(self._places)
-        limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share * self._diagonal
+        limit = in_ratio(_LIMITS, share) * self._diagonal
         found = [self._pulled(outline, now, limit) for outline in self._outlines]
         return PullRows(*(np.concatenate(each) for each in zip(*found, strict=True)))
 

@@ -26,8 +26,8 @@ import numpy as np
 from meshdeform.exemplar.choosing import Exemplar, exemplars, nearest_of
 from meshdeform.exemplar.clay import is_clay
 from meshdeform.exemplar.kinds import is_living, is_turned
-from meshdeform.exemplar.pieces import face_areas
 from meshdeform.exemplar.shapes import Shape, Wish
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats
 from meshdeform.reading.result import GROUND
 from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, nearest

@@ -13,19 +13,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.alike import MANY, TWO_SIDED, grows_from, large_parts, made_alike
 from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.exemplar.shapes import Shape
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.reading.cells import connected, neighbouring_faces
 from meshdeform.reading.result import NO_PART
 from meshdeform.reading.samples import spread
 from meshdeform.vocabulary.solids import PART_NAMES, usual_parts_of
 
-__all__ = ["Matching", "Pieces", "face_areas", "matched", "pieces_of"]
+__all__ = ["Matching", "Pieces", "matched", "pieces_of"]
 
 _SAMPLES, _TOUCHING = 4000, 0.015
 _MIDDLE = 0.15
@@ -79,12 +79,6 @@ class Matching:
     grows: Flags
 
 
-def face_areas(verts: Floats, faces: Index) -> Floats:
-    """Return the area (F,) of each face."""
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-
-
 def pieces_of(shape: Shape, names: Mapping[str, str]) -> Pieces:
     """Divide a shape into pieces; `names` tells what each of its parts is called."""
     known = [PART_NAMES.index(part) for part in names]
@@ -96,7 +90,7 @@ def pieces_of(shape: Shape, names: Mapping[str, str]) -> Pieces:
     centres = shape.verts[shape.faces].mean(1)
     own_names: list[str] = []
     of_face = np.full(len(shape.faces), -1, np.int64)
-    links = neighbours(shape.faces, len(shape.verts))
+    links = neighbouring_faces(shape.faces, len(shape.verts))[0]
     touching = _touching(shape)
     for number, name in enumerate(called):
         rows = np.flatnonzero(of_name == number)
@@ -108,16 +102,6 @@ def pieces_of(shape: Shape, names: Mapping[str, str]) -> Pieces:
         of_face[rows] = len(own_names) + own
         own_names += [name] * (int(own.max()) + 1)
     return Pieces(tuple(own_names), of_face)
-
-
-def neighbours(faces: Index, verts: int) -> Index:
-    """Return the pairs (E, 2) of faces that share an edge; of more than two on one edge, each and the next."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
-    owner = np.tile(np.arange(len(faces)), 3)
-    key = edges[:, 0] * verts + edges[:, 1]
-    order = np.argsort(key, kind="stable")
-    same = np.flatnonzero(np.diff(key[order]) == 0)
-    return np.stack([owner[order[same]], owner[order[same + 1]]], 1)
 
 
 def _touching(shape: Shape) -> Index:
@@ -135,23 +119,18 @@ def _instances(rows: Index, links: Index, touching: Index, centres: Floats, area
     along = along[(along >= 0).all(1)]
     x = centres[rows, 0]
     if two_sided:
-        own = _components(len(rows), along)
+        own = connected(len(rows), along)
         half = _halved(own, x, areas[rows])
         along = along[~half[along[:, 0]] | (np.sign(x[along[:, 0]]) == np.sign(x[along[:, 1]]))]
-    own = _components(len(rows), along)
+    own = connected(len(rows), along)
     near = place[touching]
     near = near[(near >= 0).all(1)]
     side = _sides(own, x, areas[rows])
     near = near[side[own[near[:, 0]]] * side[own[near[:, 1]]] >= 0] if two_sided else near
-    own = _components(len(rows), np.concatenate([along, near]))
+    own = connected(len(rows), np.concatenate([along, near]))
     if own.max() > _MOST:
         return np.zeros(len(rows), np.int64)
     return _without_crumbs(own, centres[rows], areas[rows])
-
-
-def _components(count: int, pairs: Index) -> Index:
-    graph = sparse.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
 
 
 def _halved(own: Index, x: Floats, areas: Floats) -> Flags:
@@ -233,7 +212,7 @@ def _legs_as_one(source: Shape, own: Pieces, other: Pieces) -> tuple[Pieces, Pie
     mine, others = own.named("leg"), other.named("leg")
     if not mine or not others:
         return own, other
-    pairs = own.of_face[neighbours(source.faces, len(source.verts))]
+    pairs = own.of_face[neighbouring_faces(source.faces, len(source.verts))[0]]
     joined = (np.isin(pairs, mine).all(1) & (pairs[:, 0] != pairs[:, 1])).any()
     if len(mine) == len(others) and not joined:
         return own, other

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.exemplar.affine_maps import rotation_between
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
 from meshdeform.nouns.limbs import LIMBS, NO_LIMB, SEVERAL, kind_of, limb_codes
 
@@ -161,9 +162,8 @@ def _evened(posture: Posture) -> Posture:
 
 def _posture_of(member: LabelledMember, codes: Index, used: Index) -> Posture:
     """Return the posture of a member, with a row for each of its limbs."""
-    corners = member.verts[member.faces]
-    centres = corners.mean(1)
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    centres = member.verts[member.faces].mean(1)
+    areas = np.linalg.norm(face_cross(member.verts, member.faces), axis=1)
     kinds = np.asarray(kind_of(used), np.int64)
     middles, axes, slender = np.zeros((len(used), 3)), np.zeros((len(used), 3)), np.ones(len(used))
     for number, code in enumerate(used):

@@ -81,8 +81,8 @@ class _Region:
     weights: Floats
 
 
-def mended_by_regions(base: Found, faults: Faults, around: Surroundings, share: float) -> Found | None:
-    """Return a shape of which at most a share of the faces newly cuts and none is folded; None if it would be another.
+def mended_by_regions(base: Found, faults: Faults, around: Surroundings) -> Found | None:
+    """Return a shape without folds of which few faces newly cut (`Found.is_clean`); None if it would be another.
 
     `base`: the shape to mend.
     """
@@ -91,11 +91,11 @@ def mended_by_regions(base: Found, faults: Faults, around: Surroundings, share: 
     regions: list[_Region] = []
     found = base
     for _ in range(_ROUNDS):
-        if found.clean(share):
+        if found.is_clean:
             return found
         if found.crowded:
             return None
-        regions = _grown(regions, found, around, share)
+        regions = _grown(regions, found, around)
         total = np.zeros(len(goal))
         for region in regions:
             total[region.rows] += region.weights
@@ -118,10 +118,10 @@ def _carried(points: Floats, affine: Floats) -> Floats:
     return np.asarray(points @ affine[:3] + affine[3])
 
 
-def _grown(regions: list[_Region], found: Found, around: Surroundings, share: float) -> list[_Region]:
+def _grown(regions: list[_Region], found: Found, around: Surroundings) -> list[_Region]:
     """Return the regions with new ones around faults outside of all, and those with faults larger."""
-    bad = np.flatnonzero(found.to_mend(share))
-    pairs = found.pairs if found.too_many(share) else found.pairs[:0]
+    bad = np.flatnonzero(found.to_mend)
+    pairs = found.pairs if found.too_many_cut else found.pairs[:0]
     label = _clusters(bad, pairs, regions, around)
     of_region = label[len(bad) :]
     grown = []

@@ -27,8 +27,10 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.conjugate_gradients import conjugate_gradients
+from meshdeform.exemplar.smooth_fit import in_ratio
 from meshdeform.exemplar.surface_fit import laplacian_of, nodes_of
 from meshdeform.geometry.folds import area_vectors
+from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.places import SurfaceTree, blend_matrix
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
@@ -177,7 +179,7 @@ class _Relaxing:
         return float(gone @ (self._smooth @ gone))
 
     def _tied(self, now: Floats, number: int) -> _Ties:
-        limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** (number / (_ROUNDS - 1)) * self._diagonal
+        limit = in_ratio(_LIMITS, number / (_ROUNDS - 1)) * self._diagonal
         goal, own, normals = self._goal, spread(now, self._all, _SAMPLES, number), _normals(now, self._all)
         there, facing = goal.nearest(own.places, own.normals)
         face, shares = _tree(now, self._all, normals).find(goal.samples.places, goal.samples.normals)
@@ -225,9 +227,8 @@ class _Relaxing:
 
 def _across_rims(rest: Floats, faces: Index) -> sparse.csr_matrix:
     """Return rows (P, V) that take vertices to the differences of those on open borders that are near at rest."""
-    edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1)
-    edges, count = np.unique(edges, axis=0, return_counts=True)
-    rims = np.unique(edges[count == 1])
+    edges = edges_of(faces)
+    rims = np.unique(edges.edges[edges.counts == 1])
     reach = _RIM * float(np.linalg.norm(np.ptp(rest[np.unique(faces)], axis=0)))
     pairs = rims[cKDTree(rest[rims]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
     number = np.repeat(np.arange(len(pairs)), 2)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["MOST_NEIGHBOURS", "Rings", "collapse", "faces_of", "insert", "quadrics_of", "rings_of"]
@@ -57,11 +58,10 @@ def faces_of(rings: Rings, degrees: Index, used: Index, apex: int) -> Index:
 
 def quadrics_of(verts: Floats, faces: Index) -> Floats:
     """Return the sums (V, 10) of the squared distances to the planes of the triangles around, by area."""
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    cross = np.cross(b - a, c - a)
+    cross = face_cross(verts, faces)
     twice = np.maximum(np.linalg.norm(cross, axis=1), 1e-300)
     normals = cross / twice[:, None]
-    planes = np.concatenate([normals, -(normals * a).sum(1, keepdims=True)], 1)
+    planes = np.concatenate([normals, -(normals * verts[faces[:, 0]]).sum(1, keepdims=True)], 1)
     rows, columns = np.triu_indices(4)
     terms = planes[:, rows] * planes[:, columns] * twice[:, None]
     return np.stack([np.bincount(faces.ravel(), np.repeat(terms[:, i], 3), len(verts)) for i in range(10)], 1)

@@ -344,13 +344,13 @@ class _Fit:
         """Return the full step (K,) of a round."""
         system = _System(level)
         if len(self._goal.places):
-            self._add_pairs(system, level, _between(limits, share) * self._diagonal)
+            self._add_pairs(system, level, in_ratio(limits, share) * self._diagonal)
         self._add_jacobians(system, level, share)
         for pull in pulls:
             rows = pull.rows(self.moved, share)
             if len(rows.places):
                 system.add(level.pulled(rows), rows.weights, rows.apart)
-        bending = _between(_BENDING[self._built], share)
+        bending = in_ratio(_BENDING[self._built], share)
         system.right -= bending * (level.bending @ numbers)
         return system.solve(bending)
 
@@ -395,7 +395,7 @@ class _Fit:
     def _add_jacobians(self, system: _System, level: _Level, share: float) -> None:
         """Add that Jacobians stay near good ones, and of what is built, that level and upright faces stay so."""
         unit = self._diagonal**2 / _JACOBIANS
-        stiffness = _between(_STIFFNESS, share) * unit
+        stiffness = in_ratio(_STIFFNESS, share) * unit
         weights = np.broadcast_to(stiffness * self._stiffer, (3, 3, _JACOBIANS))
         goals = (_good(self._jacobians) - self._jacobians).transpose(1, 2, 0)
         if self._built:
@@ -425,7 +425,7 @@ class _Fit:
         return 0.0
 
 
-def _between(ends: tuple[float, float], share: float) -> float:
+def in_ratio(ends: tuple[float, float], share: float) -> float:
     """Return the value at a share of the way between two, in equal ratios."""
     return float(ends[0] * (ends[1] / ends[0]) ** share)
 

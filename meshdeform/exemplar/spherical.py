@@ -36,6 +36,7 @@ from scipy import sparse
 
 from meshdeform.exemplar.rings import MOST_NEIGHBOURS, Rings, collapse, faces_of, insert, quadrics_of, rings_of
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["SphereMap", "sphere_map"]
@@ -129,8 +130,7 @@ def _boundary(faces: Index, count: int) -> Index:
 def _masses(places: Floats, faces: Index) -> Floats:
     """Return the masses (V,) of the vertices: their areas, more where the surface is curved."""
     count = len(places)
-    a, b, c = places[faces].transpose(1, 0, 2)
-    cross = np.cross(b - a, c - a)
+    cross = face_cross(places, faces)
     normals = np.stack([np.bincount(faces.ravel(), np.repeat(cross[:, i], 3), count) for i in range(3)], 1)
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])

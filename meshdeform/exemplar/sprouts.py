@@ -26,10 +26,12 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.mesh import edges_of, face_cross
 from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.reading.cells import connected
 from meshdeform.reading.samples import Samples
 
-__all__ = ["GoalPart", "Ground", "Seat", "Sprout", "limb_of", "seat_of", "sprouted"]
+__all__ = ["GoalPart", "Ground", "Seat", "Sprout", "limb_of", "seat_of", "sprouted", "vertex_normals"]
 
 _NEIGHBOURS = 8
 _AT_ROOT, _FEWEST = 0.06, 30
@@ -74,6 +76,14 @@ class GoalPart:
         weights = 1 / (far + 1e-3) ** 2
         weights /= weights.sum(1, keepdims=True)
         return np.asarray(np.einsum("pk,pkj->pj", weights, self.places[near]))
+
+
+def vertex_normals(verts: Floats, faces: Index) -> Floats:
+    """Return unit normals (V, 3): the mean of the faces around each vertex, by area; zero where there are none."""
+    normals = np.zeros_like(verts)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], face_cross(verts, faces))
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
 def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> GoalPart | None:
@@ -176,15 +186,10 @@ class Ground:
     @classmethod
     def of(cls, verts: Floats, faces: Index) -> Ground:
         """Return the ground that faces (F, 3) make."""
-        a, b, c = verts[faces].transpose(1, 0, 2)
-        doubled = np.cross(b - a, c - a)
-        normals, areas = np.zeros_like(verts), np.zeros(len(verts))
+        areas = np.zeros(len(verts))
         for corner in range(3):
-            np.add.at(normals, faces[:, corner], doubled)
-            np.add.at(areas, faces[:, corner], np.linalg.norm(doubled, axis=1) / 6)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1)
-        return cls(verts, normals, areas, np.unique(edges, axis=0))
+            np.add.at(areas, faces[:, corner], np.linalg.norm(face_cross(verts, faces), axis=1) / 6)
+        return cls(verts, vertex_normals(verts, faces), areas, edges_of(faces).edges)
 
 
 @dataclass(frozen=True)
@@ -264,7 +269,5 @@ def _piece(patch: Index, middle: int, edges: Index, count: int) -> Index:
     within = np.zeros(count, bool)
     within[patch] = True
     within[middle] = True
-    links = edges[within[edges].all(1)]
-    graph = sparse.csr_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), (count, count))
-    piece = csgraph.connected_components(graph, directed=False)[1]
+    piece = connected(count, edges[within[edges].all(1)])
     return np.flatnonzero(within & (piece == piece[middle]))

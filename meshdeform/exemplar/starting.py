@@ -18,12 +18,14 @@ from meshdeform.exemplar.affine_maps import AffineMaps, Cloud, PieceMotion, arti
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.blending import blend_weights, blended
 from meshdeform.exemplar.kinds import is_boxed, is_built, is_living, is_turned
-from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, neighbours
+from meshdeform.exemplar.pieces import Matching, Pieces
 from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.side_maps import by_side
 from meshdeform.exemplar.symmetry import quarter_asymmetry
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
+from meshdeform.reading.cells import neighbouring_faces
 from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["cloud_of", "piece_weights", "started"]
@@ -99,7 +101,7 @@ def _faces_of(pieces: Pieces, name: str) -> list[Index]:
 
 def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:
     """Return the middles (P, 3) of the edges between two pieces."""
-    pairs = neighbours(own.faces, len(own.verts))
+    pairs = neighbouring_faces(own.faces, len(own.verts))[0]
     pieces = np.sort(matching.source.of_face[pairs], 1)
     hit = (pieces[:, 0] != pieces[:, 1]) & (pieces[:, 0] >= 0)
     pairs, pieces = pairs[hit], pieces[hit]

@@ -27,10 +27,12 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from meshdeform.exemplar.smooth_fit import in_ratio
+from meshdeform.exemplar.sprouts import vertex_normals
+from meshdeform.geometry.mesh import connected_components, edges_of, face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import Samples, spread
 
@@ -94,7 +96,7 @@ def surface_fit(
         near[faces[near[faces].any(1)]] = True
     inner = near[faces].all(1)
     place = np.cumsum(near) - 1
-    whole = float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0))), _area(verts, faces)
+    whole = float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0))), float(face_areas(verts, faces).sum())
     fit = _SurfaceFit(verts[near], place[faces[inner]], codes[inner], goal, manner, *whole)
     moved = verts.copy()
     moved[near] = fit.run((verts if start is None else start)[near])
@@ -125,7 +127,7 @@ class _SurfaceFit:
         moving = np.unique(nodes.mean[:, free].nonzero()[0])
         self._spread = (sparse.diags(free.astype(float)) @ nodes.weights[:, moving]).tocsr()
         # As many as there would be on the whole surface.
-        self._count = len(places) * area / max(_area(verts, faces), _TINY)
+        self._count = len(places) * area / max(float(face_areas(verts, faces).sum()), _TINY)
         laplacian = laplacian_of(places, nodes, self._diagonal)[:, moving]
         self._smooth = (laplacian.T @ laplacian * (_SCALE / self._count)).tocsc()
         self._goal = goal
@@ -142,7 +144,7 @@ class _SurfaceFit:
         for number in range(manner.rounds):
             share = number / max(manner.rounds - 1, 1)
             pulled, right = self._pulled(now, share, number)
-            keep = _between(manner.stiffness, share) * self._smooth
+            keep = in_ratio(manner.stiffness, share) * self._smooth
             keep = keep + manner.held / self._count * sparse.identity(len(numbers))
             factor = splu((pulled + keep).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
             # Displacements count from the vertices at rest; the start is where pairs are sought at first.
@@ -154,12 +156,12 @@ class _SurfaceFit:
         """Return the matrix and the right side (M, 3) of all pairs."""
         manner = self._manner
         own = spread(now, self._faces, manner.samples, seed)
-        source, target, weights = self._paired(own, _between(manner.limits, share) * self._diagonal)
+        source, target, weights = self._paired(own, in_ratio(manner.limits, share) * self._diagonal)
         apart = self._goal.samples.places[target] - own.places[source]
         normals = self._goal.samples.normals[target].copy()
         normals[manner.samples :] = own.normals[source[manner.samples :]]
         across = (apart * normals).sum(1, keepdims=True) * normals
-        goals = own.places[source] + across + _between(manner.sliding, share) * (apart - across)
+        goals = own.places[source] + across + in_ratio(manner.sliding, share) * (apart - across)
         shares = _corner_shares(self._faces, own, len(now))[source]
         goals -= shares @ self._rest
         rows = (shares @ self._spread).tocsr()
@@ -198,13 +200,12 @@ class _Nodes(NamedTuple):
 def nodes_of(verts: Floats, faces: Index) -> _Nodes:
     """Return the vertices as nodes, or fewer nodes for many."""
     count = len(verts)
-    edges = np.unique(np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1), axis=0)
-    graph = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), (count, count))
-    components = np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
+    edges = edges_of(faces).edges
+    components = connected_components(faces, count)
     if count <= _MOST_VERTICES:
         return _Nodes(sparse.identity(count, format="csr"), sparse.identity(count, format="csr"), edges, components)
-    normals = _vertex_normals(verts, faces)
-    side = 1.1 * np.sqrt(_area(verts, faces) / _NODES)
+    normals = vertex_normals(verts, faces)
+    side = 1.1 * np.sqrt(face_areas(verts, faces).sum() / _NODES)
     keys = np.column_stack([components, np.floor((verts - verts.min(0)) / side), normals > 0]).astype(np.int64)
     number = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     mean = sparse.csr_matrix((np.ones(count), (number, np.arange(count))))
@@ -228,21 +229,6 @@ def nodes_of(verts: Floats, faces: Index) -> _Nodes:
         joined[joined[:, 0] != joined[:, 1]],
         own,
     )
-
-
-def _area(verts: Floats, faces: Index) -> float:
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
-
-
-def _vertex_normals(verts: Floats, faces: Index) -> Floats:
-    """Return the unit normals (V, 3)."""
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    doubled = np.cross(b - a, c - a)
-    normals = np.zeros_like(verts)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], doubled)
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
 def laplacian_of(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_matrix:
@@ -276,8 +262,3 @@ def _corner_shares(faces: Index, samples: Samples, count: int) -> sparse.csr_mat
     rows = np.repeat(np.arange(len(samples.faces)), 3)
     columns = faces[samples.faces].ravel()
     return sparse.csr_matrix((samples.shares.ravel(), (rows, columns)), (len(samples.faces), count))
-
-
-def _between(ends: tuple[float, float], share: float) -> float:
-    """Return the value at a share of the way between two, in equal ratios."""
-    return float(ends[0] * (ends[1] / ends[0]) ** share)

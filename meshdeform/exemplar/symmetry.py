@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.distances import one_way
-from meshdeform.exemplar.pieces import face_areas
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
 

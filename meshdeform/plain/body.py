@@ -20,8 +20,10 @@ from scipy.spatial import cKDTree
 from meshdeform.assets import Asset
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.folds import FaceNeighbours
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.plain.names import sides_of, tokens
 from meshdeform.plain.reader import Reader
+from meshdeform.reading.cells import connected
 from meshdeform.reading.result import UP_TURNS
 
 Floats = NDArray[np.float64]
@@ -130,14 +132,12 @@ class Body:
     @cached_property
     def crosses(self) -> Floats:
         """The normals of its faces with twice their area as length, (F, 3)."""
-        a, b, c = self.corners.transpose(1, 0, 2)
-        return np.cross(b - a, c - a)
+        return face_cross(self.points, self.faces)
 
     def flipped(self, points: Floats) -> Flags:
         """Return which faces (F,) with an area turn over if the vertices are at other places (V, 3)."""
-        a, b, c = points[self.faces].transpose(1, 0, 2)
         thick = np.linalg.norm(self.crosses, axis=1) > 1e-9 * self.diagonal**2
-        return np.asarray(thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), self.crosses) < 0))
+        return np.asarray(thick & (np.einsum("fi,fi->f", face_cross(points, self.faces), self.crosses) < 0))
 
     @cached_property
     def neighbours(self) -> FaceNeighbours:
@@ -194,8 +194,7 @@ class Body:
         first = np.unique(np.column_stack([cells, labels]), axis=0, return_index=True)[1]
         pairs = labels[first][cKDTree(self.points[rows[first]]).query_pairs(reach, output_type="ndarray")]
         count = int(labels.max()) + 1
-        graph = sparse.csr_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
-        owner = csgraph.connected_components(graph, directed=False)[1][labels]
+        owner = connected(count, pairs)[labels]
         return [rows[owner == group] for group in range(int(owner.max()) + 1)]
 
     def nearest(self, pieces: list[Index]) -> Index:

@@ -13,6 +13,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index
+from meshdeform.reading.cells import connected
 
 __all__ = ["NEAR", "carried_by", "contacts", "on_ground", "touching"]
 
@@ -51,8 +52,7 @@ def _pieces(body: Body, inside: Flags) -> Index:
     """Return the connected piece of each vertex (V,), where no edge leads from a part to the rest."""
     edges = body.edges.tocoo()
     same = inside[edges.row] == inside[edges.col]
-    graph = sparse.csr_matrix((edges.data[same], (edges.row[same], edges.col[same])), shape=edges.shape)
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
+    return connected(len(inside), np.stack([edges.row[same], edges.col[same]], 1))
 
 
 def _places(body: Body, node: Index) -> tuple[Floats, Index, Floats]:

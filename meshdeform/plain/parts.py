@@ -8,7 +8,7 @@ does not tell. What nobody knows is missing: `PartMissingError` says why.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -391,9 +391,13 @@ class BodyParts:
             # Components that belong to it in whole are not blended with what they merely touch.
             whole = np.bincount(body.components, ~flags)[body.components] == 0
             weight = np.where(whole & flags, 1.0, np.where(flags, np.maximum(smoothed, _HALF), smoothed * ~whole))
-            limb = Limb.of_weight(body, weight, "names", attachment(body, flags.astype(float)))
-            pieces += [replace(piece, name=name) for piece in limb.pieces if len(piece.rows)]
-        return pieces
+            groups = body.groups(weight > _INSIDE)
+            nearest = body.nearest(groups)
+            for number in range(len(groups)):
+                own = np.where(nearest == number, weight, 0)
+                pivot = attachment(body, flags.astype(float) if len(groups) == 1 else own)
+                pieces.append(Piece(body, own, pivot, name))
+        return [piece for piece in pieces if len(piece.rows)]
 
     # ---------------------------------------------------------------- front
 

@@ -98,18 +98,6 @@ class Limb:
     pieces: Sequence[Piece]
     found_by: str  # `given`, `joints`, `names` or `shapes`
 
-    @classmethod
-    def of_weight(cls, body: Body, weight: Floats, found_by: str, pivot: Floats | None = None) -> Limb:
-        """Return a part of one weight (V,), with a piece for each group of vertices."""
-        groups = body.groups(weight > _INSIDE)
-        numbers = body.nearest(groups)
-        pieces = []
-        for number in range(len(groups)):
-            own = np.where(numbers == number, weight, 0)
-            alone = pivot is not None and len(groups) == 1
-            pieces.append(Piece(body, own, pivot if alone and pivot is not None else attachment(body, own)))
-        return cls(body, pieces, found_by)
-
     @cached_property
     def weight(self) -> Floats:
         """How much each vertex (V,) belongs to it."""

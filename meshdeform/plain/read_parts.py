@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
@@ -20,6 +18,7 @@ from meshdeform.plain.carried import NEAR, carried_by, contacts, on_ground, touc
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece
 from meshdeform.plain.vocabulary import PART_OF, singular
 from meshdeform.plain.words import part_and_sides
+from meshdeform.reading.cells import connected
 from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES, parts_of
 
 __all__ = ["GIVEN", "READ", "TOLD_APART", "ReadParts"]
@@ -266,12 +265,11 @@ class ReadParts:
             return False
         reach = NEAR * self.body.diagonal
         near = cKDTree(hangs_at).query_pairs(4 * reach, output_type="ndarray")
-        graph = sparse.csr_matrix((np.ones(len(near)), tuple(near.T)), shape=(len(hangs_at),) * 2)
-        count, label = csgraph.connected_components(graph, directed=False)
-        if count < 2:
+        label = connected(len(hangs_at), near)
+        if not label.any():
             return False
         extent = float(np.ptp(self.body.points[rows], axis=0).max())
-        ends = [hangs_at[label == k] for k in range(count)]
+        ends = [hangs_at[label == k] for k in range(label.max() + 1)]
         if max(float(np.ptp(end, axis=0).max()) for end in ends) > _END * extent:
             return False
         middles = np.array([end.mean(0) for end in ends])

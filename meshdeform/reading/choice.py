@@ -21,7 +21,7 @@ import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, is_general, members_with_parts
-from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, area_vectors, features, spread
 
 __all__ = ["AssetMesh", "Candidate", "FrontFrame", "candidates", "facing", "nearness"]
 
@@ -48,8 +48,7 @@ class AssetMesh:
     @cached_property
     def areas(self) -> Floats:
         """The areas (F,) of the faces."""
-        a, b, c = self.verts[self.faces].transpose(1, 0, 2)
-        return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+        return np.asarray(np.linalg.norm(area_vectors(self.verts, self.faces), axis=1) / 2)
 
     @cached_property
     def samples(self) -> Samples:

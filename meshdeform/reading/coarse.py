@@ -14,6 +14,7 @@ from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Floats, Index, solids_of
 from meshdeform.reading.evidence import Evidence
 from meshdeform.reading.result import NO_PART
+from meshdeform.reading.samples import area_vectors
 
 __all__ = ["MOST_FACES", "Coarse", "coarse"]
 
@@ -87,8 +88,7 @@ def coarse(body: Part, fewer: int = _FEWER) -> Coarse:
 def _area(verts: Floats, faces: Index) -> float:
     """Return the area of a mesh, by some of its faces."""
     few = faces[:: max(len(faces) // _MEASURED, 1)]
-    a, b, c = verts[few].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).mean() / 2) * len(faces)
+    return float(np.linalg.norm(area_vectors(verts, few), axis=1).mean() / 2) * len(faces)
 
 
 def _places(verts: Floats, low: Floats, side: float, components: Index) -> NDArray[np.int32]:

@@ -34,11 +34,16 @@ class Samples(NamedTuple):
         return Samples(self.places[kept], self.normals[kept], self.faces[kept], self.shares[kept])
 
 
+def area_vectors(verts: Floats, faces: Index) -> Floats:
+    """Return the normals (F, 3) of faces, as long as twice their areas."""
+    a, b, c = verts[faces].transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
+
+
 def spread(verts: Floats, faces: Index, count: int, seed: int) -> Samples:
     """Return places evenly spread by area; always the same for a seed."""
     rng = np.random.default_rng(seed)
-    corners = verts[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = np.linalg.norm(area_vectors(verts, faces), axis=1)
     ends = np.cumsum(areas)
     chosen = np.searchsorted(ends, (np.arange(count) + rng.random(count)) / count * ends[-1]).clip(0, len(faces) - 1)
     root, part = np.sqrt(rng.random(count)), rng.random(count)
@@ -48,10 +53,9 @@ def spread(verts: Floats, faces: Index, count: int, seed: int) -> Samples:
 
 def resampled(verts: Floats, faces: Index, chosen: Index, shares: Floats) -> Samples:
     """Return the samples at shares (N, 3) of the corners of chosen faces (N,)."""
-    corners = verts[faces[chosen]]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = area_vectors(verts, faces[chosen])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    return Samples(np.einsum("nk,nkj->nj", shares, corners), normals, chosen, shares)
+    return Samples(np.einsum("nk,nkj->nj", shares, verts[faces[chosen]]), normals, chosen, shares)
 
 
 def features(places: Floats, normals: Floats, weight: float = NORMAL_WEIGHT) -> Floats:

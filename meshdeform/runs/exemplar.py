@@ -28,11 +28,10 @@ from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.mending import Mended
-from meshdeform.exemplar.outlines import Outlines, outlines_of
+from meshdeform.exemplar.outlines import outlined, outlines_of
 from meshdeform.exemplar.outlook import FitOutlook, outlook
 from meshdeform.exemplar.shapes import FitFrame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
-from meshdeform.exemplar.smooth_fit import CodedSurface, smooth_fit
 from meshdeform.exemplar.symmetry import symmetry_axes
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
@@ -238,8 +237,7 @@ class ExemplarRun(ShapeRun):
         now = frame.enter(verts)
         outlines = outlines_of(views, frame.enter(body.points), body.faces, frame.turn)
         planes = symmetry_axes((now, body.faces), (now, body.faces))
-        surface, pulls = CodedSurface.alike(now, body.faces), [Outlines(now, body.faces, outlines)]
-        return frame.leave(smooth_fit(surface, CodedSurface.nothing(), planes=planes, pulls=pulls))
+        return frame.leave(outlined(now, body.faces, outlines, planes=planes))
 
     def _blended(self) -> _Floats:
         """Return the vertices (V, 3) that the fits have moved so far, each prompt by its share, within the controls."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from meshdeform.exemplar.mending import Mended
@@ -12,7 +11,6 @@ from meshdeform.exemplar.outlook import FitOutlook
 from meshdeform.exemplar.shapes import ExemplarResult
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.runs.base import RunLog
-from meshdeform.runs.control import control_report
 from meshdeform.runs.facts import GuidedFacts, Held, Outcome
 from meshdeform.runs.fits import TargetFit
 from meshdeform.runs.kept_structure import kept_structure
@@ -21,7 +19,7 @@ from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.text_report import (
     common_members,
-    kept_shapes,
+    guided_report,
     measure_movement,
     measured_result,
     rig_warnings,
@@ -135,12 +133,7 @@ def exemplar_report(
         "resumed_from_step": 0,
         "seconds": {name: round(seconds, 4) for name, seconds in log.seconds.items()},
     }
-    if asset.rig():
-        report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
-    if facts.control.bodies:
-        report["rigid"] = kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
-    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
-    return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+    return guided_report(report, facts, outcome.written, compared)
 
 
 def _taken(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:

@@ -648,14 +648,14 @@ def is_noun(word: str) -> bool:
     return word in _near()
 
 
-def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
-    """Return the nouns whose meaning is nearest to that of a word, nearest first.
+def nearest(word: str, nouns: Iterable[str]) -> list[str]:
+    """Return up to three nouns whose meaning is nearest to that of a word, nearest first.
 
     `word`: in small letters, singular. `nouns`: the nouns to choose from. One that is not builtin counts as near if the
-    two have two neighbours in common. `count`: maximum number of nouns. Returns list of str: empty if the word is not
+    two have two neighbours in common. Empty if the word is not
     known, or near to none of the nouns.
     """
     table = _near()
     around = table.get(word, [])
     own = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
-    return [*own, *(noun for noun in around if noun in nouns)][:count]
+    return [*own, *(noun for noun in around if noun in nouns)][:MAX_SUGGESTIONS]

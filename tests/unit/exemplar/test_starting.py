@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.axis_maps import axis_maps
-from meshdeform.exemplar.fitting import fit
+from meshdeform.exemplar.fitting import SourceFit
 from meshdeform.exemplar.pieces import pieces_of
 from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
@@ -52,7 +52,7 @@ def test_a_ball_takes_the_outline_of_a_spindle() -> None:
 
 def test_wheels_of_a_car_stay_round_on_the_ground() -> None:
     car, truck = shape_of("car"), shape_of("truck", 2)
-    fitted = fit(car, truck)
+    fitted = SourceFit(car).fit(truck)
     pieces = pieces_of(car, {"wheel": "wheel"})
     ground = fitted.ways["axes"][:, 1].min()
     for piece in range(len(pieces)):
@@ -64,7 +64,7 @@ def test_wheels_of_a_car_stay_round_on_the_ground() -> None:
 
 def test_level_faces_of_what_is_built_stay_level() -> None:
     chair, table = shape_of("chair"), shape_of("table")
-    fitted = fit(chair, table)
+    fitted = SourceFit(chair).fit(table)
     level = np.ptp(chair.verts[chair.faces][..., 1], axis=1) < 1e-6
     assert level.sum() > 10
     assert np.ptp(fitted.ways["axes"][chair.faces[level]][..., 1], axis=1).max() < 1e-6
@@ -72,7 +72,7 @@ def test_level_faces_of_what_is_built_stay_level() -> None:
 
 def test_a_bottle_becomes_a_rocket_as_a_whole() -> None:
     bottle, rocket = shape_of("bottle"), shape_of("rocket")
-    ways = fit(bottle, rocket).ways
+    ways = SourceFit(bottle).fit(rocket).ways
     assert next(iter(ways)) == "whole"
     goal = cKDTree(spread(rocket.verts, rocket.faces, 6000, 0).places)
     away = {name: goal.query(verts)[0].mean() for name, verts in ways.items()}
