@@ -31,9 +31,9 @@ def between(one: Samples, other: Samples, spacing: float) -> float:
 
 
 def one_way(one: Samples, other: Samples, spacing: float, most: float = FAR) -> float:
-    """Return the mean distance of one surface from another, at most so much a place."""
-    nearest = cKDTree(features(other.places, other.normals)).query(features(one.places, one.normals))[1]
-    apart = one.places - other.places[nearest]
+    """Return the mean distance of one surface from another, of which each counts at most so much."""
+    nearest = cKDTree(features(other.positions, other.normals)).query(features(one.positions, one.normals))[1]
+    apart = one.positions - other.positions[nearest]
     across = (apart * other.normals[nearest]).sum(1)
     along = np.sqrt(np.maximum(np.square(apart).sum(1) - across**2, 0))
     return float(np.minimum(np.abs(across) + np.maximum(along - 1.5 * spacing, 0), most).mean())

@@ -44,7 +44,7 @@ class Fitted:
     """A source fitted to its goal.
 
     `goal`: the goal in the source's pose; `matching`: pieces of both, None if none of them match; `ways`: where the
-    source's vertices (V, 3) go, with folds and cuts: in the first place by the way that suits the nouns, `smooth`,
+    source's vertices (V, 3) go, with folds and cuts: first by the way that suits the nouns, `smooth`,
     `axes`, `side`, `outline` or `whole`, then by others.
     """
 

@@ -87,8 +87,8 @@ class _Mending:
         for stage in reversed(invertible_stages(self._rest, self._goal, self._around.faces, start)):
             if 2 * self._faults.searched < self._most:
                 yield stage
-        for part in _TOWARD_REST:
-            yield start + part * (self._rest - start)
+        for share in _TOWARD_REST:
+            yield start + share * (self._rest - start)
         yield self._rest
 
     def _moved_on(self, base: Found) -> Found:

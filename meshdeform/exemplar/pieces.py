@@ -1,8 +1,8 @@
 """Divide surfaces into pieces, and find which piece of one becomes which piece of another.
 
 A piece is what is of one part and hangs together: a leg, a wheel, the whole body. Faces of one part hang together
-along edges, and where they nearly touch on one side of the mirror plane. Like pieces are matched by the places of
-their middles in the boxes of the whole, (x, y, z) weighed by (1.5, 0.5, 1): the matching of least total distance.
+along edges, and where they nearly touch on one side of the mirror plane. Like pieces are matched by where
+their middles are in the boxes of the whole, (x, y, z) weighed by (1.5, 0.5, 1): the matching of least total distance.
 
 Source: Kuhn 1955, The Hungarian method for the assignment problem.
 """
@@ -107,15 +107,15 @@ def pieces_of(shape: Shape, names: Mapping[str, str]) -> Pieces:
 def _touching(shape: Shape) -> Index:
     """Return pairs (P, 2) of faces of one part that nearly touch."""
     samples = spread(shape.verts, shape.faces, _SAMPLES, 4)
-    pairs = cKDTree(samples.places).query_pairs(_TOUCHING, output_type="ndarray").astype(np.int64)
+    pairs = cKDTree(samples.positions).query_pairs(_TOUCHING, output_type="ndarray").astype(np.int64)
     return np.asarray(samples.faces[pairs], np.int64)
 
 
 def _instances(rows: Index, links: Index, touching: Index, centres: Floats, areas: Floats, *, two_sided: bool) -> Index:
     """Return the number of the piece (R,) of each of the faces of one part."""
-    place = np.full(len(centres), -1)
-    place[rows] = np.arange(len(rows))
-    along = place[links]
+    row_of = np.full(len(centres), -1)
+    row_of[rows] = np.arange(len(rows))
+    along = row_of[links]
     along = along[(along >= 0).all(1)]
     x = centres[rows, 0]
     if two_sided:
@@ -123,7 +123,7 @@ def _instances(rows: Index, links: Index, touching: Index, centres: Floats, area
         half = _halved(own, x, areas[rows])
         along = along[~half[along[:, 0]] | (np.sign(x[along[:, 0]]) == np.sign(x[along[:, 1]]))]
     own = connected(len(rows), along)
-    near = place[touching]
+    near = row_of[touching]
     near = near[(near >= 0).all(1)]
     side = _sides(own, x, areas[rows])
     near = near[side[own[near[:, 0]]] * side[own[near[:, 1]]] >= 0] if two_sided else near
@@ -250,7 +250,7 @@ def _parents(goal: Shape, own: Pieces, other: Pieces, partner: Index) -> Index:
     parent = np.full(len(other), -1, np.int64)
     parent[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
     centres = goal.verts[goal.faces].mean(1)
-    places = [centres[other.of_face == number] for number in range(len(other))]
+    positions = [centres[other.of_face == number] for number in range(len(other))]
     fitted = [number for number in range(len(other)) if parent[number] >= 0]
     for number in range(len(other)):
         name = other.names[number]
@@ -259,6 +259,6 @@ def _parents(goal: Shape, own: Pieces, other: Pieces, partner: Index) -> Index:
         base = grows_from(name, {other.names[k] for k in fitted})
         bases = [k for k in fitted if other.names[k] == base]
         if bases:
-            away = [np.percentile(cKDTree(places[k]).query(places[number])[0], 5) for k in bases]
+            away = [np.percentile(cKDTree(positions[k]).query(positions[number])[0], 5) for k in bases]
             parent[number] = parent[bases[int(np.argmin(away))]]
     return parent

@@ -1,12 +1,12 @@
 """Tell how a body holds its limbs, how unlike two postures are, and give a member the posture of an asset.
 
-A limb has a middle and an axis, the first principal axis of places on it, which points away from the middle of the
+A limb has a middle and an axis, the first principal axis of points on it, which points away from the middle of the
 body; its slenderness is the ratio of the standard deviations along the first two axes. The head's axis is the direction
 to it from the body. Two postures differ by
 
     sum_k w_k max(angle_k - 8 deg, 0) / 90 deg / sum_k w_k
 
-over the limbs of one kind that are matched by their places in the boxes; w_k falls to 0 for limbs that are no longer
+over the limbs of one kind that are matched by where they are in the boxes; w_k falls to 0 for limbs that are no longer
 than wide, which have no direction.
 """
 
@@ -42,7 +42,7 @@ _ROOT, _IMAGE = 0.15, 0.12
 
 @dataclass(frozen=True)
 class Posture:
-    """The limbs of a body: `kinds` (K,) int64, places in `LIMBS`; `middles` and `axes` (K, 3); `slender` (K,).
+    """The limbs of a body: `kinds` (K,) int64, indices in `LIMBS`; `middles` and `axes` (K, 3); `slender` (K,).
 
     `middles` are in the box of the whole, from 0 to 1.
     """
@@ -53,15 +53,15 @@ class Posture:
     slender: Floats
 
 
-def postures(places: AnyFloats, limbs: Integers, low: AnyFloats, high: AnyFloats) -> list[Posture]:
+def postures(positions: AnyFloats, limbs: Integers, low: AnyFloats, high: AnyFloats) -> list[Posture]:
     """Return the postures of M bodies by samples.
 
-    `places` (M, N, 3); `limbs` (M, N): their codes (`nouns.limbs`); `low`, `high` (M, 3): the boxes.
+    `positions` (M, N, 3); `limbs` (M, N): their codes (`nouns.limbs`); `low`, `high` (M, 3): the boxes.
     """
-    count = len(places)
+    count = len(positions)
     codes = (np.arange(count)[:, None] * (NO_LIMB + 1) + limbs).ravel()
     used, own, number = np.unique(codes, return_inverse=True, return_counts=True)
-    flat = places.reshape(-1, 3).astype(np.float64)
+    flat = positions.reshape(-1, 3).astype(np.float64)
     middles = np.stack([np.bincount(own, flat[:, axis]) for axis in range(3)], 1) / number[:, None]
     apart = flat - middles[own]
     spread = np.zeros((len(used), 3, 3))
@@ -177,7 +177,7 @@ def _posture_of(member: LabelledMember, codes: Index, used: Index) -> Posture:
     return Posture(kinds, inside, _oriented(kinds, middles, axes), slender)
 
 
-def _root(places: Floats, axis: Floats) -> Floats:
+def _root(positions: Floats, axis: Floats) -> Floats:
     """Return where (3,) a limb hangs: the middle of its end against its axis."""
-    along = places @ axis
-    return np.asarray(places[along <= along.min() + _ROOT * np.ptp(along)].mean(0))
+    along = positions @ axis
+    return np.asarray(positions[along <= along.min() + _ROOT * np.ptp(along)].mean(0))

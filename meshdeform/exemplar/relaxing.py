@@ -1,7 +1,7 @@
 """Let a surface slide along its goal until it is distorted less: the last stage of a fit.
 
 With s_1, s_2 the stretches of a face over the scale of the whole, a its share of the area at rest, J its Jacobian over
-that scale, p samples of the surface and y the nearest places of the goal, and the other way round, n the normals of the
+that scale, p samples of the surface and y the nearest points of the goal, and the other way round, n the normals of the
 goal there, r = y - p, D the diagonal, d the displacements of the nodes of `surface_fit` since the start, and L, e, V as
 there, each round takes a step that lowers
 
@@ -78,16 +78,16 @@ def relaxed(
 
 
 class _Goal:
-    """A goal: samples and a tree of its places."""
+    """A goal: samples and a tree of its points."""
 
     def __init__(self, verts: Floats, faces: Index) -> None:
         self.verts, self.faces, self.normals = verts, faces, _normals(verts, faces)
         self.samples = spread(verts, faces, _SAMPLES, 0)
         self.tree = _tree(verts, faces, self.normals)
 
-    def nearest(self, places: Floats, normals: Floats) -> tuple[Floats, Floats]:
-        """Return the nearest places (N, 3) and the normals there."""
-        face, shares = self.tree.find(places, normals)
+    def nearest(self, positions: Floats, normals: Floats) -> tuple[Floats, Floats]:
+        """Return the nearest points (N, 3) and the normals there."""
+        face, shares = self.tree.find(positions, normals)
         return np.einsum("nk,nkj->nj", shares, self.verts[self.faces[face]]), self.normals[face]
 
 
@@ -113,16 +113,16 @@ class _Relaxing:
         self._diagonal = max(float(np.linalg.norm(np.ptp(start[np.unique(faces)], axis=0))), _TINY)
         self._flat(rest, faces)
         nodes = nodes_of(start, faces)
-        places = nodes.mean @ start
-        laplacian = laplacian_of(places, nodes, self._diagonal)
-        bending = laplacian.T @ laplacian * (stiffness * _STIFFNESS / len(places) / self._diagonal**2)
+        positions = nodes.mean @ start
+        laplacian = laplacian_of(positions, nodes, self._diagonal)
+        bending = laplacian.T @ laplacian * (stiffness * _STIFFNESS / len(positions) / self._diagonal**2)
         # Of vertices that are nodes themselves, nothing is to be spread.
-        self._is_spread = len(places) < len(start)
+        self._is_spread = len(positions) < len(start)
         across = _across_rims(rest, faces) @ nodes.weights
         bending += across.T @ across * (_RIMS / max(across.shape[0], 1) / self._diagonal**2)
         self._spread = sparse.kron(nodes.weights, sparse.identity(3), format="csr")
         self._smooth = sparse.kron(bending, sparse.identity(3), format="csr")
-        self._gone = np.zeros(3 * len(places))
+        self._gone = np.zeros(3 * len(positions))
 
     def _flat(self, rest: Floats, faces: Index) -> None:
         """Lay faces that have an area in planes of their own: `_slopes` (F, 3, 2) of the shares of their corners."""
@@ -181,11 +181,11 @@ class _Relaxing:
     def _tied(self, now: Floats, number: int) -> _Ties:
         limit = in_ratio(_LIMITS, number / (_ROUNDS - 1)) * self._diagonal
         goal, own, normals = self._goal, spread(now, self._all, _SAMPLES, number), _normals(now, self._all)
-        there, facing = goal.nearest(own.places, own.normals)
-        face, shares = _tree(now, self._all, normals).find(goal.samples.places, goal.samples.normals)
+        there, facing = goal.nearest(own.positions, own.normals)
+        face, shares = _tree(now, self._all, normals).find(goal.samples.positions, goal.samples.normals)
         corners = np.concatenate([self._all[own.faces], self._all[face]])
         rows = blend_matrix(corners, np.concatenate([own.shares, shares]), len(now))
-        apart = np.concatenate([there, goal.samples.places]) - rows @ now
+        apart = np.concatenate([there, goal.samples.positions]) - rows @ now
         theirs = np.concatenate([facing, goal.samples.normals])
         lengths = np.linalg.norm(apart, axis=1)
         alike = ((theirs * np.concatenate([own.normals, normals[face]])).sum(1) > _COSINE) & (lengths < limit)

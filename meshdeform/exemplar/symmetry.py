@@ -1,6 +1,6 @@
 """Tell across which planes through the middle a surface is its own mirror image.
 
-What counts is the mean distance of the mirrored surface to itself (`distances`), at most 0.05 of the diagonal a place.
+What counts is the mean distance of the mirrored surface to itself (`distances`), each at most 0.05 of the diagonal.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def quarter_asymmetry(verts: Floats, faces: Index) -> float:
 
 def _unlike(verts: Floats, faces: Index, turn: Floats) -> float:
     samples = spread(verts, faces, _SAMPLES, 6)
-    image = samples._replace(places=samples.places @ turn.T, normals=samples.normals @ turn.T)
+    image = samples._replace(positions=samples.positions @ turn.T, normals=samples.normals @ turn.T)
     return one_way(image, samples, float(np.sqrt(face_areas(verts, faces).sum() / _SAMPLES)), _MOST)
 
 
@@ -56,11 +56,11 @@ def evened(rest: Floats, moved: Floats, axes: tuple[int, ...]) -> Floats:
 
     Both of a pair take the mean of their displacements, one of them mirrored.
     """
-    places = moved.copy()
+    positions = moved.copy()
     for axis in axes:
         mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
         away, image = cKDTree(rest).query(rest * mirror)
         rows = np.flatnonzero((away < _IMAGE) & (image[image] == np.arange(len(rest))))
-        step = places - rest
-        places[rows] = rest[rows] + (step[rows] + step[image[rows]] * mirror) / 2
-    return places
+        step = positions - rest
+        positions[rows] = rest[rows] + (step[rows] + step[image[rows]] * mirror) / 2
+    return positions

@@ -68,20 +68,20 @@ Attributes = tuple[Attribute, ...] | None
 """Those that members are to have; None where they have random ones."""
 _SMALL = ("labels", "limbs")
 _SHAPES = {
-    "places": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,),
+    "positions": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,),
     "limbs": (SAMPLES,),
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Bank:
-    """Samples of all M members of a noun, of N places each.
+    """Samples of all M members of a noun, of N points each.
 
-    `places` and `normals` (M, N, 3) float32, of the precision of float16 so that a file changes nothing; boxes `low`
-    and `high` (M, 3) float32. `labels` and `limbs` (M, N) uint8: the part and the limb (`nouns.limbs`) of each place.
+    `positions` and `normals` (M, N, 3) float32, of the precision of float16 so that a file changes nothing; boxes `low`
+    and `high` (M, 3) float32. `labels` and `limbs` (M, N) uint8: the part and the limb (`nouns.limbs`) of each point.
     """
 
-    places: Singles
+    positions: Singles
     normals: Singles
     low: Singles
     high: Singles
@@ -89,7 +89,7 @@ class Bank:
     limbs: Bytes
 
     def __len__(self) -> int:
-        return len(self.places)
+        return len(self.positions)
 
 
 def members_of(noun: str, attributes: Attributes) -> int:
@@ -201,7 +201,7 @@ def _drawn(noun: str, attributes: Attributes) -> Bank:
         members.append(candidate_member(noun, number, attributes))
     samples = [spread(member.verts, member.faces, SAMPLES, 2) for member in members]
     mixed = np.random.default_rng(5).permutation(SAMPLES)  # so that the first few are spread as all are
-    places = np.stack([one.places[mixed] for one in samples])
+    positions = np.stack([one.positions[mixed] for one in samples])
     normals = np.stack([one.normals[mixed] for one in samples])
     low, high = (np.stack([bound(member.verts, axis=0) for member in members]) for bound in (np.min, np.max))
     labels, limbs = (
@@ -209,7 +209,7 @@ def _drawn(noun: str, attributes: Attributes) -> Bank:
         for of_faces in (lambda member: member.labels, limb_codes)
     )
     return Bank(
-        _single(places),
+        _single(positions),
         _single(normals),
         _single(low),
         _single(high),

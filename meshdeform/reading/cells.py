@@ -1,6 +1,6 @@
 """The faces of an asset as cells with areas, normals and neighbours; of a large mesh, groups of near faces.
 
-Up to `MOST_CELLS` faces, each is a cell. Of more, faces of one component and one place of a grid that face the same
+Up to `MOST_CELLS` faces, each is a cell. Of more, faces of one component and one cell of a grid that face the same
 way (the largest of six) are one; the grid is as fine as that number allows.
 """
 
@@ -77,8 +77,8 @@ def _clusters(centres: Floats, crosses: Floats, components: Index, area: float) 
     side = np.sqrt(area / MOST_CELLS)
     while True:
         grid = np.floor((centres - centres.min(0)) / side).astype(np.int64)
-        place = np.ravel_multi_index(tuple(grid.T), tuple(grid.max(0) + 1))
-        key = (components * (int(place.max()) + 1) + place) * 6 + facing
+        cell = np.ravel_multi_index(tuple(grid.T), tuple(grid.max(0) + 1))
+        key = (components * (int(cell.max()) + 1) + cell) * 6 + facing
         number = np.unique(key, return_inverse=True)[1]
         if number.max() < MOST_CELLS or side > _COARSEST:
             return np.asarray(number, np.int64)

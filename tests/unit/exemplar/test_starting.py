@@ -27,7 +27,7 @@ def test_axis_maps_find_piecewise_scales_and_rise() -> None:
     places = np.random.default_rng(0).uniform(-1, 1, (2000, 3))
     goals = np.where(places > 0, 2 * places, 0.5 * places) * [1, 1, -1]
     maps = axis_maps(places, goals, np.ones(len(places)), mirrored=False)
-    moved = maps.take(places)
+    moved = maps.map_points(places)
     assert np.abs(moved - goals)[:, :2].mean() < 0.03
     rising = maps.along(2, np.linspace(-1.5, 1.5, 50))
     assert (np.diff(rising) > 0).all()
@@ -43,7 +43,7 @@ def test_a_mirrored_axis_map_is_odd() -> None:
 def test_a_ball_takes_the_outline_of_a_spindle() -> None:
     ball = ellipsoid([0, 0, 0], 0.5, rings=40)
     spindle = ball.verts * [0.5, 1, 0.8] * (1 + 0.3 * np.cos(6 * ball.verts[:, 1:2])) ** [1, 0, 1]
-    places, goals = spread(ball.verts, ball.faces, 6000, 0).places, spread(spindle, ball.faces, 6000, 0).places
+    places, goals = spread(ball.verts, ball.faces, 6000, 0).positions, spread(spindle, ball.faces, 6000, 0).positions
     moved = outlined(ball.verts, places, goals, lambda y: y, 0.02)
     inner = np.abs(ball.verts[:, 1]) < 0.4
     assert np.abs(moved - spindle)[inner].max() < 0.03
@@ -74,6 +74,6 @@ def test_a_bottle_becomes_a_rocket_as_a_whole() -> None:
     bottle, rocket = shape_of("bottle"), shape_of("rocket")
     ways = SourceFit(bottle).fit(rocket).ways
     assert next(iter(ways)) == "whole"
-    goal = cKDTree(spread(rocket.verts, rocket.faces, 6000, 0).places)
+    goal = cKDTree(spread(rocket.verts, rocket.faces, 6000, 0).positions)
     away = {name: goal.query(verts)[0].mean() for name, verts in ways.items()}
     assert min(away, key=away.__getitem__) == "whole"
