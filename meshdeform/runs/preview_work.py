@@ -24,7 +24,7 @@ from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import reading_document
 from meshdeform.runs.shape_run import ShapeRun
-from meshdeform.runs.word_pins import KnowingRun
+from meshdeform.runs.word_pins import RunWithWords
 from meshdeform.support.giving_way import stopped_by
 from meshdeform.support.recent import Recent
 
@@ -116,7 +116,7 @@ def _made(
 
 def _as_made(run: JobRun, resolved: dict[str, Any]) -> _Made:
     """Return the result of a run."""
-    own = run.run if isinstance(run, KnowingRun) else run
+    own = run.run if isinstance(run, RunWithWords) else run
     assert isinstance(own, ShapeRun)
     reading = reading_document(own.reading, ResolvedParams.model_validate(resolved))
     member = own.members[0] if own.members else {}

@@ -157,8 +157,8 @@ def _shown(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> tuple[bool, st
     if rank > 1:
         other = ParsedPrompt(likeness["next"]["noun"])
         gained = "more" if _gained(reading, likeness) else "hardly more" if rank < before["rank"] else "no more"
-        place = f"number {rank} of {likeness['nouns']} nouns, where the source was {before['rank']}"
-        return False, f"It looks {gained} like {what} than before ({place}), and most like {other}."
+        standing = f"number {rank} of {likeness['nouns']} nouns, where the source was {before['rank']}"
+        return False, f"It looks {gained} like {what} than before ({standing}), and most like {other}."
     if before["probability"] >= _SHOWN:
         asked = " and ".join(str(attribute) for attribute in reading.attributes)
         unseen = f"; the judge does not see whether it is {asked}" if asked else ""

@@ -109,22 +109,22 @@ class Words:
 WORDS = Words(NOUNS, SYNONYMS, ())
 """The words of all nouns that have shapes."""
 
-_known: ContextVar[Words] = ContextVar("known", default=WORDS)
+_current: ContextVar[Words] = ContextVar("words", default=WORDS)
 
 
 @contextmanager
-def knowing(words: Words) -> Iterator[None]:
+def using_words(words: Words) -> Iterator[None]:
     """Let prompts within the block have these words, in place of `WORDS` (`meshdeform.words.in_use`)."""
-    token = _known.set(words)
+    token = _current.set(words)
     try:
         yield
     finally:
-        _known.reset(token)
+        _current.reset(token)
 
 
-def known_here() -> Words:
-    """Return the words that prompts have here: those of the package, or of the block around."""
-    return _known.get()
+def current_words() -> Words:
+    """Return the words that prompts may have: those of the package, or of the `using_words` block around."""
+    return _current.get()
 
 
 class Borrowed(NamedTuple):
@@ -185,7 +185,7 @@ def singular_forms(word: str) -> list[str]:
 
 def noun_of(word: str, words: Words | None = None) -> str | None:
     """Return the canonical noun of a word, its plural or a synonym, or None; by default of what is known here."""
-    words = words or known_here()
+    words = words or current_words()
     for form in singular_forms(word):
         canonical = form if form in words.nouns else words.synonyms.get(form, form)
         if canonical in words.nouns:
@@ -222,7 +222,7 @@ def is_known(word: str, words: Words | None = None) -> bool:
 
 @dataclass(frozen=True)
 class Suggestions:
-    """Return a prompt to use in place of a refused one."""
+    """Prompts to use in place of a refused one."""
 
     prompts: list[str]  # one to three prompts that are accepted and keep what was understood
     corrections: dict[str, str]  # the known word in place of each misspelt one
@@ -338,7 +338,7 @@ def _of_parts(noun: str, reading: _Reading) -> list[Attribute]:
 
 
 def _fitted(noun: str, candidates: Iterable[Attribute], borrowed: tuple[Borrowed, ...]) -> ParsedPrompt:
-    """Take each attribute that does not contradict those before it."""
+    """Return a prompt with each attribute that does not contradict those before it."""
     fitted: list[Attribute] = []
     for attribute in candidates:
         of_whole = {other.degree for other in [*fitted, attribute] if other.part == "whole"}
@@ -364,7 +364,7 @@ def parse(prompt: str, known: Words | None = None) -> ParsedPrompt:
     to three prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning,
     by unknown word), `nouns` and `attributes`.
     """
-    return _assemble(_read(prompt, known or known_here()))
+    return _assemble(_read(prompt, known or current_words()))
 
 
 def parse_negative(negative: str, prompt: str, known: Words | None = None) -> ParsedPrompt:
@@ -375,7 +375,7 @@ def parse_negative(negative: str, prompt: str, known: Words | None = None) -> Pa
     prompt means the same as the prompt. Raises VocabularyError: as `parse`, but without suggestions, which are for
     prompts.
     """
-    known = known or known_here()
+    known = known or current_words()
     wanted = parse(prompt, known)
     try:
         reading = _read(negative, known)
@@ -393,7 +393,7 @@ def parse_negative(negative: str, prompt: str, known: Words | None = None) -> Pa
 
 def named_nouns(text: str) -> set[str]:
     """Return the nouns that are known here and that a text names, also one that is no prompt."""
-    return {noun for word in _split(text, known_here()) if (noun := noun_of(word)) is not None}
+    return {noun for word in _split(text, current_words()) if (noun := noun_of(word)) is not None}
 
 
 def _read(prompt: str, known: Words) -> _Reading:
@@ -483,12 +483,12 @@ def _without_borrowed(words: list[str], known: Words) -> tuple[list[str], list[B
 def _borrowed_first(words: Sequence[str], known: Words) -> tuple[Borrowed, int] | None:
     """Return the part of another noun with which words begin, and how many of them say so."""
     phrase = list(takewhile(lambda word: word not in JOINING, words))
-    places = [place for place, word in enumerate(phrase) if word not in FILLERS]
+    indices = [index for index, word in enumerate(phrase) if word not in FILLERS]
     for order in _BORROWED:
         roles = order.split()
-        if len(places) < len(roles):
+        if len(indices) < len(roles):
             continue
-        at = dict(zip(roles, places, strict=False))
+        at = dict(zip(roles, indices, strict=False))
         owner, part = phrase[at["noun"]], part_of(phrase[at["part"]])
         noun = noun_of(owner.removesuffix("'s").removesuffix("'"), known)
         if noun is None or part is None:

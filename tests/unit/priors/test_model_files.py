@@ -65,7 +65,7 @@ def hub_cache(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_a_complete_folder_is_found_and_hashed(checkpoint: Path) -> None:
     check_model(str(checkpoint))
     files = find(str(checkpoint))
-    assert {part: [path.name for path in files.parts[part].files] for part in files.parts} == {
+    assert {part: [path.name for path in files.networks[part].files] for part in files.networks} == {
         "text_encoder": ["model.safetensors"],
         "unet": ["diffusion_pytorch_model.safetensors"],
         "vae": ["diffusion_pytorch_model.safetensors"],
@@ -148,7 +148,7 @@ def test_weights_in_several_files_are_all_needed(checkpoint: Path) -> None:
     with pytest.raises(ModelError, match="lacks unet/part-2"):
         check_model(str(checkpoint))
     (folder / "part-2.safetensors").write_bytes(b"")
-    names = [path.name for path in find(str(checkpoint)).parts["unet"].files]
+    names = [path.name for path in find(str(checkpoint)).networks["unet"].files]
     assert names == ["part-1.safetensors", "part-2.safetensors"]
 
 
