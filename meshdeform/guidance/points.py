@@ -108,7 +108,7 @@ class PointTerm:
         counts = (there * normals[self._face]).sum(1) >= _LEAST_COSINE
         counts &= np.linalg.norm(near - samples, axis=1) <= limit
         counts &= ~on_border(self._border, goal.faces[face], weights)
-        forward = self._kept(self._sampler, near, there, counts)
+        forward = self._counted(self._sampler, near, there, counts)
         apart, across = [(near - samples)[counts]], [there[counts]]
         face, weights = _tree_of(moved, self._mesh, self._diagonal, normals).find(self._points, self._normals)
         blend = blend_matrix(faces[face], weights, len(moved))
@@ -116,7 +116,7 @@ class PointTerm:
         counts = (self._normals * normals[face]).sum(1) >= _LEAST_COSINE
         counts &= np.linalg.norm(missing, axis=1) <= limit
         counts &= ~on_border(self._mesh_border, faces[face], weights)
-        self._pairs = [forward, self._kept(blend, self._points, normals[face], counts)]
+        self._pairs = [forward, self._counted(blend, self._points, normals[face], counts)]
         apart.append(missing[counts])
         across.append(normals[face][counts])
         return torch.from_numpy(self._translation(np.concatenate(apart), np.concatenate(across)))
@@ -129,7 +129,7 @@ class PointTerm:
         most = _MOST_SHIFT * self._diagonal
         return np.asarray(translation if length <= most else translation * (most / length))
 
-    def _kept(self, blend: sparse.csr_matrix, points: _Floats, normals: _Floats, counts: _Flags) -> _Pairs:
+    def _counted(self, blend: sparse.csr_matrix, points: _Floats, normals: _Floats, counts: _Flags) -> _Pairs:
         share = float(counts.mean())
         return _Pairs(blend[counts], torch.from_numpy(points[counts]), torch.from_numpy(normals[counts]), share)
 

@@ -35,7 +35,7 @@ _ALSO = {
 TOLD_APART = frozenset({*PART_NAMES, *_ALSO})
 """The parts that readings can find."""
 _BAND = 0.25
-_INSIDE, _WHOLLY = 0.5, 0.999
+_INSIDE = 0.5
 _LEAST_PIECE = 0.3
 """Extent of a piece of a part, as a share of that of its largest, at least."""
 _LONG, _ROUND = 1.5, 1.15

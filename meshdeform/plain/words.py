@@ -84,7 +84,7 @@ class Sentence:
     notes: tuple[str, ...] = ()  # how words were read that are misspelt, or mean the noun
 
     @property
-    def known(self) -> bool:
+    def names_known_parts(self) -> bool:
         """Whether all its parts are words for parts, and none a name that only the file can know."""
         return all(change.part in (WHOLE, *PART_NAMES) for change in self.changes)
 

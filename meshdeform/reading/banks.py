@@ -48,7 +48,6 @@ __all__ = [
     "is_general",
     "members_with_parts",
     "pose_of",
-    "prepare",
 ]
 
 MEMBERS, SAMPLES = 110, 700
@@ -172,29 +171,24 @@ def bank_of(noun: str, folder: Path | None = None, attributes: Attributes = None
 @lru_cache(maxsize=_IN_MEMORY)
 def _bank_of(noun: str, called: str, folder: Path | None, attributes: Attributes) -> Bank:
     """Return the bank of a noun; `called` tells it from others of the same noun."""
-    path = None if folder is None else folder / f"{_name(called, attributes)}-{MEMBERS_VERSION}.npz"
-    kept = None if path is None else _kept(path, members_of(noun, attributes))
-    if kept is not None:
-        return kept
-    bank = _drawn(noun, attributes)
+    path = None if folder is None else folder / f"{_file_stem(called, attributes)}-{MEMBERS_VERSION}.npz"
+    found = None if path is None else _read_bank(path, members_of(noun, attributes))
+    if found is not None:
+        return found
+    bank = _draw_bank(noun, attributes)
     if path is not None:
-        _keep(bank, path)
+        _write_bank(bank, path)
     return bank
 
 
-def prepare(noun: str, folder: Path | None = None) -> None:
-    """Draw the members of a noun, so that a later reading does not wait for it."""
-    bank_of(noun, folder)
-
-
-def _name(called: str, attributes: Attributes) -> str:
+def _file_stem(called: str, attributes: Attributes) -> str:
     """Return the name of the bank of a noun with attributes: `dog`, `dog+`, `dog+long_tail`; without hyphens."""
     if attributes is None:
         return called
     return f"{called}+" + "+".join(sorted(f"{each.degree}_{each.part}" for each in attributes))
 
 
-def _drawn(noun: str, attributes: Attributes) -> Bank:
+def _draw_bank(noun: str, attributes: Attributes) -> Bank:
     members = []
     for number in range(members_of(noun, attributes)):
         give_way()
@@ -223,7 +217,7 @@ def _single(array: Floats) -> Singles:
     return array.astype(np.float16).astype(np.float32)
 
 
-def _kept(path: Path, members: int) -> Bank | None:
+def _read_bank(path: Path, members: int) -> Bank | None:
     """Return the bank of a file; None if there is none, or it is damaged."""
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
@@ -240,7 +234,7 @@ def _kept(path: Path, members: int) -> Bank | None:
     return Bank(**{name: array if name in _SMALL else array.astype(np.float32) for name, array in arrays.items()})
 
 
-def _keep(bank: Bank, path: Path) -> None:
+def _write_bank(bank: Bank, path: Path) -> None:
     """Write a bank, and remove what is of other versions or too much; without room or leave, it is drawn again."""
     packed = io.BytesIO()
     arrays = {field.name: getattr(bank, field.name) for field in fields(Bank)}

@@ -149,7 +149,7 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: CameraFr
     """
     verts = surface.mesh.verts
     check_points(params, {"asset": (verts.min(0).tolist(), verts.max(0).tolist())})
-    kept, regions = _kept(params.regions, surface)
+    kept, regions = _kept_verts(params.regions, surface)
     bodies = select_bodies(params.rigid, surface)
     partners = _partners(params.symmetry, surface.mesh)
     kept = _completed(kept, bodies, partners, surface.mesh)
@@ -168,7 +168,9 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: CameraFr
     return AssetControl(constraints, bodies, regions, partners)
 
 
-def _kept(regions: Sequence[selection.RegionParams], surface: WeldedSurface) -> tuple[_Flags, list[dict[str, Any]]]:
+def _kept_verts(
+    regions: Sequence[selection.RegionParams], surface: WeldedSurface
+) -> tuple[_Flags, list[dict[str, Any]]]:
     """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
     faces = surface.mesh.faces
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
@@ -287,13 +289,15 @@ def control_report(
             "max_moved": float(np.abs(after[rows] - before[rows]).max(initial=0.0)) / diagonal,
         }
     if control.constraints.handles:
-        report["handles"] = _handles(control, frame, positions, diagonal)
+        report["handles"] = _handles_report(control, frame, positions, diagonal)
     if params.symmetry != "none":
-        report["symmetry"] = _symmetry(control, welded.mesh, positions, diagonal)
+        report["symmetry"] = _symmetry_report(control, welded.mesh, positions, diagonal)
     return report
 
 
-def _handles(control: AssetControl, frame: CameraFrame, positions: _Floats, diagonal: float) -> list[dict[str, Any]]:
+def _handles_report(
+    control: AssetControl, frame: CameraFrame, positions: _Floats, diagonal: float
+) -> list[dict[str, Any]]:
     handles = control.constraints.handles
     reached = handle_rows(handles, len(positions)) @ positions
     goals = np.stack([handle.goal for handle in handles]) / frame.scale + frame.centre
@@ -304,7 +308,7 @@ def _handles(control: AssetControl, frame: CameraFrame, positions: _Floats, diag
     ]
 
 
-def _symmetry(control: AssetControl, mesh: RestMesh, positions: _Floats, diagonal: float) -> dict[str, Any]:
+def _symmetry_report(control: AssetControl, mesh: RestMesh, positions: _Floats, diagonal: float) -> dict[str, Any]:
     if control.partners is None:
         closest = min((find_partners(mesh, axis) for axis in range(3)), key=lambda partners: partners.unmatched)
         return {"axis": None, "closest": "xyz"[closest.axis], "unmatched_vertices": closest.unmatched}

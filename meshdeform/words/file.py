@@ -123,7 +123,7 @@ class Word:
             )
         header = _header(data)
         try:
-            return _told(header.pop("__metadata__"), header, data)
+            return _word_of(header.pop("__metadata__"), header, data)
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:
             raise AssetError(f"The word is damaged: {str(error)[:120]}.", advice=_AGAIN) from error
 
@@ -210,7 +210,7 @@ def _header(data: bytes) -> dict[str, Any]:
     return dict(header)
 
 
-def _told(metadata: Mapping[str, str], header: Mapping[str, Any], data: bytes) -> Word:
+def _word_of(metadata: Mapping[str, str], header: Mapping[str, Any], data: bytes) -> Word:
     """Return a word by what its header says, which is checked against the limits and the number of bytes."""
     told = json.loads(metadata["word"])
     _check_names(told)
