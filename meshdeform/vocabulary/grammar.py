@@ -284,7 +284,7 @@ class _Reading:
         )
         return VocabularyError(
             detail,
-            advice=f"{offer} {_ADVICE if self.known.tokens else f'{_OWN_WORDS} {_FREE_TEXT}'}",
+            advice=f"{offer} {_ADVICE if self.vocabulary.tokens else f'{_OWN_WORDS} {_FREE_TEXT}'}",
             unknown=unknown,
             suggestions=suggestion.prompts,
             corrections=suggestion.corrections,
@@ -357,9 +357,9 @@ def _listed(items: Iterable[str], conjunction: str) -> str:
 def parse(prompt: str, vocabulary: Words | None = None) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
-    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `vocabulary`: the words that
-    it may have; by default those that are known here. Returns ParsedPrompt: canonical noun and attributes, equal for
-    prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
+    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `vocabulary`: the words
+    that it may have; by default those that are known here. Returns ParsedPrompt: canonical noun and attributes, equal
+    for prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
     VocabularyError: a word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up
     to three prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning,
     by unknown word), `nouns` and `attributes`.
@@ -371,9 +371,9 @@ def parse_negative(negative: str, prompt: str, vocabulary: Words | None = None) 
     """Parse a negative prompt of the builtin prior.
 
     `negative`: a prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun;
-    `prompt`: the prompt that it accompanies; `vocabulary`: as in `parse`. Raises PromptError: as `parse`; or the negative
-    prompt means the same as the prompt. Raises VocabularyError: as `parse`, but without suggestions, which are for
-    prompts.
+    `prompt`: the prompt that it accompanies; `vocabulary`: as in `parse`. Raises PromptError: as `parse`; or the
+    negative prompt means the same as the prompt. Raises VocabularyError: as `parse`, but without suggestions, which are
+    for prompts.
     """
     vocabulary = vocabulary or current_words()
     wanted = parse(prompt, vocabulary)
