@@ -1,8 +1,8 @@
 """Divide surfaces into pieces, and find which piece of one becomes which piece of another.
 
 A piece is what is of one part and hangs together: a leg, a wheel, the whole body. Faces of one part hang together
-along edges, and where they nearly touch on one side of the mirror plane. Like pieces are matched by where
-their middles are in the boxes of the whole, (x, y, z) weighed by (1.5, 0.5, 1): the matching of least total distance.
+along edges, and where they nearly touch on one side of the mirror plane. Pieces of one part are matched by the middles
+of their boxes, relative to the box of the whole, (x, y, z) weighed by (1.5, 0.5, 1), at the least total distance.
 
 Source: Kuhn 1955, The Hungarian method for the assignment problem.
 """

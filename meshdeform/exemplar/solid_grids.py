@@ -85,7 +85,7 @@ def _votes(verts: Floats, faces: Index, grid: Grid, axis: int) -> Index:
 def nearest_points(points: Floats, verts: Floats, faces: Index, solid: SolidGrid) -> tuple[Floats, Floats]:
     """Return the nearest points (P, 3) on the surface to points within the band, and their distances (P,).
 
-    A point farther away than the triangles that are nearest to the nodes around it keeps its point, at distance inf.
+    A point farther away than the triangles nearest to the nodes around it is its own nearest point, at distance inf.
     """
     positions, distances = points.copy(), np.full(len(points), np.inf)
     _nearest(points, verts, faces, solid.grid.origin, solid.grid.spacing, solid.nearest, positions, distances)

@@ -331,7 +331,7 @@ def _move(u: int, surface: _Surface, sphere: _Sphere, room: Floats, around: Floa
 
 @kernel
 def _toward_fan(u: int, v: int, directions: Floats, rings: Rings, n: int, goal: Floats) -> None:
-    """Set a point in the middle of the angle at v that the triangles which u is in span: near v all is visible."""
+    """Set a point in the middle of the angle at v that the triangles around u span: near v all is visible."""
     at = directions[v]
     one, other = np.zeros(3), np.zeros(3)
     turn, last, reach = 0.0, 0.0, 1.0

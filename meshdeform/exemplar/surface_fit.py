@@ -9,7 +9,7 @@ solves for new displacements d
 
 w = 1 / sqrt(1 + (2 r / l)^2) where the normals have a product above 0.1 and r < l. The surface slides: only the share
 t of what lies along it is gone. L is the graph Laplacian with weights of one over the edges' lengths, e the mean edge,
-D the diagonal, V the number of vertices. The displacement is smooth, not the point, so that what the surface shows
+D the diagonal, V the number of vertices. The displacement is smooth, not the position, so that what the surface shows
 stays; so are those of different components where they nearly touch.
 
 Of more than 12,000 vertices, displacements are those of some 6,000 nodes, middles of what lies in one cell and faces
