@@ -123,7 +123,7 @@ class ShapePath:
         verts = verts + self._placement.translations(goal - self._bridges.lines(verts))[self._labels]
         groups = self._placement.groups[self._labels]
         straight = (1 - share) * self._rest.verts + share * self._result
-        placed: _Floats = verts + _means(self._stillness, straight - verts, groups)[groups]
+        placed: _Floats = verts + _group_means(self._stillness, straight - verts, groups)[groups]
         return placed
 
     def _pairs(self) -> sparse.csr_matrix:
@@ -182,7 +182,7 @@ def _turned(vectors: _Floats, lines: _Floats) -> _Floats:
     return np.einsum("bij,bj->bi", rotation_matrices(vectors), lines) if len(lines) else lines
 
 
-def _means(weights: _Floats, values: _Floats, groups: NDArray[np.int64]) -> _Floats:
+def _group_means(weights: _Floats, values: _Floats, groups: NDArray[np.int64]) -> _Floats:
     """Return the weighted means (G, 3) of values (V, 3) over groups of rows."""
     total = np.bincount(groups, weights)
     sums = [np.bincount(groups, weights * column) for column in values.T]

@@ -57,7 +57,7 @@ class Mould:
         middles /= np.linalg.norm(middles, axis=1, keepdims=True)
         found = cKDTree(middles).query(asked)[1].astype(np.int64)
         weights = np.zeros((len(asked), 3))
-        _locate(asked, self.directions, self.faces, _across(self.faces), found, weights)
+        _locate(asked, self.directions, self.faces, _opposite_faces(self.faces), found, weights)
         positions = np.einsum("nk,nkj->nj", weights, self.positions[self.faces[found]])
         if self.plane is not None:
             left = directions[:, 0] < 0
@@ -132,7 +132,7 @@ def _welded(verts: Floats, faces: Index) -> tuple[Floats, Index, Index]:
     return verts[first], np.asarray(joined[whole]), np.asarray(number.ravel())
 
 
-def _across(faces: Index) -> Index:
+def _opposite_faces(faces: Index) -> Index:
     """Return the face (F, 3) on the other side of the edge opposite each corner; -1 if there is none."""
     count = int(faces.max()) + 1
     one, other = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()

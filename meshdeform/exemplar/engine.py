@@ -28,7 +28,7 @@ from meshdeform.exemplar.borrowing import with_part_of
 from meshdeform.exemplar.cached_sources import cached_source
 from meshdeform.exemplar.choosing import Exemplar, exemplars
 from meshdeform.exemplar.clay import is_clay, moulded
-from meshdeform.exemplar.distances import between, stretch
+from meshdeform.exemplar.distances import mean_distance, stretch
 from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.exemplar.pieces import Matching
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
@@ -257,7 +257,7 @@ class ExemplarFit:
         if goal.solids is not None:
             other = other.rows(~hidden(other, goal.solids[other.faces]))
         spacing = float(np.sqrt(face_areas(verts, self._standing).sum() / _SAMPLES))
-        return between(own, other, spacing)
+        return mean_distance(own, other, spacing)
 
 
 def _parts_told(matching: Matching | None) -> tuple[list[tuple[str, str]], list[str], list[str]]:

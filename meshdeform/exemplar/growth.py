@@ -58,7 +58,7 @@ def grown(
     growing &= set(codes.tolist()) & set(goal.codes.tolist())
     if not growing:
         return verts.copy()
-    fitted = growing | _beside(faces, codes, growing, len(verts))
+    fitted = growing | _touching_parts(faces, codes, growing, len(verts))
     codes = np.where(np.isin(codes, list(fitted)), codes, -1)
     return surface_fit(verts, faces, codes, seen.of(fitted, growing), _MANNER, start=start)
 
@@ -117,7 +117,7 @@ def _sprout(
     return start, patched
 
 
-def _beside(faces: Index, codes: Index, growing: Collection[int], count: int) -> set[int]:
+def _touching_parts(faces: Index, codes: Index, growing: Collection[int], count: int) -> set[int]:
     """Return the parts that touch those that grow."""
     near = np.zeros(count, bool)
     near[faces[np.isin(codes, list(growing))]] = True

@@ -112,7 +112,7 @@ def outlined(verts: Floats, faces: Index, outlines: Sequence[Outline], *, planes
     `planes`: as of `smooth_fit`.
     """
     surface, pulls = CodedSurface.alike(verts, faces), [Outlines(verts, faces, outlines)]
-    return smooth_fit(surface, CodedSurface.nothing(), planes=planes, pulls=pulls)
+    return smooth_fit(surface, CodedSurface.empty(), planes=planes, pulls=pulls)
 
 
 def _distance(view: SilhouetteView, reach: float) -> float:

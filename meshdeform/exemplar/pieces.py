@@ -120,7 +120,7 @@ def _instances(rows: Index, links: Index, touching: Index, centres: Floats, area
     x = centres[rows, 0]
     if two_sided:
         own = connected(len(rows), along)
-        half = _halved(own, x, areas[rows])
+        half = _left_and_right(own, x, areas[rows])
         along = along[~half[along[:, 0]] | (np.sign(x[along[:, 0]]) == np.sign(x[along[:, 1]]))]
     own = connected(len(rows), along)
     near = row_of[touching]
@@ -133,7 +133,7 @@ def _instances(rows: Index, links: Index, touching: Index, centres: Floats, area
     return _without_crumbs(own, centres[rows], areas[rows])
 
 
-def _halved(own: Index, x: Floats, areas: Floats) -> Flags:
+def _left_and_right(own: Index, x: Floats, areas: Floats) -> Flags:
     """Return which faces (R,) are of a piece that is really a left one and a right one, which meet in the middle."""
     total = np.maximum(np.bincount(own, areas), 1e-300)
     left = np.bincount(own, areas * (x < 0)) / total
@@ -200,7 +200,7 @@ def matched(source: Shape, goal: Shape) -> Matching:
     own, other = pieces_of(source, own_names), pieces_of(goal, goal_names)
     if is_built(source.noun) and is_built(goal.noun):
         own, other = _legs_as_one(source, own, other)
-    own = _fewer(source, own, other)
+    own = _joined_where_fewer(source, own, other)
     partner = _partners(_middles(source, own), _middles(goal, other), own, other)
     parent = _parents(goal, own, other, partner)
     grows = ~np.isin(np.arange(len(other)), partner)
@@ -219,7 +219,7 @@ def _legs_as_one(source: Shape, own: Pieces, other: Pieces) -> tuple[Pieces, Pie
     return own.joined(dict.fromkeys(mine, mine[0])), other.joined(dict.fromkeys(others, others[0]))
 
 
-def _fewer(source: Shape, own: Pieces, other: Pieces) -> Pieces:
+def _joined_where_fewer(source: Shape, own: Pieces, other: Pieces) -> Pieces:
     """Join ears, or horns, of one side where the goal has fewer."""
     for name in ("ear", "horn"):
         mine = own.named(name)

@@ -75,7 +75,7 @@ def by_side(own: Shape, goal: Shape, wheels: Sequence[Index], goal_wheels: Seque
     """
     samples = [_body(shape, faces) for shape, faces in ((own, wheels), (goal, goal_wheels))]
     outlines = [_outline(positions[:, [2, 1]]) for positions in samples]
-    boxed = _boxed(*outlines)
+    boxed = _map_of_boxes(*outlines)
     points, to = _matched(boxed, outlines[0], outlines[1])
     diagonal = float(np.linalg.norm(outlines[1].high - outlines[1].low))
     if np.linalg.norm(to - points, axis=1).mean() > _FARTHEST * diagonal:
@@ -95,7 +95,7 @@ def _body(shape: Shape, wheels: Sequence[Index]) -> Floats:
     return spread(shape.verts, np.delete(shape.faces, np.concatenate(wheels), 0), _SAMPLES, 5).positions
 
 
-def _boxed(own: _Outline, goal: _Outline) -> Callable[[Floats], Floats]:
+def _map_of_boxes(own: _Outline, goal: _Outline) -> Callable[[Floats], Floats]:
     """Return the way from one box to the other."""
     scale = (goal.high - goal.low) / np.maximum(own.high - own.low, 1e-9)
     return lambda flat: np.asarray(goal.low + (flat - own.low) * scale)
@@ -188,7 +188,7 @@ def _cheapest(cost: Floats, steps: Index) -> Index:
     return path[: count + 1][::-1]
 
 
-def _seen(verts: Floats) -> tuple[Floats, float]:
+def _middle_and_radius(verts: Floats) -> tuple[Floats, float]:
     """Return the middle (2,) and the radius of a wheel."""
     middle = (verts.min(0) + verts.max(0)) / 2
     return middle[[2, 1]], float(np.ptp(verts[:, 1])) / 2
@@ -198,9 +198,9 @@ def _rolling(own: Shape, goal: Shape, wheels: Sequence[Index], goal_wheels: Sequ
     """Return the wheels on the ground with where they go: by where they are between the first and the last one."""
     ground, goal_ground = own.verts[own.faces][..., 1].min(), goal.verts[goal.faces][..., 1].min()
     rows = [np.unique(own.faces[faces]) for faces in wheels]
-    seen = [_seen(own.verts[each]) for each in rows]
-    others = [_seen(goal.verts[np.unique(goal.faces[faces])]) for faces in goal_wheels]
-    ends = [_ends([middle[0] for middle, _ in each]) for each in (seen, others)]
+    seen = [_middle_and_radius(own.verts[each]) for each in rows]
+    others = [_middle_and_radius(goal.verts[np.unique(goal.faces[faces])]) for faces in goal_wheels]
+    ends = [_range_of([middle[0] for middle, _ in each]) for each in (seen, others)]
     if min(np.ptp(each) for each in ends) < _APART:
         return []
     radii = [others[int(np.argmin([abs(middle[0] - end) for middle, _ in others]))][1] for end in ends[1]]
@@ -214,7 +214,7 @@ def _rolling(own: Shape, goal: Shape, wheels: Sequence[Index], goal_wheels: Sequ
     return found
 
 
-def _ends(along: Sequence[float]) -> Floats:
+def _range_of(along: Sequence[float]) -> Floats:
     return np.array([min(along), max(along)])
 
 

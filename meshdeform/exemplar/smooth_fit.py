@@ -108,7 +108,7 @@ class CodedSurface(NamedTuple):
         return cls(verts, faces, np.zeros(len(faces), np.int64))
 
     @classmethod
-    def nothing(cls) -> CodedSurface:
+    def empty(cls) -> CodedSurface:
         """Return a surface without faces."""
         return cls.alike(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
 
@@ -397,7 +397,7 @@ class _Fit:
         unit = self._diagonal**2 / _JACOBIANS
         stiffness = in_ratio(_STIFFNESS, share) * unit
         weights = np.broadcast_to(stiffness * self._stiffer, (3, 3, _JACOBIANS))
-        goals = (_good(self._jacobians) - self._jacobians).transpose(1, 2, 0)
+        goals = (_in_range(self._jacobians) - self._jacobians).transpose(1, 2, 0)
         if self._built:
             upward = np.abs(self._rest_normals[self._chosen, 1])
             square = np.where((upward > _FLAT) | (upward < _UPRIGHT), 1.0, _LEANING)
@@ -437,7 +437,7 @@ def _weights(apart: Floats, alike: Flags, limits: Floats) -> Floats:
     return np.asarray((alike & (lengths < limits)) / np.sqrt(1 + (2 * ratio) ** 2))
 
 
-def _good(jacobians: Floats) -> Floats:
+def _in_range(jacobians: Floats) -> Floats:
     """Return the nearest Jacobians (J, 3, 3) that do not reflect and whose stretches are in the range."""
     u, stretches, v = np.linalg.svd(jacobians)
     reflects = np.linalg.det(u @ v) < 0

@@ -102,7 +102,7 @@ def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> GoalPar
     heights /= max(float(heights.max()), 1e-9)
     root = positions[at_root].mean(0)
     centres, axes = _middle_line(positions, heights, root)
-    turns, across = _turns(positions, heights, centres, axes)
+    turns, across = _angles_about_line(positions, heights, centres, axes)
     radius = float(np.linalg.norm(positions[at_root] - root, axis=1).mean())
     return GoalPart(positions, heights, turns, root, axes[0], across, radius, area * len(seen))
 
@@ -143,7 +143,7 @@ def _middle_line(positions: Floats, heights: Floats, root: Floats) -> tuple[Floa
     return line, ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
 
 
-def _turns(positions: Floats, heights: Floats, centres: Floats, axes: Floats) -> tuple[Floats, Floats]:
+def _angles_about_line(positions: Floats, heights: Floats, centres: Floats, axes: Floats) -> tuple[Floats, Floats]:
     """Return cosine and sine (N, 2) of the points' angles about the line, and the frame (2, 3) at its start."""
     first = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
     frames = [np.stack([first, np.cross(axes[0], first)]) / np.linalg.norm(first)]

@@ -81,7 +81,7 @@ class Piece:
         return np.asarray(np.eye(3)[self.body.front if lies else int(np.argmax(size))])
 
     def anchor(self, axis: Floats) -> Floats:
-        """Return a place (3,) that stays when it grows along an axis (3,): an end that is attached, or its middle."""
+        """Return a point (3,) that stays when it grows along an axis (3,): an end that is attached, or its middle."""
         own = self.body.points[self.rows]
         along = own @ axis
         low, high = float(along.min()), float(along.max())

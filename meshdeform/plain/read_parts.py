@@ -43,9 +43,9 @@ _LONG, _ROUND = 1.5, 1.15
 _FEW = 0.4
 """Share of a part's vertices that is far from its border, below which it has too few for a band."""
 _APART = 0.4
-"""Distance between places where a piece touches the rest, as a share of its extent, from which it hangs at both."""
+"""Distance between points where a piece touches the rest, as a share of its extent, from which it hangs at both."""
 _END = 0.35
-"""Extent of such a place, likewise, up to which it is an end: a cushion lies along what it touches."""
+"""Extent of such a contact, likewise, up to which it is an end: a cushion lies along what it touches."""
 _HARDLY = 0.01
 """Share of a piece's vertices beside the rest, below which it only touches it."""
 _UNREAD = -2
@@ -93,14 +93,14 @@ class ReadParts:
         old = codes.copy()
         for found, called in self._renamed.items():
             if found in names:
-                codes[old == names.index(found)] = _number(names, called)
+                codes[old == names.index(found)] = _index_in(names, called)
         for called, faces in self._painted.items():
-            codes[faces] = _number(names, called)
+            codes[faces] = _index_in(names, called)
         return codes, tuple(names)
 
     @property
     def labels(self) -> Index:
-        """The part of each face (F,): a place in `PART_NAMES`, `GROUND`, or `NO_PART`, also for names of no noun."""
+        """The part of each face (F,): an index into `PART_NAMES`, `GROUND`, or `NO_PART`, also for names of no noun."""
         codes, _ = self._coded
         return np.where(codes < len(PART_NAMES), codes, _UNREAD)
 
@@ -214,7 +214,7 @@ class ReadParts:
         return [rows[flags] for flags in apart if flags.any()]
 
     def _piece(self, part: str, rows: Index, share: Floats) -> Piece:
-        """Return a piece with its weights, the place where it hangs, and what it carries."""
+        """Return a piece with its weights, the point where it hangs, and what it carries."""
         body, inside = self.body, np.zeros(len(share), bool)
         inside[rows] = True
         carried = carried_by(body, inside)
@@ -260,7 +260,7 @@ class ReadParts:
         return banded
 
     def _hangs_at_both_ends(self, rows: Index, hangs_at: Floats) -> bool:
-        """Return whether a piece of its own touches the rest at places far apart, as a handle does."""
+        """Return whether a piece of its own touches the rest at points far apart, as a handle does."""
         if len(hangs_at) < 2:
             return False
         reach = NEAR * self.body.diagonal
@@ -282,8 +282,8 @@ def _in_a_sentence(name: str) -> str:
     return part_and_sides(words)[1] or name.lower()
 
 
-def _number(names: list[str], name: str) -> int:
-    """Return the place of a name in a list, which gets it if it lacks it."""
+def _index_in(names: list[str], name: str) -> int:
+    """Return the index of a name in a list, which gets it if it lacks it."""
     if name not in names:
         names.append(name)
     return names.index(name)

@@ -137,7 +137,7 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
         return word_member(word, number, attributes or ())
     form, seed = form_of(noun, number, attributes), number // len(FORMS[noun]) + 1
     if attributes is not None:
-        return _wished(form, pose_of(noun, number, attributes), number, attributes)
+        return _member_of_form(form, pose_of(noun, number, attributes), number, attributes)
     if number >= MEMBERS:
         return drawn(form, (), np.random.default_rng([number, 74]))
     rng = np.random.default_rng([seed, 71])
@@ -157,7 +157,7 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
     return member
 
 
-def _wished(form: str, pose: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:
+def _member_of_form(form: str, pose: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:
     member = drawn(form, attributes, np.random.default_rng([number, 72]))
     return posed(member, pose, np.random.default_rng([number, 73])) if pose else member
 

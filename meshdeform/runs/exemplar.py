@@ -162,14 +162,14 @@ class ExemplarRun(ShapeRun):
                 seconds[stage.name] = seconds.get(stage.name, 0.0) + time.perf_counter() - began
                 if stage.verts is not None and (own.binding is None or stage.share == 1):
                     self._moves[number] = own.followed(stage.verts) - self._body.points
-                yield from self._until(int((number + stage.share) * STEPS))
+                yield from self._steps_until(int((number + stage.share) * STEPS))
                 began = time.perf_counter()
             self._fits.append(Fit(prompt, fit.result, seconds))
         self._result = self._whole()
         while self.step < self.total_steps:
             yield {}
 
-    def _until(self, step: int) -> Iterator[dict[str, float]]:
+    def _steps_until(self, step: int) -> Iterator[dict[str, float]]:
         """Yield until so many steps are done, but for the last one, before which all is mended."""
         while self.step < min(step, self.total_steps - 1):
             yield {}

@@ -108,7 +108,7 @@ def exemplar_report(
             moved=movement.rms,
             distortion=quality["symmetric_dirichlet_mean"] or 1.0,
         )
-        taken = _taken(facts, fits)
+        taken = _target_part(facts, fits)
         compared = _comparisons(facts, fits, outcome, shape, min(kept), taken)
         if compared["verdict"]["value"] != Verdict.GOOD:
             compared["verdict"] = as_foreseen(compared["verdict"], foresee())
@@ -136,7 +136,7 @@ def exemplar_report(
     return guided_report(report, facts, outcome.written, compared)
 
 
-def _taken(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:
+def _target_part(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:
     """Return the part of the target to which the asset was fitted; None if there was none."""
     return list(facts.targets)[int(str(fits[0].result.member["target"]))] if facts.targets else None
 
@@ -168,11 +168,11 @@ def _comparisons(
         else:
             result = fits[0].result
             verdicts.append(of_shape_alone(result.distance / max(result.distance_before, 1e-9), shape))
-    verdicts.append(of_exemplars(kept, shape, _left(fits)))
+    verdicts.append(of_exemplars(kept, shape, _distance_left(fits)))
     return {**compared, "verdict": worst(verdicts)}
 
 
-def _left(fits: Sequence[Fit]) -> float | None:
+def _distance_left(fits: Sequence[Fit]) -> float | None:
     """Return the share of the distance that is left of a single fit of parts; None of others."""
     result = fits[0].result
     if len(fits) > 1 or result.member.get("way") in ("mould", "target") or not result.distance_before:

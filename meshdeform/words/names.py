@@ -57,10 +57,10 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
         raise ParameterError.at(["synonyms"], f"A word has at most {MAX_SYNONYMS} synonyms.", "Leave some out.")
     if noun_of(noun, WORDS) is not None and not replace:
         advice = "Choose another noun, or replace ours for yourself (--replace; at a service, `replace`)."
-        raise ParameterError.at(["noun"], _ours(noun), advice)
+        raise ParameterError.at(["noun"], _builtin_detail(noun), advice)
     for name in synonyms:
         if noun_of(name, WORDS) not in (None, noun):
-            raise ParameterError.at(["synonyms"], _ours(name), "Leave this synonym out.")
+            raise ParameterError.at(["synonyms"], _builtin_detail(name), "Leave this synonym out.")
     for other in others:
         if other.noun == noun:
             if replace:
@@ -73,7 +73,7 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
         _check_apart(noun, synonyms, other)
 
 
-def _ours(name: str) -> str:
+def _builtin_detail(name: str) -> str:
     """Return a sentence about a name that is read as a noun of ours."""
     noun = noun_of(name, WORDS)
     return f"{name!r} is a noun of ours." if name == noun else f"{name!r} is read as our {noun!r}."

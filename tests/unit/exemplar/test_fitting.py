@@ -10,7 +10,7 @@ import pytest
 from bench.keep.cost import split
 from meshdeform.exemplar import engine
 from meshdeform.exemplar.choosing import Exemplar
-from meshdeform.exemplar.distances import between, stretch
+from meshdeform.exemplar.distances import mean_distance, stretch
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.fitting import Fitted, SourceFit
 from meshdeform.exemplar.mending import Mended, mended
@@ -33,7 +33,7 @@ def shape_of(noun: str, seed: int = 1) -> Shape:
 
 def apart(one: Shape, other: Floats) -> float:
     """Return the distance between a shape and its like with other vertices."""
-    return between(spread(one.verts, one.faces, 1500, 0), spread(other, one.faces, 1500, 1), 0.02)
+    return mean_distance(spread(one.verts, one.faces, 1500, 0), spread(other, one.faces, 1500, 1), 0.02)
 
 
 def fit(source: Shape, goal: Shape) -> Fitted:
@@ -64,10 +64,10 @@ def test_a_shape_fitted_to_itself_hardly_moves(noun: str) -> None:
 def test_a_dog_becomes_a_giraffe_and_stays_its_own_mirror_image() -> None:
     dog, giraffe = shape_of("dog"), shape_of("giraffe")
     fitted, result = dog_as_giraffe()
-    near = between(
+    near = mean_distance(
         spread(result.verts, dog.faces, 1500, 0), spread(fitted.goal.verts, fitted.goal.faces, 1500, 1), 0.02
     )
-    before = between(spread(dog.verts, dog.faces, 1500, 0), spread(giraffe.verts, giraffe.faces, 1500, 1), 0.02)
+    before = mean_distance(spread(dog.verts, dog.faces, 1500, 0), spread(giraffe.verts, giraffe.faces, 1500, 1), 0.02)
     assert near < 0.35 * before
     assert result.flipped == 0
     assert asymmetry(fitted.ways["smooth"], dog.faces, 0) < asymmetry(dog.verts, dog.faces, 0) + 0.001
