@@ -31,7 +31,7 @@ from meshdeform.geometry.tensors import sparse_product
 _Floats = NDArray[np.float64]
 
 _UNMOVED = 1e-12
-_ON_PLACE = 1e-6
+_REACHED = 1e-6
 _SINGULAR = 1e-9
 
 
@@ -82,7 +82,7 @@ class Handles:
         gram = np.asarray(self._rows[axis] @ moved.T)
         own = np.diag(gram).copy()
         stuck = own <= _UNMOVED * max(float(own.max()), 1e-300)
-        for number in np.flatnonzero(stuck & (np.abs(missing) > _ON_PLACE * size)):
+        for number in np.flatnonzero(stuck & (np.abs(missing) > _REACHED * size)):
             raise _refusal(
                 int(number),
                 f"handle {number} cannot move along {'xyz'[axis]}: its point is kept, or on the mirror plane.",

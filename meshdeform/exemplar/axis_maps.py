@@ -30,7 +30,7 @@ class AxisMaps:
         self.knots, self.values = knots, values
 
     def map_points(self, points: Floats) -> Floats:
-        """Return where points (N, 3) go."""
+        """Return the mapped points (N, 3) float64."""
         return np.stack([self.along(axis, points[:, axis]) for axis in range(3)], 1)
 
     def along(self, axis: int, at: Floats) -> Floats:

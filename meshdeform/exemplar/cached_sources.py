@@ -30,12 +30,12 @@ class CachedSource:
 
     @cached_property
     def faults(self) -> Faults:
-        """What finds faults of its shapes."""
+        """The check for faults of shapes that the source takes."""
         return Faults(self.source.verts, self.source.faces)
 
     @cached_property
     def fit(self) -> SourceFit:
-        """What fits it to goals."""
+        """The fit of the source to goals."""
         return SourceFit(self.source)
 
     @cached_property

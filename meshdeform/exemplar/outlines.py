@@ -34,7 +34,7 @@ from meshdeform.reading.samples import spread
 
 __all__ = ["Outline", "Outlines", "contour_of", "outlined", "outlines_of"]
 
-_PLACES, _VERTS = 9_000, 4_000
+_SAMPLES, _VERTS = 9_000, 4_000
 _SIDE, _MARGIN = 96, 1.25
 _POINTS = 400
 """Most points of a contour."""
@@ -87,7 +87,7 @@ def outlines_of(views: Sequence[SilhouetteView], verts: Floats, faces: Index, tu
         The pictures contradict their directions.
     """
     scales = picture_scales(views)
-    positions = spread(verts, faces, _PLACES, 0).positions
+    positions = spread(verts, faces, _SAMPLES, 0).positions
     reach = float(np.linalg.norm(verts[np.unique(faces)], axis=1).max())
     empty = np.zeros((0, 2))
     sizes = []
@@ -180,18 +180,18 @@ class Outlines:
         self._outlines = list(outlines)
         used = np.unique(faces)
         some = used[:: max(1, math.ceil(len(used) / _VERTS))]
-        self._positions = np.concatenate([verts[some], spread(verts, faces, _PLACES, 0).positions])
+        self._positions = np.concatenate([verts[some], spread(verts, faces, _SAMPLES, 0).positions])
         self._diagonal = float(np.linalg.norm(np.ptp(verts[used], axis=0)))
 
     def rows(self, moved: Callable[[Floats], Floats], share: float) -> PullRows:
-        """Return the rows of a round."""
+        """Return the rows of the linear least squares by which all outlines pull in a round."""
         now = moved(self._positions)
         limit = in_ratio(_LIMITS, share) * self._diagonal
         found = [self._pulled(outline, now, limit) for outline in self._outlines]
         return PullRows(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
     def _pulled(self, outline: Outline, now: Floats, limit: float) -> PullRows:
-        """Return the rows of an outline."""
+        """Return the rows by which one outline pulls."""
         seen, larger = outline.seen_at(now)
         covered = _Covered(seen)
         rim, outward = self._rim(seen, covered)

@@ -52,7 +52,7 @@ class Pieces:
         return len(self.names)
 
     def named(self, name: str) -> list[int]:
-        """Return the pieces of a name."""
+        """Return the numbers of the pieces that have a name."""
         return [number for number, own in enumerate(self.names) if own == name]
 
     def joined(self, into: Mapping[int, int]) -> Pieces:

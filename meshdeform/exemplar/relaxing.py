@@ -106,7 +106,7 @@ class _Ties(NamedTuple):
 
 
 class _Relaxing:
-    """A surface on its way."""
+    """A surface between rest and goal, which each round moves nearer to the goal."""
 
     def __init__(self, rest: Floats, start: Floats, faces: Index, goal: _Goal, stiffness: float) -> None:
         self._start, self._all, self._goal = start, faces, goal

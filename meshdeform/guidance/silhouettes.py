@@ -177,7 +177,7 @@ class BesideSilhouettes(SilhouetteGuide):
 
     @property
     def is_heavy(self) -> bool:
-        """Whether the guidance is."""
+        """Whether the guidance beside the pictures is heavy."""
         return isinstance(self._guidance, HeavyGuidance) and self._guidance.is_heavy
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:

@@ -92,7 +92,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Limb:
-    """A part as its pieces."""
+    """A part of an asset, as the pieces that it consists of: each leg, each wheel."""
 
     body: Body
     pieces: Sequence[Piece]

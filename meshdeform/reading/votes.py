@@ -28,7 +28,7 @@ _NORMALS = 0.04
 TRUST = 0.003
 """Difference of scores, shares of the diagonal, that makes a member count less by e."""
 _SAMPLES, _NEAREST = 4000, 24
-_PLACES, _MOST_PLACES = 3000, 40
+_POINTS, _MOST_POINTS = 3000, 40
 
 
 def part_votes(verts: Floats, faces: Index, cells: Cells, fits: Sequence[MemberFit], parts: Index) -> Floats:
@@ -73,7 +73,7 @@ def _likely(fit: MemberFit, asked: Floats, inside: Flags, parts: Index) -> Float
 def _points_on(verts: Floats, faces: Index, cells: Cells) -> tuple[Floats, Floats, Index]:
     """Return points (N, 3) on the cells, more on large ones, their normals (N, 3) and the cell (N,) of each."""
     share = cells.areas / cells.areas.sum()
-    count = np.clip(np.ceil(share * _PLACES), 1, _MOST_PLACES).astype(int)
+    count = np.clip(np.ceil(share * _POINTS), 1, _MOST_POINTS).astype(int)
     of_cell = np.repeat(np.arange(len(cells)), count)
     random = np.random.default_rng(0).random((len(of_cell), 2))
     random = np.where(random.sum(1, keepdims=True) > 1, 1 - random, random)

@@ -52,7 +52,7 @@ def score_distillation(
 
 @dataclass(frozen=True)
 class Goal:
-    """Goal of a run."""
+    """What an optimised run works towards: a guidance, and what its result is compared with."""
 
     prompt: str  # with which the result is compared; empty for a target, and if each prompt has a region
     guidance: Guidance
@@ -63,7 +63,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class GoalSource:
-    """Ingredients of a goal."""
+    """What a goal is made of: the asset, its mesh and the request."""
 
     asset: Asset
     world: TriangleMesh  # the asset's welded mesh in its world
