@@ -37,7 +37,7 @@ def members_of(noun: str) -> list[LabelledMember]:
 def described_member(member: LabelledMember) -> Floats:
     """Return the description (D,) of a member."""
     samples = spread(member.verts, member.faces, SAMPLES, 2)
-    return described(samples.places, samples.normals, member.verts.min(0), member.verts.max(0))
+    return described(samples.positions, samples.normals, member.verts.min(0), member.verts.max(0))
 
 
 def reduced(each: Mapping[str, Floats]) -> dict[str, Any]:

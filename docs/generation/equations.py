@@ -14,8 +14,8 @@ __all__ = ["MODULES", "page"]
 _ROOT = Path(__file__).resolve().parents[2]
 _FOLDERS = {
     "geometry": "weld junctions shapes intersections quality",
-    "deformation": "poisson controls lattice_field rigid_bodies constraints stand_in binding variables regularizers "
-    "loop surface_guard path edit_map",
+    "deformation": "poisson degrees_of_freedom lattice_field rigid_bodies constraints stand_in binding variables "
+    "regularizers loop surface_guard path edit_map",
     "rendering": "cameras shading rasterizer",
     "guidance": "sds alignment target points silhouettes",
     "runs": "prompts",

@@ -275,7 +275,7 @@ def check_model(subject: Subject) -> Iterator[Finding]:
     from meshdeform.priors.model_files import find
 
     files = find(model, subject.settings.model_revision)
-    size = sum(path.stat().st_size for part in files.parts.values() for path in part.files)
+    size = sum(path.stat().st_size for part in files.networks.values() for path in part.files)
     yield ok("model", f"{model}: {size / 2**30:.1f} GiB in {files.folder}")
 
 

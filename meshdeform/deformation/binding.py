@@ -1,14 +1,14 @@
 """Move the vertices of a mesh with a simplified one, of which the deformation is given.
 
-Every vertex p is bound to the nearest place on the simplified mesh at rest, among those that face the same way. With
-b_i the barycentric coordinates of that place, d_i the displacements of its corners x_i and A_i the area-weighted mean
+Every vertex p is bound to the nearest point on the simplified mesh at rest, among those that face the same way. With
+b_i the barycentric coordinates of that point, d_i the displacements of its corners x_i and A_i the area-weighted mean
 of the completed Jacobians around each corner, the vertex follows the affine map ::
 
     p' = p + sum_i b_i (d_i + (A_i - I) (p - x_i))
 
-The nearest place jumps where the simplified mesh has a valley, so these maps are then averaged with those of the
-vertices around, a few times. They predict the same places where the deformation is a similarity, so averaging keeps it
-exact; and where nothing moves, the vertices keep their bits.
+The nearest point jumps where the simplified mesh has a valley, so these maps are then averaged with those of the
+vertices around, a few times. They predict the same positions where the deformation is a similarity, so averaging keeps
+it exact; and where nothing moves, the vertices keep their bits.
 
 A Poisson solve of the whole mesh with the A_i as its Jacobians was no more accurate: under a smooth bend of a sphere
 of 120,000 faces, the 99th percentile of the normals' errors was 15 degrees, against 14 here, and a million faces took

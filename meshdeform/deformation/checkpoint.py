@@ -32,9 +32,9 @@ class Checkpoint:
     was resumed in another one. Empty if there was no prior."""
 
 
-def fingerprint(**parts: Any) -> str:
+def fingerprint(**facts: Any) -> str:
     """Return the SHA-256 of what a run depends on, serialised as JSON with sorted keys."""
-    text = json.dumps(parts, sort_keys=True, separators=(",", ":"), default=str)
+    text = json.dumps(facts, sort_keys=True, separators=(",", ":"), default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

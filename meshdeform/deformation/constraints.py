@@ -1,4 +1,4 @@
-"""Constrain where vertices may go: what is kept, what is mirrored, and handles that go to their places.
+"""Constrain where vertices may go: what is kept, what is mirrored, and handles that go to their goals.
 
 The vertices p that the variables give are placed in this order, with d = p - rest::
 
@@ -58,7 +58,7 @@ class RigidBody:
 
 @dataclass(frozen=True)
 class HandleConstraint:
-    """A point of the surface that goes to a place."""
+    """A point of the surface that goes to a goal."""
 
     corners: tuple[int, ...]  # vertices around the point
     shares: tuple[float, ...]  # their barycentric coordinates
@@ -97,8 +97,8 @@ class Constraints:
         """Return the constraints of a simplified mesh; handles need the whole mesh."""
         freedom, mirror = self.freedom, self.mirror
         if freedom is not None:
-            places = NearestPlaces(whole, simple.verts, corner_normals(simple))
-            freedom = places.blend(freedom[:, None])[:, 0]
+            nearest = NearestPlaces(whole, simple.verts, corner_normals(simple))
+            freedom = nearest.blend(freedom[:, None])[:, 0]
         if mirror is not None:
             along = whole.verts[:, mirror.axis]
             mirror = Mirror.of_surface(simple, mirror.axis, float(along.min() + along.max()) / 2)
@@ -210,10 +210,10 @@ class Mirror:
         points, normals = mesh.verts.copy(), corner_normals(mesh)
         points[:, axis] = 2 * plane - points[:, axis]
         normals[:, axis] *= -1
-        places = NearestPlaces(mesh, points, normals)
+        nearest = NearestPlaces(mesh, points, normals)
         count = len(points)
         rows = 3 * np.arange(count + 1)
-        values, columns = places.weights.ravel(), places.corners.ravel()
+        values, columns = nearest.weights.ravel(), nearest.corners.ravel()
         return cls(axis, sparse.csr_matrix((values, columns, rows), shape=(count, count)))
 
     def average(self, moved: _Floats) -> _Floats:

@@ -24,8 +24,8 @@ _State = Mapping[str, NDArray[Any]]
 class Decided:
     """What is decided of a mesh.
 
-    `orientation`: the turn of the cameras. `structure`: what few controls keep; None if every element has its own
-    Jacobian.
+    `orientation`: the turn of the cameras. `structure`: what few degrees of freedom keep; None if every element has its
+    own Jacobian.
     """
 
     orientation: Orientation
@@ -66,12 +66,12 @@ def decide(
 ) -> Decided:
     """Return what is decided of a mesh at rest.
 
-    `shown`: the mesh or its stand-in; `front` and `nature`: what is known of it; `rigid`: whether it has parts that
+    `shown`: the mesh or its stand-in; `front` and `nature`: what is known of it; `rigid`: whether it has bodies that
     keep their shape; `local`: whether a loss reaches a part of it alone.
     """
     orientation = _turned(params.orientation, lambda: front)
-    # A prompt says little of a shape, so few controls have all the freedom that it can use; a target says all, and a
-    # loss for a region reaches its elements alone.
+    # A prompt says little of a shape, so few degrees of freedom have all the freedom that it can use; a target says
+    # all, and a loss for a region reaches its elements alone.
     few = params.carrier is Carrier.AUTO and params.guidance is GuidanceKind.SDS and not local
     if not few:
         return Decided(orientation, None)

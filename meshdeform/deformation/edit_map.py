@@ -1,7 +1,7 @@
 """Move other surfaces by the deformation of one: levels of detail, collision meshes, clothes, props.
 
 A map is a simplified mesh at rest, of as few triangles as represent the deformation, and the displacement of each of
-its vertices. Other surfaces follow their nearest places on it by affine maps (`binding.py`), so that every similarity
+its vertices. Other surfaces follow their nearest points on it by affine maps (`binding.py`), so that every similarity
 is exact. It also has the moves of the joints: files with the same skeleton move it alike, whatever their own vertices
 do.
 """
@@ -29,7 +29,7 @@ _FORMAT = "meshdeform-edit-map"
 _VERSION = "1"
 _COUNTS = (250, 500, 1000, 2000, 4000, 8000)
 _ERROR = 0.01
-"""Distance from its true place, as a share of the diagonal, within which a map must take 99 % of the surface."""
+"""Distance from its true position, as a share of the diagonal, within which a map must take 99 % of the surface."""
 _MARGIN = 0.1
 """How far the box reaches beyond the mesh, as a share of the diagonal."""
 _ALIKE = 1e-3
@@ -52,10 +52,10 @@ class EditMap:
     rest: RestMesh  # in world space
     moved: _Floats  # (V, 3) float64: displacements of its vertices
     joints: Mapping[str, _Floats] | None = field(default=None, compare=False)
-    """mapping of str to (7,) float64: by the name of each joint its place, its displacement, and the growth of the
+    """mapping of str to (7,) float64: by the name of each joint its position, its displacement, and the growth of the
     volume around it; None if the rig stayed as it was."""
     error: float = 0.0
-    """The distance from their true places within which 99 % of the surface's own vertices are taken, as a share of the
+    """Distance from where they should be within which 99 % of the surface's own vertices are taken, as a share of the
     diagonal."""
 
     @classmethod
@@ -68,8 +68,8 @@ class EditMap:
             simple = RestMesh.of(simplified(before, count))
             if not len(simple.faces) or len(simple.faces) == len(before.faces):
                 break
-            edit = cls(simple, whole._carry(simple) - simple.verts, joints)
-            apart = np.linalg.norm(edit._carry(before) - after, axis=1)
+            edit = cls(simple, whole._moved_verts(simple) - simple.verts, joints)
+            apart = np.linalg.norm(edit._moved_verts(before) - after, axis=1)
             error = float(np.percentile(apart, 99)) / _diagonal(before)
             if error <= _ERROR:
                 return cls(simple, edit.moved, joints, error)
@@ -101,29 +101,29 @@ class EditMap:
                 f"{len(reaching)} of {count} pieces reach out of what the map deforms: {_between(low, high)}.",
                 advice="Have such pieces carried along in their shape: --outside rigid, or ?outside=rigid.",
             )
-        moved = self._carry(rest)
+        moved = self._moved_verts(rest)
         for piece in reaching:
             rows = np.flatnonzero(pieces == piece)
-            moved[rows] = self._carried_rigidly(points[rows])
+            moved[rows] = self._moved_rigidly(points[rows])
         return rest.junctions.closed(points, moved)
 
-    def _carry(self, mesh: RestMesh) -> _Floats:
+    def _moved_verts(self, mesh: RestMesh) -> _Floats:
         return Binding(self.rest, mesh, closely=True).move(self.rest.verts + self.moved)
 
-    def _carried_rigidly(self, points: _Floats) -> _Floats:
+    def _moved_rigidly(self, points: _Floats) -> _Floats:
         """Return points that move as the mesh does nearest to them, without a change of their distances."""
-        places = NearestPlaces(self.rest, points, np.zeros_like(points))
-        nearest = int(places.distances(points).argmin())
-        around = self.rest.verts - places.blend(self.rest.verts)[nearest]
+        nearest_points = NearestPlaces(self.rest, points, np.zeros_like(points))
+        nearest = int(nearest_points.distances(points).argmin())
+        around = self.rest.verts - nearest_points.blend(self.rest.verts)[nearest]
         near = np.argsort((around**2).sum(1))[: max(12, len(around) // 50)]
         before = self.rest.verts[near]
         motion = closest_motion(before, before + self.moved[near])
         return np.asarray(points @ motion.rotation.T + motion.shift)
 
-    def same_joint(self, name: str, place: _Floats) -> _Floats | None:
-        """Return the displacement and growth (4,) of the joint of this name and place, if the map has it."""
+    def same_joint(self, name: str, position: _Floats) -> _Floats | None:
+        """Return the displacement and growth (4,) of the joint of this name and position, if the map has it."""
         row = (self.joints or {}).get(name)
-        if row is None or float(np.linalg.norm(row[:3] - place)) > _ALIKE * _diagonal(self.rest):
+        if row is None or float(np.linalg.norm(row[:3] - position)) > _ALIKE * _diagonal(self.rest):
             return None
         return row[3:]
 

@@ -1,4 +1,4 @@
-"""Pull points of a surface to their places, under an optimiser.
+"""Pull points of a surface to their goals, under an optimiser.
 
 They act within the solve, on the control points u that the Jacobians give. With C the rows that take the points of the
 handles from u, through the lattice, what is kept and the mirror, and G = S M S the response of a thin plate, S that of
@@ -31,7 +31,7 @@ from meshdeform.geometry.tensors import sparse_product
 _Floats = NDArray[np.float64]
 
 _UNMOVED = 1e-12
-_ON_PLACE = 1e-6
+_REACHED = 1e-6
 _SINGULAR = 1e-9
 
 
@@ -40,9 +40,9 @@ class Handles:
 
     Parameters
     ----------
-    placement : Placement, optional
+    placement : VertexPlacement, optional
         Places the vertices after the solve.
-    carrier : sparse (V, N), optional
+    embedding : sparse (V, N), optional
         Weights with which the vertices follow the control points; None if they are the same.
     smooth : callable
         G: returns displacements (N, 3) for forces (N, 3).
@@ -50,7 +50,7 @@ class Handles:
     Raises
     ------
     ParameterError
-        A handle cannot reach its place, because the point is kept or on the mirror plane, or two handles hold one
+        A handle cannot reach its goal, because the point is kept or on the mirror plane, or two handles hold one
         point.
     """
 
@@ -59,7 +59,7 @@ class Handles:
         handles: Sequence[HandleConstraint],
         mesh: RestMesh,
         placement: VertexPlacement | None,
-        carrier: sparse.csr_matrix | None,
+        embedding: sparse.csr_matrix | None,
         smooth: Callable[[_Floats], _Floats],
     ) -> None:
         rows = handle_rows(handles, len(mesh.verts))
@@ -68,9 +68,9 @@ class Handles:
         weights = np.array([handle.weight for handle in handles])
         placed = [rows if placement is None else (rows @ placement.matrix(axis)).tocsr() for axis in range(3)]
         offset = np.stack([(rows @ rest - placed[axis] @ rest)[:, axis] for axis in range(3)], 1)
-        self._rows = [part if carrier is None else (part @ carrier).tocsr() for part in placed]
+        self._rows = [each if embedding is None else (each @ embedding).tocsr() for each in placed]
         self._goals = torch.from_numpy(goals - offset)
-        forces = np.stack([part.toarray() for part in self._rows], 2)  # (H, N, 3)
+        forces = np.stack([each.toarray() for each in self._rows], 2)  # (H, N, 3)
         moved = np.stack([smooth(np.ascontiguousarray(force)) for force in forces])
         missing = goals - rows @ rest
         size = float(np.linalg.norm(np.ptp(rest, axis=0)))
@@ -82,7 +82,7 @@ class Handles:
         gram = np.asarray(self._rows[axis] @ moved.T)
         own = np.diag(gram).copy()
         stuck = own <= _UNMOVED * max(float(own.max()), 1e-300)
-        for number in np.flatnonzero(stuck & (np.abs(missing) > _ON_PLACE * size)):
+        for number in np.flatnonzero(stuck & (np.abs(missing) > _REACHED * size)):
             raise _refusal(
                 int(number),
                 f"handle {number} cannot move along {'xyz'[axis]}: its point is kept, or on the mirror plane.",
@@ -101,12 +101,12 @@ class Handles:
         out[:, free] = np.linalg.solve(gram, moved[free]).T
         return out
 
-    def pull(self, control: Tensor) -> Tensor:
-        """Return control points (N, 3) float64 that take the handles to their places; differentiable."""
-        reached = torch.cat([sparse_product(self._rows[k], control[:, k : k + 1]) for k in range(3)], 1)
-        return control + (self._responses * (self._goals - reached)).sum(1)
+    def pull(self, control_points: Tensor) -> Tensor:
+        """Return control points (N, 3) float64 that take the handles to their goals; differentiable."""
+        reached = torch.cat([sparse_product(self._rows[k], control_points[:, k : k + 1]) for k in range(3)], 1)
+        return control_points + (self._responses * (self._goals - reached)).sum(1)
 
 
 def _refusal(number: int, detail: str, advice: str) -> ParameterError:
-    place: list[str | int] = ["params", "control", "handles", number]
-    return ParameterError.at(place, f"params.control.handles: {detail}", advice, message=detail)
+    path: list[str | int] = ["params", "control", "handles", number]
+    return ParameterError.at(path, f"params.control.handles: {detail}", advice, message=detail)

@@ -12,12 +12,12 @@ Source: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries
 Let details follow the large faces that they lie on.
 
 A face stays flat while the map of space bends, so the chord of a face that is longer than a cell leaves the map: a beam
-would sink into its wall, a window come off its door. With W(p) x the map's place of p for the nodes x, a vertex p near
+would sink into its wall, a window come off its door. With W(p) x where the map has p for the nodes x, a vertex p near
 a larger face of a component that its own one touches follows that face::
 
     x(p) = W(p) x + s(d) (sum_i b_i x(v_i) - W(q) x)
 
-with q the nearest place on the face, b its barycentric coordinates, v_i the corners, and s(d) falling from 1 to 0 over
+with q the nearest point on the face, b its barycentric coordinates, v_i the corners, and s(d) falling from 1 to 0 over
 the distances d = |p - q| from half a cell to a whole one. Only the weights with which vertices follow the nodes change,
 so it costs no step anything. A vertex follows only faces larger than all of its own; the corners of the face may follow
 a larger one themselves, or lie on an edge of another face, which they then follow (`geometry/junctions.py`).
@@ -53,14 +53,14 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints, RigidBody
-from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
+from meshdeform.deformation.degrees_of_freedom import DegreesOfFreedom, Hierarchy, OwnJacobians
 from meshdeform.deformation.differentiable import placed_by
 from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.poisson import factorise
 from meshdeform.deformation.regularizers import STRAINED, penalty
 from meshdeform.deformation.rigid_bodies import RigidBodies
 from meshdeform.deformation.structure import Structure
-from meshdeform.deformation.variables import ControlledMap, Elements
+from meshdeform.deformation.variables import Elements, IntegratedJacobians
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
@@ -216,8 +216,8 @@ def _affordable(mesh: RestMesh, resolution: int) -> int:
 class LatticeSystem:
     """Factored system that gives the nodes for the Jacobians of the cells.
 
-    `weights`, (N,) float64: weights, summing to 1, of the mean of the nodes that a solve keeps at its place at rest.
-    `pinned`, (N,) bool: nodes that stay exactly where they are at rest; if there are any, they determine the place
+    `weights`, (N,) float64: weights, summing to 1, of the mean of the nodes that a solve keeps where it is at rest.
+    `pinned`, (N,) bool: nodes that stay exactly where they are at rest; if there are any, they determine the position
     instead of the mean. Raises NumericalError: the matrix could not be factored.
     """
 
@@ -316,13 +316,14 @@ def _in_one_piece(occupied: _Flags) -> _Flags:
     return occupied
 
 
-class LatticeField(ControlledMap):
+class LatticeField(IntegratedJacobians):
     """One Jacobian per cell of a lattice around the mesh. Implements `deformation.variables.Variables`.
 
     `mesh`: at rest; `whole`: another mesh that the lattice encloses as well, to be moved with it. `bodies`: vertices
     that keep their shape; they follow the nodes by the motion that fits best. `constraints`: of `mesh`: all nodes that
-    a kept vertex follows are pinned in the solve, and handles are part of it. `structure`: what a hierarchy of controls
-    keeps. None: every cell has a Jacobian of its own. Raises ParameterError: all nodes that move anything are pinned.
+    a kept vertex follows are pinned in the solve, and handles are part of it. `structure`: what few degrees of
+    freedom keep. None: every cell has a Jacobian of its own. Raises ParameterError: all nodes that move anything are
+    pinned.
     """
 
     def __init__(
@@ -351,11 +352,11 @@ class LatticeField(ControlledMap):
         rigid = None if self._bodies is None else np.asarray(self._bodies.members[rest.faces].any(1))
         self.elements = Elements(lattice.cell_nodes, np.zeros(count, np.int64), self._cells_around, rigid)
         self.resolution = lattice.spacing
-        controls: Controls = OwnJacobians("cell_jacobians", count)
+        freedom: DegreesOfFreedom = OwnJacobians("cell_jacobians", count)
         if structure is not None:
             centres = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
-            controls = Hierarchy("cell", centres, None, rest.box, structure)
-        super().__init__(system, controls, handles)
+            freedom = Hierarchy("cell", centres, None, rest.box, structure)
+        super().__init__(system, freedom, handles)
 
     def _cells_around(self, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return flags (C,) of the cells of these faces (F,) and of their neighbours, on which folds depend as well."""
@@ -377,9 +378,9 @@ class LatticeField(ControlledMap):
             )
         return pinned
 
-    def verts(self, control: Tensor) -> Tensor:
+    def verts(self, control_points: Tensor) -> Tensor:
         """Return the vertices that follow the nodes, placed where the constraints allow."""
-        points = sparse_product(self._embedding, control)
+        points = sparse_product(self._embedding, control_points)
         if self._placement is not None:
             points = placed_by(self._placement, points)
         if self._bodies is None:
@@ -405,12 +406,12 @@ class LatticeField(ControlledMap):
         mean: Tensor = (self.jacobians() - rigid).square().sum((1, 2)).mean()
         return mean
 
-    def dirichlet_penalty(self, control: Tensor) -> Tensor:
+    def dirichlet_penalty(self, control_points: Tensor) -> Tensor:
         """Return the mean logarithm of the cells' symmetric Dirichlet energy."""
         cells, spacing = self.lattice.cell_nodes, self.lattice.spacing
-        return penalty(lambda nodes, gradient: cells_dirichlet_penalty(nodes, cells, spacing, gradient), control)
+        return penalty(lambda nodes, gradient: cells_dirichlet_penalty(nodes, cells, spacing, gradient), control_points)
 
-    def adopt(self, control: Tensor) -> None:
+    def adopt(self, control_points: Tensor) -> None:
         """Correct the Jacobians until they give these nodes, but for differences that alternate from node to node.
 
         A cell takes the mean gradient of what is missing over its edges, so cells around which nothing is missing
@@ -418,9 +419,9 @@ class LatticeField(ControlledMap):
         """
         with torch.no_grad():
             for _ in range(_CORRECTIONS):
-                missing = (control - self.solve())[self.lattice.cell_nodes]
+                missing = (control_points - self.solve())[self.lattice.cell_nodes]
                 gradient = torch.einsum("cni,na->cia", missing, torch.from_numpy(_SIDES)) / (4 * self.lattice.spacing)
-                self._controls.correct(gradient)
+                self._freedom.correct(gradient)
 
 
 def _followers(rest: RestMesh, bodies: RigidBodies, constraints: Constraints) -> sparse.csr_matrix | None:
@@ -473,9 +474,9 @@ def cells_dirichlet_penalty(nodes: _Floats, cells: _Index, spacing: float, gradi
 def _balanced(lattice: Lattice, weights: _Floats, planes: Sequence[int]) -> _Floats:
     """Return the mean of weights (N,) with their mirror images, so that the planes of a symmetric asset stay."""
     for plane in planes:
-        places = np.stack(np.unravel_index(lattice.keys, lattice.shape), 1)
-        places[:, plane] = lattice.shape[plane] - 1 - places[:, plane]
-        partner = np.searchsorted(lattice.keys, np.ravel_multi_index(places.T, lattice.shape))
+        indices = np.stack(np.unravel_index(lattice.keys, lattice.shape), 1)
+        indices[:, plane] = lattice.shape[plane] - 1 - indices[:, plane]
+        partner = np.searchsorted(lattice.keys, np.ravel_multi_index(indices.T, lattice.shape))
         weights = (weights + weights[partner]) / 2
     return weights
 
@@ -508,9 +509,9 @@ def pull_of_large_faces(lattice: Lattice, mesh: RestMesh) -> sparse.csr_matrix:
     strength = (near**2 * (3 - 2 * near))[:, None]
     followed, column = np.unique(faces[face], return_inverse=True)
     pull = _rows(len(verts), len(followed), followers, column.reshape(-1, 3), strength * shares)
-    places = np.einsum("pi,pij->pj", shares, corners[face])
+    followed_points = np.einsum("pi,pij->pj", shares, corners[face])
     left = _rows(len(verts), len(followers), followers, np.arange(len(followers))[:, None], strength)
-    step = pull @ lattice.embedding(verts[followed]) - left @ lattice.embedding(places)
+    step = pull @ lattice.embedding(verts[followed]) - left @ lattice.embedding(followed_points)
     rows = mesh.junctions.verts
     if len(rows):
         pull = sparse.csr_matrix((pull.data, followed[pull.indices], pull.indptr), shape=(len(verts), len(verts)))

@@ -3,7 +3,7 @@
 Each step solves for the vertices, renders four orthogonal views, evaluates the guidance and the regularisers, and
 updates the Jacobians with Adam::
 
-    verts = poisson(J)                  min_v sum_f |f| ||grad_f(v) - J_f||^2; or, with a lattice (`lattice.py`),
+    verts = poisson(J)                  min_v sum_f |f| ||grad_f(v) - J_f||^2; or, with a lattice (`lattice_field.py`),
                                         W x(J) with x the nodes and W the weights with which vertices follow them
     image = combine(render(verts))      4 cameras at azimuth a + {0, 90, 180, 270} degrees, or the prior's own
     loss  = w_g guidance(image) + w_J mean ||J - I||^2 + w_L laplacian(verts) + w_n normals(verts)
@@ -83,8 +83,8 @@ class Deformation:
         The tensors of a checkpoint of the same mesh, possibly made with other parameters. The run starts from its
         shape, with new optimiser moments and random numbers. Regularisers stay relative to the rest mesh. With
         `params.guidance.orientation` = `auto`, the turn is that of the checkpoint.
-    bodies : sequence of Body, optional
-        Parts that keep their shape. A large mesh with bodies has no stand-in.
+    bodies : sequence of RigidBody, optional
+        What keeps its shape. A large mesh with bodies has no stand-in.
     appearance : Appearance, optional
         Look of the mesh, of which `rows` are its vertices, for guidance with a style of colours.
     constraints : Constraints
@@ -177,7 +177,7 @@ class Deformation:
 
     @property
     def structure(self) -> Structure | None:
-        """What few controls keep of the mesh; None if every element has its own Jacobian."""
+        """What few degrees of freedom keep of the mesh; None if every element has its own Jacobian."""
         return self._decided.structure
 
     @property
@@ -293,8 +293,8 @@ class Deformation:
     def _loss(self) -> tuple[float, dict[str, float]]:
         p = self.params
         self._variables.begin_step(self.step / p.steps)
-        control = self._variables.solve()
-        verts = self._variables.verts(control)
+        control_points = self._variables.solve()
+        verts = self._variables.verts(control_points)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
         cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
@@ -313,7 +313,7 @@ class Deformation:
             "jacobian": (p.jacobian_reg_weight, self._variables.jacobian_penalty),
             "laplacian": (p.laplacian_weight, lambda: regularizers.laplacian(verts)),
             "normal": (p.normal_weight, lambda: regularizers.normal(verts)),
-            "dirichlet": (p.dirichlet_weight, lambda: self._variables.dirichlet_penalty(control)),
+            "dirichlet": (p.dirichlet_weight, lambda: self._variables.dirichlet_penalty(control_points)),
         }
         terms = {"guidance": p.guidance_weight * guidance}
         # A weight of 0 skips the penalty: 0 times an infinite penalty would be NaN.

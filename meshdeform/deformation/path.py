@@ -5,10 +5,10 @@ With J = R S the Jacobian of a face from rest to result (R a rotation, S symmetr
     J(t) = exp(t w) ((1 - t) I + t S)        v(t) = poisson(J(t))
 
 so a limb that turns keeps its length on the way, which on straight lines of vertices it does not. w is chosen so that
-neighbouring faces agree (`rotations.py`). For t > 1, an eigenvalue s < 1 of S becomes s^t, which never reaches zero.
+neighbouring faces agree. For t > 1, an eigenvalue s < 1 of S becomes s^t, which never reaches zero.
 
-The solve gives each component its shape, up to a translation. Components are placed by the bridges between them
-(`bridges.py`), which turn and stretch in the same way, and the whole so that what both ends have in the same place
+The solve gives each component its shape, up to a translation. Components are placed by the bridges between them,
+which turn and stretch in the same way, and the whole so that what both ends have in the same place
 stays there. The ends are exact: t = 0 is the rest mesh and t = 1 the result, bit for bit.
 
 Sources: Sumner et al. 2005, Mesh-Based Inverse Kinematics (rotations interpolated by their logarithms, the rest
@@ -123,7 +123,7 @@ class ShapePath:
         verts = verts + self._placement.translations(goal - self._bridges.lines(verts))[self._labels]
         groups = self._placement.groups[self._labels]
         straight = (1 - share) * self._rest.verts + share * self._result
-        placed: _Floats = verts + _means(self._stillness, straight - verts, groups)[groups]
+        placed: _Floats = verts + _group_means(self._stillness, straight - verts, groups)[groups]
         return placed
 
     def _pairs(self) -> sparse.csr_matrix:
@@ -182,7 +182,7 @@ def _turned(vectors: _Floats, lines: _Floats) -> _Floats:
     return np.einsum("bij,bj->bi", rotation_matrices(vectors), lines) if len(lines) else lines
 
 
-def _means(weights: _Floats, values: _Floats, groups: NDArray[np.int64]) -> _Floats:
+def _group_means(weights: _Floats, values: _Floats, groups: NDArray[np.int64]) -> _Floats:
     """Return the weighted means (G, 3) of values (V, 3) over groups of rows."""
     total = np.bincount(groups, weights)
     sums = [np.bincount(groups, weights * column) for column in values.T]
@@ -288,10 +288,10 @@ class Bridges:
         random = np.random.default_rng(0)
         face = _chosen_faces(rest, of_face, random)
         points = _on_faces(faces[face], len(verts), random)
-        places = points @ verts
-        size = float(np.linalg.norm(np.ptp(places, axis=0)))
+        positions = points @ verts
+        size = float(np.linalg.norm(np.ptp(positions, axis=0)))
         # Points in one plane have no tetrahedra.
-        tetrahedra = Delaunay(places + random.normal(0, _JITTER * size, places.shape)).simplices
+        tetrahedra = Delaunay(positions + random.normal(0, _JITTER * size, positions.shape)).simplices
         pairs = np.concatenate([tetrahedra[:, [i, j]] for i in range(4) for j in range(i)])
         pairs = pairs[of_face[face[pairs[:, 0]]] != of_face[face[pairs[:, 1]]]]
         return cls._between(rest, np.unique(np.sort(pairs, 1), axis=0).astype(np.int64), face, points)

@@ -9,7 +9,7 @@ al. 2024, FusionDeformer, eq. 6; Aigerman et al. 2022, Neural Jacobian Fields, e
 
 Pinned vertices are eliminated: their rows leave the matrix, and their positions at rest go to the right-hand side. What
 remains is positive definite on a component with a pinned vertex, so none is grounded there, and the component is not
-moved to its centre of mass: the pinned vertices determine its place.
+moved to its centre of mass: the pinned vertices determine its position.
 
 Vertices on edges of other faces (`geometry/junctions.py`) are eliminated as well: they follow the edges, v = P u + o
 with o what they are apart from them at rest. The system of the others u is that of the same energy::
@@ -18,7 +18,7 @@ with o what they are apart from them at rest. The system of the others u is that
 
 so both sides deform together, and components that such a vertex joins have one centre of mass.
 
-Collapsed faces (`collapse.COLLAPSED_SHAPE`) have no weight, because their cotangents would swamp all others in
+Collapsed faces (`geometry.COLLAPSED_SHAPE`) have no weight, because their cotangents would swamp all others in
 float64. To keep what they connect together, each of their edges e is a weak spring  w ||v_j - v_i - J_f e||^2,
 w = 1e-6 longest edge / |e|, dimensionless like the cotangents. Springs have zero energy under every deformation with
 consistent Jacobians, and a vertex on the long edge of a collapsed face follows that edge linearly. If the factorisation

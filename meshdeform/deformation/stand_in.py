@@ -72,12 +72,12 @@ def carry(
         The mesh for which `mesh` stands in, which a lattice encloses as well; its components decide.
     initial : mapping of name to Tensor, optional
         The tensors with whose shape the run starts. It keeps their carrier, which alone can represent that shape.
-    bodies : sequence of Body, optional
-        Parts that keep their shape; they need the lattice.
+    bodies : sequence of RigidBody, optional
+        What keeps its shape; needs the lattice.
     constraints : Constraints
         Of `mesh`.
     structure : Structure, optional
-        What a hierarchy of controls keeps. None: every element has a Jacobian of its own.
+        What few degrees of freedom keep. None: every element has a Jacobian of its own.
 
     Raises
     ------

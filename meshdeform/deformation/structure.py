@@ -1,4 +1,4 @@
-"""Find what of an asset few controls keep: its mirror planes, and what is level and upright of built things.
+"""Find what of an asset few degrees of freedom keep: its mirror planes, and what is level and upright of built things.
 
 `Structure` has the mirror planes of an asset, and whether it stands level and upright. A plane counts if most of the
 surface has a mirror image close by, so that a few parts may lack one, or if nearly all of it has one not far off, as an
@@ -48,7 +48,7 @@ _CONVEX = 0.01
 
 @dataclass(frozen=True)
 class Structure:
-    """Properties of an asset that few controls keep."""
+    """Properties of an asset that few degrees of freedom keep."""
 
     planes: tuple[int, ...] = ()  # axes to which the mirror planes, through the middle of the box, are perpendicular
     level: bool = False  # whether what is level stays level, and what is upright upright
@@ -68,8 +68,8 @@ def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
     """Return the axes, of 0 and 2, to which the upright mirror planes of a surface are perpendicular."""
     low, high = mesh.box
     matched, diagonal, axes = {}, float(np.linalg.norm(high - low)), (0, 2)
-    for axis, (mirrored, places) in zip(axes, NearestPlaces.of_mirrored(mesh, _places(mesh), axes), strict=True):
-        distances = places.distances(mirrored) / diagonal
+    for axis, (mirrored, nearest) in zip(axes, NearestPlaces.of_mirrored(mesh, _points_on(mesh), axes), strict=True):
+        distances = nearest.distances(mirrored) / diagonal
         close = float((distances < NEAR).mean())
         if close >= _MATCHED or (distances < _NOT_FAR).mean() >= _NEARLY_ALL:
             matched[axis] = close
@@ -96,7 +96,7 @@ UNKNOWN = Nature()
 
 
 def structure_of(mesh: RestMesh, nature: Nature, front_deg: float, *, several: bool) -> Structure:
-    """Return what few controls keep of a mesh with its front at an azimuth; `several`: a lattice carries its parts."""
+    """Return what few degrees of freedom keep of a mesh; `front_deg`: azimuth of its front; `several`: a lattice."""
     if nature.crooked:
         return Structure()
     planes = mirror_planes(mesh)
@@ -136,7 +136,7 @@ def is_convex(mesh: RestMesh) -> bool:
     return bool(abs(float(mesh.areas.sum()) / hull.area - 1) < _CONVEX)
 
 
-def _places(mesh: RestMesh) -> _Floats:
-    """Return places (P, 3) spread evenly over the surface."""
+def _points_on(mesh: RestMesh) -> _Floats:
+    """Return points (P, 3) spread evenly over the surface."""
     face, weights = even_samples(mesh.areas, _SAMPLES, seed=0)
     return np.asarray((weights[..., None] * mesh.verts[mesh.faces[face]]).sum(1))

@@ -3,7 +3,7 @@
 Welding keeps every triangle, so a welded mesh has the asset's own texture coordinates, seams included. A stand-in has
 other triangles, which cross seams and may be large where the asset is flat. Its colours are therefore baked: every face
 gets a square tile of a texture of its own, with about as many texels as the face has pixels, and every texel the colour
-of the nearest place on the whole mesh.
+of the nearest point on the whole mesh.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def baked_appearance(
         found = _looked_up(colours, whole, nearest, 2 * simple.areas[face] / (sides[face] - 1) ** 2)
         pixels[starts[face, 1] + row, starts[face, 0] + column] = found
     last = sides - 1
-    places = np.stack([starts, starts + np.stack([last, 0 * last], 1), starts + np.stack([0 * last, last], 1)], 1)
+    corners = np.stack([starts, starts + np.stack([last, 0 * last], 1), starts + np.stack([0 * last, last], 1)], 1)
     count = 3 * len(corners)
     modes = {appearance.paints[at].alpha_mode for at in np.unique(appearance.paint_of_triangle)}
     mode = "BLEND" if "BLEND" in modes else "MASK" if "MASK" in modes else "OPAQUE"
@@ -86,7 +86,7 @@ def baked_appearance(
     return Appearance(
         simple.faces.reshape(-1),
         np.arange(count).reshape(-1, 3),
-        ((places.reshape(-1, 2) + 0.5) / [width, height]).astype(np.float32),
+        ((corners.reshape(-1, 2) + 0.5) / [width, height]).astype(np.float32),
         np.ones((count, 4), np.float32),
         np.zeros(len(corners), np.int64),
         (Paint((1.0, 1.0, 1.0, 1.0), texture, mode),),
@@ -126,12 +126,12 @@ def _packed(sides: _Index) -> tuple[_Index, int, int]:
     return starts, width, top
 
 
-def _looked_up(colours: BaseColours, whole: RestMesh, places: NearestPlaces, sizes: _Floats) -> NDArray[np.uint8]:
-    """Return sRGB and opacity (P, 4) of places on the whole mesh, for texels of areas (P,)."""
-    values = (colours.values[:, colours.faces[places.faces]] * places.weights.astype(np.float32)).sum(-1)
-    density = colours.texel_areas()[places.faces] / np.maximum(whole.areas[places.faces], 1e-300)
+def _looked_up(colours: BaseColours, whole: RestMesh, nearest: NearestPlaces, sizes: _Floats) -> NDArray[np.uint8]:
+    """Return sRGB and opacity (P, 4) of points on the whole mesh, for texels of areas (P,)."""
+    values = (colours.values[:, colours.faces[nearest.faces]] * nearest.weights.astype(np.float32)).sum(-1)
+    density = colours.texel_areas()[nearest.faces] / np.maximum(whole.areas[nearest.faces], 1e-300)
     level = 0.5 * np.log2(np.maximum(density * sizes, 1e-12))
-    paint = colours.paint[places.faces]
+    paint = colours.paint[nearest.faces]
     found = colours.colours(paint, values, level.astype(np.float32))
     rgba = np.stack([*srgb_from_linear(np.clip(found[:3], 0, 1)), colours.opacity(paint, found)], 1)
     return np.asarray(np.rint(rgba * 255), np.uint8)

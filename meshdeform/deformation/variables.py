@@ -31,7 +31,7 @@ from scipy.sparse import csgraph
 from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
-from meshdeform.deformation.controls import Controls, Hierarchy, OwnJacobians
+from meshdeform.deformation.degrees_of_freedom import DegreesOfFreedom, Hierarchy, OwnJacobians
 from meshdeform.deformation.differentiable import jacobians_of, placed_by, solve_linear
 from meshdeform.deformation.handles import Handles
 from meshdeform.deformation.poisson import LinearSystem, PoissonSystem
@@ -123,37 +123,37 @@ class Variables(Protocol):
     def solve(self) -> Tensor:
         """Compute the control points (N, 3) float64, differentiable in `tensors`: vertices, or nodes of a lattice."""
 
-    def verts(self, control: Tensor) -> Tensor:
+    def verts(self, control_points: Tensor) -> Tensor:
         """Return the vertices (V, 3) float64 for the control points, differentiably."""
 
     def jacobian_penalty(self) -> Tensor:
         """Return the mean of ||J - I||^2 as a scalar, differentiable in `tensors`."""
 
-    def dirichlet_penalty(self, control: Tensor) -> Tensor:
+    def dirichlet_penalty(self, control_points: Tensor) -> Tensor:
         """Return the mean logarithm of the elements' symmetric Dirichlet energy, differentiable in the argument."""
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
         """Return, for each row of each of `tensors`, the least value among its elements."""
 
-    def adopt(self, control: Tensor) -> None:
+    def adopt(self, control_points: Tensor) -> None:
         """Set the variables to give these control points, up to a translation of all, as exactly as they can."""
 
 
-class ControlledMap:
-    """Jacobians from controls, and the control points that best fit them; what is common to faces and cells."""
+class IntegratedJacobians:
+    """Jacobians, and the control points that best fit them; what is common to faces and cells."""
 
-    def __init__(self, system: LinearSystem, controls: Controls, handles: Handles | None) -> None:
-        self._system, self._controls, self._handles = system, controls, handles
-        self.tensors, self.local = controls.tensors, controls.local
+    def __init__(self, system: LinearSystem, freedom: DegreesOfFreedom, handles: Handles | None) -> None:
+        self._system, self._freedom, self._handles = system, freedom, handles
+        self.tensors, self.local = freedom.tensors, freedom.local
         self._solved: tuple[Tensor, Tensor] | None = None
 
     def begin_step(self, fraction: float) -> None:
-        """Free the controls that are due."""
-        self._controls.begin_step(fraction)
+        """Free the degrees of freedom that are due."""
+        self._freedom.begin_step(fraction)
 
     def jacobians(self) -> Tensor:
         """Return the Jacobians (E, 3, 3) of the elements."""
-        return self._controls.jacobians()
+        return self._freedom.jacobians()
 
     def solve(self) -> Tensor:
         """Solve for the control points.
@@ -169,11 +169,11 @@ class ControlledMap:
         return solution if self._handles is None else self._handles.pull(solution)
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
-        """Return, for each control, the least value among its elements."""
-        return self._controls.rows(of_element)
+        """Return, for each row of each of `tensors`, the least value among its elements."""
+        return self._freedom.rows(of_element)
 
 
-class JacobianField(ControlledMap):
+class JacobianField(IntegratedJacobians):
     """One Jacobian per face: ``verts = poisson(J)``.
 
     Every connected component of which nothing is kept keeps its centre of mass.
@@ -185,7 +185,7 @@ class JacobianField(ControlledMap):
     constraints : Constraints
         Of this mesh: kept vertices are pinned in the solve, and handles are part of it.
     structure : Structure, optional
-        What a hierarchy of controls keeps. None: every face has a Jacobian of its own, as in the paper.
+        What few degrees of freedom keep. None: every face has a Jacobian of its own, as in the paper.
 
     Raises
     ------
@@ -201,34 +201,34 @@ class JacobianField(ControlledMap):
         self._placement = constraints.placement(rest)
         requested = constraints.handles
         handles = Handles(requested, rest, self._placement, None, poisson.smooth) if requested else None
-        super().__init__(poisson, _controls_of_faces(rest, structure), handles)
+        super().__init__(poisson, _freedom_of_faces(rest, structure), handles)
         self._regularizers = Regularizers(rest)
         normals = torch.from_numpy(rest.normals)
         self._along_normal = normals[:, :, None] * normals[:, None, :]
         self.elements = Elements.faces_of(rest)
         self.resolution = 0.0
 
-    def verts(self, control: Tensor) -> Tensor:
+    def verts(self, control_points: Tensor) -> Tensor:
         """Return the argument, placed where the constraints allow: the control points are the vertices."""
-        return control if self._placement is None else placed_by(self._placement, control)
+        return control_points if self._placement is None else placed_by(self._placement, control_points)
 
     def jacobian_penalty(self) -> Tensor:
         """Return the area-weighted mean of ||J - I||^2."""
         return self._regularizers.jacobian(self.jacobians())
 
-    def dirichlet_penalty(self, control: Tensor) -> Tensor:
+    def dirichlet_penalty(self, control_points: Tensor) -> Tensor:
         """Return the area-weighted mean symmetric Dirichlet energy of the faces, each in its plane."""
-        return self._regularizers.dirichlet(self.verts(control))
+        return self._regularizers.dirichlet(self.verts(control_points))
 
-    def adopt(self, control: Tensor) -> None:
+    def adopt(self, control_points: Tensor) -> None:
         """Set the Jacobians to those of the map from rest; their normal part, which it does not determine, stays."""
         with torch.no_grad():
             jacobians = self.jacobians()
-            of_map = jacobians_of(self.rest.gradient, control)
-            self._controls.correct(of_map + (jacobians - of_map) @ self._along_normal - jacobians)
+            of_map = jacobians_of(self.rest.gradient, control_points)
+            self._freedom.correct(of_map + (jacobians - of_map) @ self._along_normal - jacobians)
 
 
-def _controls_of_faces(rest: RestMesh, structure: Structure | None) -> Controls:
+def _freedom_of_faces(rest: RestMesh, structure: Structure | None) -> DegreesOfFreedom:
     if structure is None:
         return OwnJacobians("jacobians", len(rest.faces))
     centres = rest.verts[rest.faces].mean(1)

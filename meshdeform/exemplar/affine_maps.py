@@ -5,7 +5,7 @@ A point x of piece i goes to A_i h, h = ((x - c_i) / r_i, 1). The start takes th
 
     B = R(a -> b) (t I + (k - t) a a'),   k the ratio of lengths in 0.3 to 4, t that of widths in 0.4 to 2.5.
 
-With samples paired by their features both ways within a piece and its partner, y and n the partner's place and normal,
+With samples paired by their features both ways within a piece and its partner, y and n the partner's point and normal,
 each round solves the linear least squares (`reading.affine_systems`)
 
     sum w [ (n . (A_i h - y))^2 + 0.2 |A_i h - y|^2 ]      pairs, w = 1 / (1 + (|A_i h - y| / limit)^2); back pairs 0.7
@@ -32,12 +32,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.alike import LIMBS
+from meshdeform.exemplar.smooth_fit import in_ratio
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.affine_systems import (
-    MH,
+    HOMOGENEOUS_MIRROR,
+    MIRROR,
     AffineSystem,
-    M,
-    carried,
+    mapped,
     mirror_matrix,
     tie_matrix,
     turned_normals,
@@ -64,7 +65,7 @@ _MIRROR, _IMAGE = 0.3, 0.03
 _BESIDE, _BESIDE_FREE = 0.1, 0.6
 _STRAIGHT, _UPRIGHT_DEG = 3.0, 25.0
 _SHRUNK, _SHRUNK_WEIGHT = 0.35, 0.05
-_GROUND, _ON_GROUND = 2.0, 0.02
+_GROUND, _ON_GROUND, _NEAR = 2.0, 0.02, 0.04
 _BOX, _LENGTHS, _WIDTHS = (0.3, 3.5), (0.3, 4.0), (0.4, 2.5)
 _LONG, _NOT_BACK = 1.5, -0.3
 _SHRINKING = frozenset(("tail", "horn", "ear", "feeler", "trunk", "tusk", "wing", "fin", "leg", "foot", "spike"))
@@ -73,16 +74,16 @@ _SHRINKING = frozenset(("tail", "horn", "ear", "feeler", "trunk", "tusk", "wing"
 
 @dataclass(frozen=True)
 class Cloud:
-    """Samples of a surface: places (N, 3), unit normals (N, 3), the piece (N,) of each."""
+    """Samples of a surface: points (N, 3), unit normals (N, 3), the piece (N,) of each or -1."""
 
-    places: Floats
+    positions: Floats
     normals: Floats
-    own: Index
+    pieces: Index
 
-    def known(self) -> Cloud:
+    def in_pieces(self) -> Cloud:
         """Return the samples that are of a piece."""
-        rows = self.own >= 0
-        return Cloud(self.places[rows], self.normals[rows], self.own[rows])
+        rows = self.pieces >= 0
+        return Cloud(self.positions[rows], self.normals[rows], self.pieces[rows])
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Tie:
 
     one: int
     other: int
-    place: Floats
+    position: Floats
     spread: float
 
 
@@ -112,15 +113,15 @@ class AffineMaps:
     centres: Floats
     radii: Floats
 
-    def homogeneous(self, points: Floats, own: Index) -> Floats:
+    def homogeneous(self, points: Floats, pieces: Index) -> Floats:
         """Return points (N, 3) in the units of their pieces (N,), with a one beside them: (N, 4)."""
-        local = (points - self.centres[own]) / self.radii[own][:, None]
+        local = (points - self.centres[pieces]) / self.radii[pieces][:, None]
         return np.concatenate([local, np.ones((len(points), 1))], 1)
 
-    def take(self, points: Floats, piece: int) -> Floats:
+    def map_points(self, points: Floats, piece: int) -> Floats:
         """Return where the map of one piece takes points (N, 3)."""
-        own = np.full(len(points), piece)
-        return carried(self.maps, own, self.homogeneous(points, own))
+        pieces = np.full(len(points), piece)
+        return mapped(self.maps, pieces, self.homogeneous(points, pieces))
 
     @property
     def linear(self) -> Floats:
@@ -139,10 +140,10 @@ def rotation_between(one: Floats, other: Floats) -> Floats:
     return np.asarray(np.eye(3) + skew + skew @ skew * ((1 - cosine) / squared))
 
 
-def long_axis(places: Floats, root: Floats) -> tuple[Floats, float]:
-    """Return the long axis (3,) of places (N, 3), away from a root, and how much longer than wide they are."""
-    middle = places.mean(0)
-    values, vectors = np.linalg.eigh(np.cov((places - middle).T))
+def long_axis(positions: Floats, root: Floats) -> tuple[Floats, float]:
+    """Return the long axis (3,) of points (N, 3), away from a root, and how much longer than wide they are."""
+    middle = positions.mean(0)
+    values, vectors = np.linalg.eigh(np.cov((positions - middle).T))
     axis = vectors[:, 2] * (1 if (middle - root) @ vectors[:, 2] >= 0 else -1)
     return axis, float(np.sqrt(max(values[2], 1e-12) / max(values[1], 1e-12)))
 
@@ -158,7 +159,7 @@ def articulated(
 
 
 @dataclass
-class _Known:
+class _MatchedPiece:
     """A piece with its partner: rows of its samples and of its partner's, with the tree of their features."""
 
     mine: Index
@@ -180,10 +181,10 @@ class _Articulated:
     ) -> None:
         self.source, self.goal, self.names, self.manner, self.ties = source, goal, names, manner, ties
         count = len(names)
-        self.mass = np.bincount(source.own, minlength=count) / max(len(source.own), 1)
+        self.mass = np.bincount(source.pieces, minlength=count) / max(len(source.pieces), 1)
         self.centres, self.radii = np.zeros((count, 3)), np.full(count, 0.05)
-        for piece in np.unique(source.own):
-            own = source.places[source.own == piece]
+        for piece in np.unique(source.pieces):
+            own = source.positions[source.pieces == piece]
             self.centres[piece] = own.mean(0)
             self.radii[piece] = max(float(np.sqrt(np.square(own - own.mean(0)).sum(1).mean())), _LEAST_RADIUS)
         self.images = self._images() if manner.mirrored else []
@@ -192,16 +193,16 @@ class _Articulated:
             self.centres[j] = middle * [-1, 1, 1]
             self.centres[i] = middle
             self.radii[i] = self.radii[j] = (self.radii[i] + self.radii[j]) / 2
-        self.known = self._known(partner)
+        self.matched = self._matched_pieces(partner)
         small = not manner.straight
-        lone = [k not in self.known for k in range(count)]
+        lone = [k not in self.matched for k in range(count)]
         self.shrinking = np.array([small and lone[k] and name in _SHRINKING for k, name in enumerate(names)])
         self.start = np.tile(np.eye(3), (count, 1, 1))
         self.maps = np.concatenate([np.eye(3) * self.radii[:, None, None], self.centres[:, :, None]], 2)
-        for piece, known in self.known.items():
-            self._start(piece, known)
+        for piece, matched in self.matched.items():
+            self._start(piece, matched)
         self.rest = self.maps.copy()
-        self.h = self._h(source.places, source.own)
+        self.h = self._h(source.positions, source.pieces)
         self.fixed = self._tie_matrix() + _MIRROR * mirror_matrix(count, self.images, self.mass + 0.01)
         self.feet = self._feet()
 
@@ -209,26 +210,26 @@ class _Articulated:
         """Return the maps; of what is its own mirror image, exactly alike on both sides."""
         maps = self.maps.copy()
         for i, j in self.images:
-            mean = (maps[i] + M @ maps[j] @ MH) / 2
-            maps[i], maps[j] = mean, M @ mean @ MH
+            mean = (maps[i] + MIRROR @ maps[j] @ HOMOGENEOUS_MIRROR) / 2
+            maps[i], maps[j] = mean, MIRROR @ mean @ HOMOGENEOUS_MIRROR
         return AffineMaps(maps, self.centres, self.radii)
 
-    def _known(self, partner: Index) -> dict[int, _Known]:
-        known = {}
-        features_of_goal = features(self.goal.places, self.goal.normals)
+    def _matched_pieces(self, partner: Index) -> dict[int, _MatchedPiece]:
+        matched = {}
+        features_of_goal = features(self.goal.positions, self.goal.normals)
         for piece in np.flatnonzero(partner >= 0):
-            mine = np.flatnonzero(self.source.own == piece)
-            others = np.flatnonzero(self.goal.own == partner[piece])
+            mine = np.flatnonzero(self.source.pieces == piece)
+            others = np.flatnonzero(self.goal.pieces == partner[piece])
             if min(len(mine), len(others)) >= _FEWEST:
-                known[int(piece)] = _Known(mine, others, cKDTree(features_of_goal[others]))
-        return known
+                matched[int(piece)] = _MatchedPiece(mine, others, cKDTree(features_of_goal[others]))
+        return matched
 
-    def _h(self, points: Floats, own: Index) -> Floats:
-        return AffineMaps(self.maps, self.centres, self.radii).homogeneous(points, own)
+    def _h(self, points: Floats, pieces: Index) -> Floats:
+        return AffineMaps(self.maps, self.centres, self.radii).homogeneous(points, pieces)
 
-    def _start(self, piece: int, known: _Known) -> None:
+    def _start(self, piece: int, matched: _MatchedPiece) -> None:
         """Take the box, or the long axis, of a piece to its partner's."""
-        mine, others = self.source.places[known.mine], self.goal.places[known.others]
+        mine, others = self.source.positions[matched.mine], self.goal.positions[matched.others]
         low, high = np.percentile(mine, [2, 98], axis=0)
         goal_low, goal_high = np.percentile(others, [2, 98], axis=0)
         linear = np.diag(np.clip((goal_high - goal_low) / np.maximum(high - low, 0.01), *_BOX))
@@ -242,7 +243,7 @@ class _Articulated:
 
     def _turned(self, piece: int, mine: Floats, others: Floats) -> Floats | None:
         """Return the map (3, 3) of a limb along its axis, or None if one of the two has no clear axis."""
-        roots = [tie.place for tie in self.ties if piece in (tie.one, tie.other)]
+        roots = [tie.position for tie in self.ties if piece in (tie.one, tie.other)]
         root = np.mean(roots, axis=0) if roots else self.centres[piece]
         a, longer = long_axis(mine, root)
         b, goal_longer = long_axis(others, others.mean(0) + root - self.centres[piece])
@@ -266,25 +267,25 @@ class _Articulated:
         return pairs
 
     def _tie_matrix(self) -> Floats:
-        """Return the ties: one place in the middle of each border, three beside it so that what hangs turns along."""
+        """Return the ties: one point in the middle of each border, three beside it so that what hangs turns along."""
         rows = []
         for tie in self.ties:
             i, j = tie.one, tie.other
             weight = min(self.mass[i], self.mass[j]) + 0.02
-            beside = _BESIDE if i in self.known and j in self.known else _BESIDE_FREE
+            beside = _BESIDE if i in self.matched and j in self.matched else _BESIDE_FREE
             beside = 0.0 if self.shrinking[i] or self.shrinking[j] else beside
             for axis in range(4):
-                place = tie.place + (tie.spread * np.eye(3)[axis - 1] if axis else 0.0)
-                one, other = self._h(np.stack([place, place]), np.array([i, j]))
+                position = tie.position + (tie.spread * np.eye(3)[axis - 1] if axis else 0.0)
+                one, other = self._h(np.stack([position, position]), np.array([i, j]))
                 rows.append((i, j, one, other, weight * (beside if axis else 1.0)))
         return tie_matrix(len(self.names), rows)
 
     def _feet(self) -> list[tuple[int, Floats, Floats]]:
-        """Return places h (P, 4) and the heights (P,) that they keep, of pieces that stand as their partners do."""
-        ground, goal_ground = self.source.places[:, 1].min(), self.goal.places[:, 1].min()
+        """Return points h (P, 4) and the heights (P,) that they keep, of pieces that stand as their partners do."""
+        ground, goal_ground = self.source.positions[:, 1].min(), self.goal.positions[:, 1].min()
         feet = []
-        for piece, known in self.known.items():
-            mine, others = self.source.places[known.mine], self.goal.places[known.others]
+        for piece, matched in self.matched.items():
+            mine, others = self.source.positions[matched.mine], self.goal.positions[matched.others]
             if mine[:, 1].min() < ground + _ON_GROUND and others[:, 1].min() < goal_ground + _ON_GROUND:
                 sole = mine[mine[:, 1] < mine[:, 1].min() + _ON_GROUND]
                 heights = sole[:, 1] - ground + goal_ground
@@ -295,30 +296,30 @@ class _Articulated:
         """Move the maps by one round."""
         share = number / (_ROUNDS - 1)
         system = AffineSystem(len(self.names))
-        self._add_pairs(system, _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share)
-        self._add_goals(system, _STIFFNESS[0] * (_STIFFNESS[1] / _STIFFNESS[0]) ** share, number)
+        self._add_pairs(system, in_ratio(_LIMITS, share))
+        self._add_goals(system, in_ratio(_STIFFNESS, share), number)
         self._add_ground(system)
         system.matrix += self.fixed
         self.maps = system.solve(1e-8)
 
     def _add_pairs(self, system: AffineSystem, limit: float) -> None:
-        places = carried(self.maps, self.source.own, self.h)
-        normals = turned_normals(self.maps, self.source.own, self.source.normals)
-        mine_features = features(places, normals)
-        for piece, known in self.known.items():
-            mine, others = known.mine, known.others
-            there = others[known.tree.query(mine_features[mine])[1]]
-            back = mine[cKDTree(mine_features[mine]).query(known.tree.data)[1]]
+        positions = mapped(self.maps, self.source.pieces, self.h)
+        normals = turned_normals(self.maps, self.source.pieces, self.source.normals)
+        mine_features = features(positions, normals)
+        for piece, matched in self.matched.items():
+            mine, others = matched.mine, matched.others
+            there = others[matched.tree.query(mine_features[mine])[1]]
+            back = mine[cKDTree(mine_features[mine]).query(matched.tree.data)[1]]
             source, target = np.concatenate([mine, back]), np.concatenate([there, others])
-            away = np.linalg.norm(self.goal.places[target] - places[source], axis=1)
+            away = np.linalg.norm(self.goal.positions[target] - positions[source], axis=1)
             facing = (self.goal.normals[target] * normals[source]).sum(1) > 0
             each = np.concatenate(
-                [np.full(len(mine), 1 / len(places)), np.full(len(others), _BACK / len(self.goal.places))]
+                [np.full(len(mine), 1 / len(positions)), np.full(len(others), _BACK / len(self.goal.positions))]
             )
             weight = facing * each / (1 + np.square(away / limit))
             own = np.full(len(source), piece)
             system.add_pairs(
-                own, self.h[source], self.goal.places[target], self.goal.normals[target], weight, _POINTWISE
+                own, self.h[source], self.goal.positions[target], self.goal.normals[target], weight, _POINTWISE
             )
 
     def _add_goals(self, system: AffineSystem, stiffness: float, number: int) -> None:
@@ -329,7 +330,7 @@ class _Articulated:
             goal, weight = self._goal(piece, own, number, stiffness)
             goals[piece, :, :3] = goal * self.radii[piece]
             weights[piece, :, :3] = weight
-            if self.manner.boxed and piece in self.known and number >= _STRAIGHT_FROM:
+            if self.manner.boxed and piece in self.matched and number >= _STRAIGHT_FROM:
                 weights[piece, :, 3], goals[piece, :, 3] = _STRAIGHT * self.mass[piece], self.rest[piece, :, 3]
         system.add_goals(weights, goals)
 
@@ -346,7 +347,7 @@ class _Articulated:
         straight = self._straight(piece, kept, rotation) if number >= _STRAIGHT_FROM else None
         if straight is not None:
             return straight, _STRAIGHT * mass
-        if piece not in self.known:
+        if piece not in self.matched:
             return rotation * min(max(mean, 0.5), 1.0), 2 * stiffness * mass
         return (1 - _SIMILAR) * kept + _SIMILAR * mean * rotation, stiffness * mass
 
@@ -357,7 +358,7 @@ class _Articulated:
             return np.eye(3) * float(np.sqrt(max(np.linalg.det(kept[1:, 1:]), 1e-3)))
         if not self.manner.straight and name != "leg":
             return None
-        if piece in self.known:
+        if piece in self.matched:
             degrees = np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1)))
             if degrees >= _UPRIGHT_DEG:
                 return None
@@ -365,7 +366,7 @@ class _Articulated:
         if not self.manner.straight:
             return None
         beside = [tie.other if tie.one == piece else tie.one for tie in self.ties if piece in (tie.one, tie.other)]
-        scales = [np.diag(self.maps[k, :, :3] / self.radii[k]) for k in beside if k in self.known]
+        scales = [np.diag(self.maps[k, :, :3] / self.radii[k]) for k in beside if k in self.matched]
         return np.diag(np.mean(scales, axis=0)) if scales else np.eye(3)
 
     def _add_ground(self, system: AffineSystem) -> None:
@@ -377,29 +378,29 @@ class _Articulated:
             system.right[rows] += weight * heights @ h
 
 
-def _extent(places: Floats, axis: Floats) -> tuple[float, float]:
-    """Return the length of places along an axis, and their root mean square distance across it."""
-    apart = places - places.mean(0)
+def _extent(positions: Floats, axis: Floats) -> tuple[float, float]:
+    """Return the length of points along an axis, and their root mean square distance across it."""
+    apart = positions - positions.mean(0)
     along = apart @ axis
     low, high = np.percentile(along, [3, 97])
     return float(high - low), float(np.sqrt(max(np.square(apart).sum(1).mean() - np.square(along).mean(), 1e-6)))
 
 
-def touching(cloud: Cloud, count: int, borders: dict[tuple[int, int], Floats], near: float = 0.04) -> list[Tie]:
-    """Return the ties of pieces: by the places (P, 3) of borders that they share, else by samples that are near."""
+def touching(cloud: Cloud, count: int, borders: dict[tuple[int, int], Floats]) -> list[Tie]:
+    """Return the ties of pieces: by the points (P, 3) of borders that they share, else by samples that are near."""
     ties = []
-    trees = {k: cKDTree(cloud.places[cloud.own == k]) for k in range(count) if (cloud.own == k).any()}
+    trees = {k: cKDTree(cloud.positions[cloud.pieces == k]) for k in range(count) if (cloud.pieces == k).any()}
     for i in range(count):
         for j in range(i):
-            places = borders.get((j, i))
-            if places is None:
+            positions = borders.get((j, i))
+            if positions is None:
                 if i not in trees or j not in trees:
                     continue
                 away, nearest = trees[j].query(trees[i].data)
-                if away.min() >= near:
+                if away.min() >= _NEAR:
                     continue
                 close = away <= away.min() * 1.2 + 0.01
-                places = (trees[i].data[close] + trees[j].data[nearest[close]]) / 2
-            spread = max(float(np.sqrt(np.square(places - places.mean(0)).sum(1).mean())), 0.01)
-            ties.append(Tie(j, i, places.mean(0), spread))
+                positions = (trees[i].data[close] + trees[j].data[nearest[close]]) / 2
+            spread = max(float(np.sqrt(np.square(positions - positions.mean(0)).sum(1).mean())), 0.01)
+            ties.append(Tie(j, i, positions.mean(0), spread))
     return ties

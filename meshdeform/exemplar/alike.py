@@ -178,8 +178,8 @@ def made_alike(
     count with its body.
     """
     living = is_living(source_noun) and is_living(goal_noun)
-    one = _with_carriers(set(source))
-    other = _with_carriers(set(goal))
+    one = _small_with_large(set(source))
+    other = _small_with_large(set(goal))
     roles = _LIVING_ROLES if living else _OTHER_ROLES
     _take_roles(one, other, roles)
     _take_roles(other, one, roles)
@@ -188,8 +188,8 @@ def made_alike(
     return one, other
 
 
-def _with_carriers(parts: set[str]) -> dict[str, str]:
-    """Return the parts by themselves, the small ones by what carries them."""
+def _small_with_large(parts: set[str]) -> dict[str, str]:
+    """Return the name of each part: its own, or, of small ones, that of the part on which they are."""
     names = {}
     for part in sorted(parts):
         name = part

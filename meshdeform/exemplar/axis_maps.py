@@ -1,11 +1,11 @@
 """Move along each axis by itself, so that what is level, upright or straight along an axis stays so and nothing folds.
 
-A place x goes to (f_1(x_1), f_2(x_2), f_3(x_3)), each f rising and linear between 17 even knots. Its slopes s_k are the
+A point x goes to (f_1(x_1), f_2(x_2), f_3(x_3)), each f rising and linear between 17 even knots. Its slopes s_k are the
 least squares of
 
     sum w (f(x) - y)^2 / sum w  +  0.002 mean (s_k - s_(k+1))^2,      0.1 <= s_k <= 6,
 
-over given places x, their goals y and weights w. Such a map neither folds nor cuts, and keeps together what touches.
+over given points x, their goals y and weights w. Such a map neither folds nor cuts, and keeps together what touches.
 
 Source: Lawson and Hanson 1974, Solving least squares problems (bounds).
 """
@@ -29,8 +29,8 @@ class AxisMaps:
     def __init__(self, knots: Floats, values: Floats) -> None:
         self.knots, self.values = knots, values
 
-    def take(self, points: Floats) -> Floats:
-        """Return where points (N, 3) go."""
+    def map_points(self, points: Floats) -> Floats:
+        """Return the mapped points (N, 3) float64."""
         return np.stack([self.along(axis, points[:, axis]) for axis in range(3)], 1)
 
     def along(self, axis: int, at: Floats) -> Floats:
@@ -41,11 +41,11 @@ class AxisMaps:
         return np.asarray(np.interp(at, knots, values) + beyond)
 
 
-def axis_maps(places: Floats, goals: Floats, weights: Floats, *, mirrored: bool) -> AxisMaps:
-    """Return the maps that take places (N, 3) nearest to their goals; `mirrored`: that of x is odd."""
+def axis_maps(positions: Floats, goals: Floats, weights: Floats, *, mirrored: bool) -> AxisMaps:
+    """Return the maps that take points (N, 3) nearest to their goals; `mirrored`: that of x is odd."""
     knots, values = np.empty((3, _KNOTS)), np.empty((3, _KNOTS))
     for axis in range(3):
-        x, y, w = places[:, axis], goals[:, axis], weights
+        x, y, w = positions[:, axis], goals[:, axis], weights
         if mirrored and axis == 0:
             x, y, w = np.concatenate([x, -x]), np.concatenate([y, -y]), np.concatenate([w, w])
         low, high = float(x.min()), float(x.max())

@@ -19,7 +19,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.affine_maps import AffineMaps
-from meshdeform.exemplar.pieces import face_areas
+from meshdeform.geometry.mesh import edges_of, face_areas
 from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Flags, Floats, Index, solids_of
 from meshdeform.reading.samples import spread
@@ -29,7 +29,7 @@ __all__ = ["blend_weights", "blended"]
 _LENGTH = 0.03
 _NEAR = 0.008
 _CELL = 0.006
-"""Of the vertices of a component in one place of a grid of this size, one is joined to other components."""
+"""Of the vertices of a component in one cell of a grid of this size, one is joined to other components."""
 _LEAST_EDGE = 1e-4
 _UNKNOWN = 0.02
 """What the nearest piece weighs for a vertex without a part."""
@@ -46,7 +46,7 @@ def blended(verts: Floats, maps: AffineMaps, weights: Floats) -> Floats:
     goal = np.zeros_like(verts)
     for piece in range(weights.shape[1]):
         rows = np.flatnonzero(weights[:, piece])
-        goal[rows] += weights[rows, piece, None] * maps.take(verts[rows], piece)
+        goal[rows] += weights[rows, piece, None] * maps.map_points(verts[rows], piece)
     return goal
 
 
@@ -82,7 +82,7 @@ def blend_weights(verts: Floats, faces: Index, of_face: Index, loose: Flags) -> 
 
 
 def _by_fewer(verts: Floats, faces: Index, start: Floats, mass: Floats, loose: Flags) -> Floats:
-    """Return the weights (V, G) of a large mesh by those of a coarser one, of which each place takes a mean."""
+    """Return the weights (V, G) of a large mesh by those of a coarser one, of which each vertex takes a mean."""
     components = solids_of(Part(verts, faces))
     cells = np.floor((verts - verts.min(0)) / _COARSE).astype(np.int64)
     keys = np.column_stack([components, cells])
@@ -94,15 +94,15 @@ def _by_fewer(verts: Floats, faces: Index, start: Floats, mass: Floats, loose: F
         sums = [np.bincount(of_vert, mass * column, count) for column in values.T]
         return np.asarray(np.stack(sums, 1) / each[:, None])
 
-    places, fewer = mean(verts), of_vert[faces]
+    positions, fewer = mean(verts), of_vert[faces]
     kept = (fewer[:, 0] != fewer[:, 1]) & (fewer[:, 1] != fewer[:, 2]) & (fewer[:, 2] != fewer[:, 0])
     shares = mean(start)
-    solved = _solved(_graph(places, fewer[kept], shares @ loose > 0.5), np.minimum(each, 1.0), shares)
+    solved = _solved(_graph(positions, fewer[kept], shares @ loose > 0.5), np.minimum(each, 1.0), shares)
     home = np.zeros(count, np.int64)
     home[of_vert] = components
     # Components lie so far from each other that the nearest nodes are of the same one.
     apart = 4.0 * np.arange(int(components.max()) + 1)
-    tree = cKDTree(np.column_stack([places, apart[home]]))
+    tree = cKDTree(np.column_stack([positions, apart[home]]))
     away, near = tree.query(np.column_stack([verts, apart[components]]), k=_MEAN_OF)
     share = np.square(np.maximum(1 - away / np.maximum(away[:, -1:], 1e-12), 0)) + 1e-9
     share[away > 1] = 0
@@ -121,7 +121,7 @@ def _shares(verts: Floats, faces: Index, of_face: Index, count: int) -> Floats:
 
 def _graph(verts: Floats, faces: Index, loose: Flags) -> sparse.csr_matrix:
     """Return the symmetric weights (V, V) between neighbours."""
-    edges = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1), axis=0)
+    edges = edges_of(faces).edges
     edges = edges[edges[:, 0] != edges[:, 1]]
     length = np.maximum(np.linalg.norm(verts[edges[:, 0]] - verts[edges[:, 1]], axis=1), _LEAST_EDGE)
     weight = np.square(_LENGTH / length)
@@ -156,7 +156,7 @@ def _on_faces(verts: Floats, faces: Index, component: Index, few: Index) -> Inde
         return np.zeros((0, 2), np.int64)
     samples = spread(verts, broad, _ON_FACES, 9)
     spacing = 2 * float(np.sqrt(face_areas(verts, broad).sum() / _ON_FACES))
-    away, nearest = cKDTree(samples.places).query(verts[few], k=_CANDIDATES, distance_upper_bound=spacing)
+    away, nearest = cKDTree(samples.positions).query(verts[few], k=_CANDIDATES, distance_upper_bound=spacing)
     row, column = np.nonzero(np.isfinite(away))
     vert, on = few[row], samples.faces[nearest[row, column]]
     other = component[vert] != component[broad[on, 0]]

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.exemplar.alike import grows_from
-from meshdeform.exemplar.pieces import face_areas
 from meshdeform.exemplar.shapes import Shape
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.families import Part
 from meshdeform.nouns.labels import Floats, Index, solids_of
 from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES
@@ -42,7 +42,7 @@ def with_part_of(borrower: Shape, lender: Shape, part: str) -> Shape:
     old, old_faces = _submesh(borrower.verts, borrower.faces[own])
     old_sides = _sides(old, old_faces)
     for side, rows in _sides(verts, faces).items():
-        verts[rows] = _carried(verts[rows], there, box)
+        verts[rows] = _fitted_into(verts[rows], there, box)
         if side in old_sides:
             verts[rows] += _root(old[old_sides[side]], box) - _root(verts[rows], box)
     solids = None
@@ -58,15 +58,15 @@ def with_part_of(borrower: Shape, lender: Shape, part: str) -> Shape:
 
 
 def _with_carried(part: str) -> list[int]:
-    """Return the places in `PART_NAMES` of a part and of what moves with it: of an arm and its hand."""
+    """Return the indices in `PART_NAMES` of a part and of what moves with it: of an arm and its hand."""
     moving = {part}
     while more := {name for name, above in CARRIED_BY.items() if above in moving} - moving:
         moving |= more
-    return [place for place, name in enumerate(PART_NAMES) if name in moving]
+    return [number for number, name in enumerate(PART_NAMES) if name in moving]
 
 
 def _parent(borrower: Shape, lender: Shape, part: str) -> int | None:
-    """Return the place in `PART_NAMES` of the parent; None if the two have no part in common."""
+    """Return the index in `PART_NAMES` of the parent; None if the two have no part in common."""
     common = np.intersect1d(borrower.labels, lender.labels)
     names = {PART_NAMES[k]: int(k) for k in common if k >= 0 and k not in _with_carried(part)}
     grown_from = grows_from(part, names)
@@ -92,10 +92,10 @@ def _sides(verts: Floats, faces: Index) -> dict[int, Index]:
     return {int(one): np.flatnonzero(side == one) for one in np.unique(side)}
 
 
-def _carried(points: Floats, there: Floats, here: Floats) -> Floats:
-    """Return points (N, 3) as they go along when the box of some places is taken to that of others."""
+def _fitted_into(points: Floats, there: Floats, here: Floats) -> Floats:
+    """Return points (N, 3) as they go along when one box of points is taken to another."""
     scale = np.maximum(np.ptp(here, axis=0), 1e-9) / np.maximum(np.ptp(there, axis=0), 1e-9)
-    middles = [(places.min(0) + places.max(0)) / 2 for places in (there, here)]
+    middles = [(positions.min(0) + positions.max(0)) / 2 for positions in (there, here)]
     middle = points.mean(0)
     size = float(np.exp(np.log(scale).mean()))
     return np.asarray(middles[1] + (middle - middles[0]) * scale + (points - middle) * size)

@@ -91,7 +91,7 @@ class Compared:
         self.low, self.high = corners.min(0), corners.max(0)
         mixed = np.random.default_rng(6).permutation(SAMPLES)
         self.samples = spread(self.shape.verts, self.shape.faces, SAMPLES, 1).rows(mixed)
-        self.features = features(self.samples.places, self.samples.normals).astype(np.float32)
+        self.features = features(self.samples.positions, self.samples.normals).astype(np.float32)
         self.dense = _dense(self.shape.verts, self.shape.faces, 3)
         labels = self.shape.labels[self.samples.faces]
         self.shares = _shares(labels[labels >= 0])
@@ -120,7 +120,7 @@ class Compared:
         numbers = [pieces.names[:k].count(name) for k, name in enumerate(pieces.names)]
         codes = [limb_of(LIMBS.index(name), number) for name, number in zip(pieces.names, numbers, strict=True)]
         limbs = np.array([*codes, NO_LIMB])[pieces.of_face][self.samples.faces]
-        return postures(self.samples.places[None], limbs[None], self.low[None], self.high[None])[0]
+        return postures(self.samples.positions[None], limbs[None], self.low[None], self.high[None])[0]
 
 
 def _shares(labels: Index) -> Floats:
@@ -181,7 +181,7 @@ class _Chooser:
         whole = any(attribute.part == "whole" for attribute in wish.attributes)
         self._ease = 1.0 if is_built(wish.noun) or whole else _EASE
         self._afloat = like_of(wish.noun) in AFLOAT
-        self._known: Recent[Exemplar] = Recent(_DRAWN)
+        self._drawn_before: Recent[Exemplar] = Recent(_DRAWN)
 
     @cached_property
     def _bank(self) -> Bank:
@@ -211,12 +211,12 @@ class _Chooser:
         """All members by the tables, the best first."""
         asset, bank = self._asset, self._bank
         turns = (0.0,) if asset.has_parts or is_turned(self._wish.noun) else _QUARTERS
-        other = self._others()
+        other = self._unlikeness_of_all()
         result = []
         for turn_deg in turns:
             for number in range(len(bank)):
-                distance = _distance(self._tabled(number, turn_deg), asset.features[:_FEW])
-                merit = distance * self._dearer(turn_deg) + float(other[number])
+                distance = _distance(self._features_of(number, turn_deg), asset.features[:_FEW])
+                merit = distance * self._turn_factor(turn_deg) + float(other[number])
                 result.append(_Graded(number, turn_deg, distance, merit))
         return sorted(result, key=lambda one: (one.merit, one.number, one.turn_deg))
 
@@ -225,16 +225,16 @@ class _Chooser:
         noun, attributes = self._wish.noun, self._wish.attributes
         return form_of(noun, number, attributes) == noun and not self._pose(number)
 
-    def _others(self) -> Floats:
+    def _unlikeness_of_all(self) -> Floats:
         """Return what posture and parts add to the merit of each member (M,)."""
         bank = self._bank
         if not self._asset.has_parts:
             return np.zeros(len(bank))
-        held = postures(bank.places, bank.limbs, bank.low, bank.high)
+        held = postures(bank.positions, bank.limbs, bank.low, bank.high)
         shares = [_shares(labels) for labels in bank.labels.astype(np.int64)]
-        return np.array([self._other(k, held[k], shares[k]) for k in range(len(bank))])
+        return np.array([self._unlikeness(k, held[k], shares[k]) for k in range(len(bank))])
 
-    def _other(self, number: int, held: Posture, shares: Floats) -> float:
+    def _unlikeness(self, number: int, held: Posture, shares: Floats) -> float:
         own = self._asset.posture
         differing = float(np.abs(shares - self._asset.shares).sum()) / 2
         numbers = [np.bincount(one.kinds, minlength=len(LIMBS)) for one in (own, held)]
@@ -245,22 +245,22 @@ class _Chooser:
         return _POSTURE * held_unlike + _SHARES * differing + _LONE * lone + _UNSEEN * unseen
 
     @staticmethod
-    def _dearer(turn_deg: float) -> float:
+    def _turn_factor(turn_deg: float) -> float:
         return 1.0 if turn_deg == 0 else _TURNED_IF
 
     def _pose(self, number: int) -> str:
         return pose_of(self._wish.noun, number, self._wish.attributes)
 
-    def _tabled(self, number: int, turn_deg: float) -> Singles:
+    def _features_of(self, number: int, turn_deg: float) -> Singles:
         """Return features (N, 6) of the first samples of a member, placed on the asset."""
         bank, turn = self._bank, facing(-turn_deg)
         corners = np.array([bank.low[number], bank.high[number]], float) @ turn.T
         low, high = corners.min(0), corners.max(0)
         scale = self._scale(low, high)
-        places = self._placed(bank.places[number, :_FEW].astype(float) @ turn.T, low, high, scale)
+        positions = self._placed(bank.positions[number, :_FEW].astype(float) @ turn.T, low, high, scale)
         normals = bank.normals[number, :_FEW] @ turn.T / scale
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        return np.hstack([places, NORMAL_WEIGHT * normals]).astype(np.float32)
+        return np.hstack([positions, NORMAL_WEIGHT * normals]).astype(np.float32)
 
     def _scale(self, low: Floats, high: Floats) -> Floats:
         """Return the scales (3,) that take a box to the asset's."""
@@ -283,14 +283,14 @@ class _Chooser:
 
     def _drawn(self, graded: _Graded) -> Exemplar:
         key = graded.number, graded.turn_deg
-        exemplar = self._known.get(key)
+        exemplar = self._drawn_before.get(key)
         if exemplar is None:
             exemplar = self._draw(graded)
-            self._known.put(key, exemplar)
+            self._drawn_before.put(key, exemplar)
         return exemplar
 
     def _draw(self, graded: _Graded) -> Exemplar:
-        """Draw a member, give it the asset's posture, place and grade it."""
+        """Draw a member, give it the asset's posture, put it on the asset's ground and grade it."""
         give_way()
         wish, asset = self._wish, self._asset
         member = candidate_member(wish.noun, graded.number, wish.attributes)
@@ -300,12 +300,12 @@ class _Chooser:
         low, high = turned.min(0), turned.max(0)
         member = member.moved(self._placed(turned, low, high, self._scale(low, high)))
         samples = spread(member.verts, member.faces, SAMPLES, 2)
-        own = features(samples.places, samples.normals)
+        own = features(samples.positions, samples.normals)
         to_asset = asset.dense.query(own)[0]
         to_member = _dense(member.verts, member.faces, 4).query(asset.features)[0]
         distance = float(0.5 * np.minimum(to_asset, _FAR).mean() + to_member.mean())
-        merit = distance * self._dearer(graded.turn_deg)
-        merit += self._drawn_other(graded.number, member, samples) if asset.has_parts else 0.0
+        merit = distance * self._turn_factor(graded.turn_deg)
+        merit += self._unlikeness_drawn(graded.number, member, samples) if asset.has_parts else 0.0
         told = {
             "noun": wish.noun,
             "form": form_of(wish.noun, graded.number, wish.attributes),
@@ -317,15 +317,15 @@ class _Chooser:
         shape = Shape(wish.noun, member.verts, member.faces, member.labels, member.solid_of_face)
         return Exemplar(shape, distance, merit, told)
 
-    def _drawn_other(self, number: int, member: LabelledMember, samples: Samples) -> float:
+    def _unlikeness_drawn(self, number: int, member: LabelledMember, samples: Samples) -> float:
         limbs = limb_codes(member)[samples.faces]
         low, high = member.verts.min(0), member.verts.max(0)
-        held = postures(samples.places[None], limbs[None], low[None], high[None])[0]
-        return self._other(number, held, _shares(member.labels[samples.faces]))
+        held = postures(samples.positions[None], limbs[None], low[None], high[None])[0]
+        return self._unlikeness(number, held, _shares(member.labels[samples.faces]))
 
     def _cells(self, near: Sequence[_Graded]) -> list[list[_Graded]]:
         """Divide members among centres that are unlike each other; each cell has its best first."""
-        tables = [self._tabled(one.number, one.turn_deg) for one in near]
+        tables = [self._features_of(one.number, one.turn_deg) for one in near]
         away = np.array([_distance(table, tables[0]) for table in tables])
         owner, centres = np.zeros(len(near), np.int64), [0]
         away[0] = 0
@@ -346,7 +346,7 @@ class _Chooser:
 def _dense(verts: Floats, faces: Index, seed: int) -> cKDTree:
     """Return a tree of features of many samples of a surface."""
     samples = spread(verts, faces, _DENSE, seed)
-    return cKDTree(features(samples.places, samples.normals))
+    return cKDTree(features(samples.positions, samples.normals))
 
 
 def _distance(own: Singles, asset: Singles) -> float:

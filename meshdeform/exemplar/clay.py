@@ -1,7 +1,7 @@
 """Mould a lump without parts, such as a ball, a block or a capsule, into a member of a noun.
 
 The outer surface of the member (`outer_surface.py`) is mapped to the sphere, one to one (`spherical.py`), and turned so
-that directions and places agree best. A vertex of the lump goes to the sphere by its direction from a centre that sees
+that directions and points agree best. A vertex of the lump goes to the sphere by its direction from a centre that sees
 all of the lump, and from there to the member's surface. A mirrored member stays mirrored: its one half is mapped to
 half of the sphere. What the faces of the lump are too large for is smoothed (`unfolding.py`).
 
@@ -13,8 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from meshdeform.exemplar.outer_surface import OuterSurface, outer_surface
@@ -22,6 +20,7 @@ from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.spherical import sphere_map
 from meshdeform.exemplar.unfolding import unfolded
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import connected_components, edges_of, face_areas, face_cross
 from meshdeform.nouns.labels import Floats, Index
 
 __all__ = ["Mould", "is_clay", "mould_of", "moulded"]
@@ -38,18 +37,18 @@ _STEPS = 2000
 
 @dataclass(frozen=True)
 class Mould:
-    """A surface on the unit sphere: `directions` (V, 3), `faces` (F, 3), and `places` (V, 3) in space.
+    """A surface on the unit sphere: `directions` (V, 3), `faces` (F, 3), and `positions` (V, 3) in space.
 
     With a `plane`, one half, for x >= 0 on the sphere; the other is its mirror image in x = plane.
     """
 
     directions: Floats
     faces: Index
-    places: Floats
+    positions: Floats
     plane: float | None
 
-    def at(self, directions: Floats) -> Floats:
-        """Return the places (N, 3) for unit directions (N, 3)."""
+    def points_at(self, directions: Floats) -> Floats:
+        """Return the points (N, 3) for unit directions (N, 3)."""
         asked = directions.copy()
         if self.plane is not None:
             asked[:, 0] = np.abs(asked[:, 0])
@@ -58,29 +57,25 @@ class Mould:
         middles /= np.linalg.norm(middles, axis=1, keepdims=True)
         found = cKDTree(middles).query(asked)[1].astype(np.int64)
         weights = np.zeros((len(asked), 3))
-        _locate(asked, self.directions, self.faces, _across(self.faces), found, weights)
-        places = np.einsum("nk,nkj->nj", weights, self.places[self.faces[found]])
+        _locate(asked, self.directions, self.faces, _opposite_faces(self.faces), found, weights)
+        positions = np.einsum("nk,nkj->nj", weights, self.positions[self.faces[found]])
         if self.plane is not None:
             left = directions[:, 0] < 0
-            places[left, 0] = 2 * self.plane - places[left, 0]
-        return np.asarray(places)
+            positions[left, 0] = 2 * self.plane - positions[left, 0]
+        return np.asarray(positions)
 
 
 def is_clay(source: Shape) -> bool:
     """Return whether a surface is one lump without parts: closed, and nearly its convex hull."""
     verts, faces, _ = _welded(source.verts, source.faces)
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    if len(faces) < 4 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
-        return False
-    graph = sparse.csr_matrix((np.ones(len(edges)), tuple(edges.T)), shape=(len(verts),) * 2)
-    if csgraph.connected_components(graph, directed=False)[0] > 1:
+    if len(faces) < 4 or (edges_of(faces).counts != 2).any() or connected_components(faces, len(verts)).any():
         return False
     try:
         hull = ConvexHull(verts)
     except QhullError:
         return False
     a, b, c = verts[faces].transpose(1, 0, 2)
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+    area = float(face_areas(verts, faces).sum())
     volume = float((a * np.cross(b, c)).sum()) / 6
     return abs(area / float(hull.area) - 1) < _HULL_AREA and volume > _HULL_VOLUME * float(hull.volume)
 
@@ -99,8 +94,8 @@ def moulded(source: Shape, goal: Shape) -> Floats:
     used = verts[np.unique(faces)]
     directions = verts - (used.min(0) + used.max(0)) / 2
     directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
-    places = mould_of(goal.verts, goal.faces).at(directions)
-    return unfolded(verts, places, faces)[number]
+    positions = mould_of(goal.verts, goal.faces).points_at(directions)
+    return unfolded(verts, positions, faces)[number]
 
 
 def mould_of(verts: Floats, faces: Index) -> Mould:
@@ -111,16 +106,15 @@ def mould_of(verts: Floats, faces: Index) -> Mould:
     directions = mapped.directions @ _turn(surface, mapped.origin, mapped.directions, mapped.faces).T
     if half:
         directions[:, 0] = np.maximum(directions[:, 0], 0)
-    return Mould(directions, mapped.faces, surface.places[mapped.origin], surface.plane)
+    return Mould(directions, mapped.faces, surface.positions[mapped.origin], surface.plane)
 
 
 def _turn(surface: OuterSurface, origin: Index, directions: Floats, faces: Index) -> Floats:
-    """Return the rotation (3, 3) that takes directions nearest to the places; about x where there is a mirror."""
-    places = surface.verts[origin]
-    a, b, c = places[faces].transpose(1, 0, 2)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    share = np.bincount(faces.ravel(), np.repeat(areas / (3 * areas.sum()), 3), len(places))
-    from_middle = places - share @ places
+    """Return the rotation (3, 3) that takes directions nearest to the points; about x where there is a mirror."""
+    positions = surface.verts[origin]
+    areas = np.linalg.norm(face_cross(positions, faces), axis=1)
+    share = np.bincount(faces.ravel(), np.repeat(areas / (3 * areas.sum()), 3), len(positions))
+    from_middle = positions - share @ positions
     spread = (from_middle * share[:, None]).T @ (directions - share @ directions)
     if surface.plane is not None:
         spread[0], spread[:, 0] = 0, 0
@@ -130,7 +124,7 @@ def _turn(surface: OuterSurface, origin: Index, directions: Floats, faces: Index
 
 
 def _welded(verts: Floats, faces: Index) -> tuple[Floats, Index, Index]:
-    """Return a mesh with the vertices of one place as one, without faces that lose an edge, and the number of each."""
+    """Return a mesh with vertices that coincide as one, without faces that lose an edge, and the number of each."""
     keys = np.rint(verts / (_WELD * max(float(np.ptp(verts, axis=0).max()), 1e-300))).astype(np.int64)
     _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     joined = number.ravel()[faces]
@@ -138,7 +132,7 @@ def _welded(verts: Floats, faces: Index) -> tuple[Floats, Index, Index]:
     return verts[first], np.asarray(joined[whole]), np.asarray(number.ravel())
 
 
-def _across(faces: Index) -> Index:
+def _opposite_faces(faces: Index) -> Index:
     """Return the face (F, 3) on the other side of the edge opposite each corner; -1 if there is none."""
     count = int(faces.max()) + 1
     one, other = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()

@@ -18,22 +18,22 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import Samples, features
 
-__all__ = ["FAR", "between", "one_way", "stretch"]
+__all__ = ["FAR", "mean_distance", "one_way_distance", "stretch"]
 
 FAR = 0.2
 _MOST = 3.0
 _TINY = 1e-12
 
 
-def between(one: Samples, other: Samples, spacing: float) -> float:
+def mean_distance(one: Samples, other: Samples, spacing: float) -> float:
     """Return the mean distance between two surfaces, both ways; `spacing`: about that of their samples."""
-    return (one_way(one, other, spacing) + one_way(other, one, spacing)) / 2
+    return (one_way_distance(one, other, spacing) + one_way_distance(other, one, spacing)) / 2
 
 
-def one_way(one: Samples, other: Samples, spacing: float, most: float = FAR) -> float:
-    """Return the mean distance of one surface from another, at most so much a place."""
-    nearest = cKDTree(features(other.places, other.normals)).query(features(one.places, one.normals))[1]
-    apart = one.places - other.places[nearest]
+def one_way_distance(one: Samples, other: Samples, spacing: float, most: float = FAR) -> float:
+    """Return the mean distance of one surface from another, of which each counts at most so much."""
+    nearest = cKDTree(features(other.positions, other.normals)).query(features(one.positions, one.normals))[1]
+    apart = one.positions - other.positions[nearest]
     across = (apart * other.normals[nearest]).sum(1)
     along = np.sqrt(np.maximum(np.square(apart).sum(1) - across**2, 0))
     return float(np.minimum(np.abs(across) + np.maximum(along - 1.5 * spacing, 0), most).mean())

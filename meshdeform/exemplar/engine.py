@@ -25,15 +25,16 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.exemplar.borrowing import with_part_of
+from meshdeform.exemplar.cached_sources import cached_source
 from meshdeform.exemplar.choosing import Exemplar, exemplars
 from meshdeform.exemplar.clay import is_clay, moulded
-from meshdeform.exemplar.distances import between, stretch
-from meshdeform.exemplar.known import known_source
+from meshdeform.exemplar.distances import mean_distance, stretch
 from meshdeform.exemplar.mending import Mended, mended
-from meshdeform.exemplar.pieces import Matching, face_areas
+from meshdeform.exemplar.pieces import Matching
 from meshdeform.exemplar.shapes import ExemplarResult, Shape, Wish, frame_of
 from meshdeform.exemplar.symmetry import is_even
 from meshdeform.exemplar.targets import fitted_to_target
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.samples import hidden, spread
@@ -68,7 +69,7 @@ class Stage:
 class _Way:
     """Where one exemplar takes the asset: vertices (V, 3) in the frame, before mending, and what it was.
 
-    `last`: what is still to be done to the vertices if the way is taken; `done`: what they are then, once it was.
+    `finish`: what is still to be done to the vertices if the way is taken; `finished`: what they are then, once it was.
     """
 
     verts: Floats
@@ -76,8 +77,8 @@ class _Way:
     goal: Shape
     matching: Matching | None = None
     merit: float | None = None
-    last: Callable[[Floats], Floats] | None = None
-    done: Floats | None = None
+    finish: Callable[[Floats], Floats] | None = None
+    finished: Floats | None = None
 
 
 class ExemplarFit:
@@ -121,14 +122,14 @@ class ExemplarFit:
         self._wish, self._cache, self._mends = wish, cache, mends
         standing = faces[labels != GROUND]
         self._standing = standing if len(standing) else faces
-        self._known = known_source(self.source)
-        self._faults, self._fit = self._known.faults, self._known.fit
+        self._cached = cached_source(self.source)
+        self._faults, self._fit = self._cached.faults, self._cached.fit
 
     def __iter__(self) -> Iterator[Stage]:
         """Yield what is done, stage by stage; sets `result`."""
-        known = self._known_ways
-        ways = list[_Way]() if known is None else known
-        chosen = self._chosen() if known is None else []
+        found = None if self._key is None else _recent.get(self._key)
+        ways = list[_Way]() if found is None else found
+        chosen = self._chosen() if found is None else []
         yield Stage("choose", _CHOSEN)
         clay = not self._wish.targets and is_clay(self.source)
         for number, exemplar in enumerate(chosen):
@@ -136,7 +137,7 @@ class ExemplarFit:
             share = _CHOSEN + (_FITTED - _CHOSEN) * (number + 1) / len(chosen)
             yield Stage("fit", share, self.frame.leave(min(ways, key=self._merit).verts))
         ways.sort(key=self._merit)
-        self._keep(ways)
+        self._remember(ways)
         self.result = self._mended(ways)
         yield Stage("mend", 1.0, self.frame.leave(self.result.verts))
 
@@ -146,14 +147,10 @@ class ExemplarFit:
         wish = self._wish
         if wish.targets or wish.landmarks is not None:
             return None
-        return self._known.key, replace(wish, strength=1.0), tuple(word.sha256 for word in words_in_use())
+        return self._cached.key, replace(wish, strength=1.0), tuple(word.sha256 for word in words_in_use())
 
-    @property
-    def _known_ways(self) -> list[_Way] | None:
-        return None if self._key is None else _recent.get(self._key)
-
-    def _keep(self, ways: list[_Way]) -> None:
-        """Keep where the asset can go, for the same wish with another strength."""
+    def _remember(self, ways: list[_Way]) -> None:
+        """Remember where the asset can go, for the same wish with another strength."""
         if self._key is not None:
             size = sum(way.verts.nbytes + way.goal.verts.nbytes + way.goal.faces.nbytes for way in ways)
             _recent.put(self._key, ways, _COPIES * size)
@@ -165,15 +162,10 @@ class ExemplarFit:
             return [Exemplar(self._wish.targets[nearest], away[nearest], away[nearest], {"target": nearest})]
         wish = self._wish
         if wish.borrowed and wish.noun == self.source.noun and not wish.attributes:
-            chosen = [Exemplar(self._standing_shape(), 0.0, 0.0, {"noun": wish.noun, "form": "the asset itself"})]
+            chosen = [Exemplar(self._cached.compared.shape, 0.0, 0.0, {"noun": wish.noun, "form": "the asset itself"})]
         else:
-            chosen = exemplars(self.source, wish, _TRIED, cache=self._cache, compared=self._known.compared)
+            chosen = exemplars(self.source, wish, _TRIED, cache=self._cache, compared=self._cached.compared)
         return [self._borrowing(one) for one in chosen]
-
-    def _standing_shape(self) -> Shape:
-        """Return the asset without the ground that it stands on."""
-        standing = self.source.labels != GROUND
-        return Shape(self.source.noun, self.source.verts, self.source.faces[standing], self.source.labels[standing])
 
     def _borrowing(self, exemplar: Exemplar) -> Exemplar:
         """Return an exemplar with the parts of other nouns that are wished."""
@@ -181,7 +173,7 @@ class ExemplarFit:
         for each in self._wish.borrowed:
             other = Wish(each.noun, each.attributes, seed=self._wish.seed)
             part = part_label(each.part)
-            near = exemplars(self.source, other, _LENDERS, cache=self._cache, compared=self._known.compared)
+            near = exemplars(self.source, other, _LENDERS, cache=self._cache, compared=self._cached.compared)
             lender = next((one for one in near if (one.shape.labels == PART_NAMES.index(part)).any()), near[0])
             shape = with_part_of(shape, lender.shape, part)
             told.append({**lender.told, "part": each.part})
@@ -206,7 +198,7 @@ class ExemplarFit:
                 {**exemplar.told, "way": name},
                 fitted.goal,
                 fitted.matching,
-                last=partial(self._fit.relaxed, fitted) if name == "smooth" else None,
+                finish=partial(self._fit.relaxed, fitted) if name == "smooth" else None,
             )
             for name, verts in fitted.ways.items()
         ]
@@ -225,13 +217,13 @@ class ExemplarFit:
         rest = self.source.verts
         best, done = ways[0], None
         for way in ways[:_MENDED]:
-            now = self._gone(way)
+            now = self._moved_along(way)
             if done is None or now.kept > done.kept:
                 best, done = way, now
             if done.kept >= _ENOUGH:
                 break
         assert done is not None
-        pairs, left_over, missing = _told(best.matching)
+        pairs, left_over, missing = _parts_told(best.matching)
         return ExemplarResult(
             done.verts,
             best.told,
@@ -246,12 +238,12 @@ class ExemplarFit:
             stretch(rest, done.verts, self._standing),
         )
 
-    def _gone(self, way: _Way) -> Mended:
+    def _moved_along(self, way: _Way) -> Mended:
         """Return where the asset has gone that way, as far as it is to go."""
         rest = self.source.verts
-        if self._mends and way.last is not None and way.done is None:
-            way.done = way.last(way.verts)
-        verts = way.done if self._mends and way.done is not None else way.verts
+        if self._mends and way.finish is not None and way.finished is None:
+            way.finished = way.finish(way.verts)
+        verts = way.finished if self._mends and way.finished is not None else way.verts
         goal = rest + self._wish.strength * (verts - rest)
         if self._mends:
             return mended(rest, goal, self.source.faces)
@@ -265,10 +257,10 @@ class ExemplarFit:
         if goal.solids is not None:
             other = other.rows(~hidden(other, goal.solids[other.faces]))
         spacing = float(np.sqrt(face_areas(verts, self._standing).sum() / _SAMPLES))
-        return between(own, other, spacing)
+        return mean_distance(own, other, spacing)
 
 
-def _told(matching: Matching | None) -> tuple[list[tuple[str, str]], list[str], list[str]]:
+def _parts_told(matching: Matching | None) -> tuple[list[tuple[str, str]], list[str], list[str]]:
     """Return which parts went to each other, and which only one has."""
     if matching is None:
         return [], [], []

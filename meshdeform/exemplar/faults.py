@@ -22,8 +22,10 @@ from meshdeform.geometry.intersections import (
 )
 from meshdeform.nouns.labels import Flags, Floats, Index
 
-__all__ = ["Faults", "Found"]
+__all__ = ["MOST_CUTTING", "Faults", "Found"]
 
+MOST_CUTTING = 0.003
+"""Share of the faces, by number and by area, that may newly cut others: a cut of large faces is seen."""
 _LOCAL = 0.5
 """Share of changed faces from which the whole surface is searched again."""
 _GIVEN_UP = 10
@@ -53,18 +55,22 @@ class Found:
         flags[self.pairs.ravel()] = True
         return flags
 
-    def clean(self, share: float) -> bool:
-        """Whether nothing is folded and at most this share of the faces, also by area, cuts."""
-        return not self.folded.any() and not self.too_many(share)
+    @cached_property
+    def is_clean(self) -> bool:
+        """Whether nothing is folded, and few faces cut."""
+        return not self.folded.any() and not self.too_many_cut
 
-    def too_many(self, share: float) -> bool:
-        """Whether more than this share of the faces, or of the area, cuts: a cut of large faces is seen."""
+    @cached_property
+    def too_many_cut(self) -> bool:
+        """Whether more than `MOST_CUTTING` of the faces, or of the area, cuts."""
         area = float(self.areas[self.cutting].sum())
-        return int(self.cutting.sum()) > share * len(self.folded) or area > share * float(self.areas.sum())
+        count = int(self.cutting.sum())
+        return count > MOST_CUTTING * len(self.folded) or area > MOST_CUTTING * float(self.areas.sum())
 
-    def to_mend(self, share: float) -> Flags:
-        """Return which faces (F,) have to change: the folded ones, and if too many cut, those."""
-        return self.folded | self.cutting if self.too_many(share) else self.folded
+    @property
+    def to_mend(self) -> Flags:
+        """Which faces (F,) have to change: the folded ones, and if too many cut, those."""
+        return self.folded | self.cutting if self.too_many_cut else self.folded
 
 
 class Faults:

@@ -14,24 +14,23 @@ The plate on which an asset stands is left as it is. Without any matched piece t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from meshdeform.exemplar.growth import grown
 from meshdeform.exemplar.kinds import is_built, is_tower
-from meshdeform.exemplar.mending import Mended, mended
-from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, matched
+from meshdeform.exemplar.pieces import Matching, Pieces, matched
 from meshdeform.exemplar.relaxing import relaxed
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.smooth_fit import LEVELS, LIMITS, CodedSurface, pulls_to, smooth_fit
 from meshdeform.exemplar.starting import cloud_of, piece_weights, started
 from meshdeform.exemplar.symmetry import evened, is_even
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import GROUND
 from meshdeform.reading.samples import hidden, resampled
 
-__all__ = ["Fitted", "SourceFit", "fit"]
+__all__ = ["Fitted", "SourceFit"]
 
 _LEVELS, _LIMITS, _REACH = ((3, 3), (6, 5), (12, 5)), (0.15, 0.05), 3.0
 _SPROUTING = frozenset(("ear", "nose", "beak", "trunk", "horn", "fin", "tail", "hump", "wing"))
@@ -45,32 +44,13 @@ class Fitted:
     """A source fitted to its goal.
 
     `goal`: the goal in the source's pose; `matching`: pieces of both, None if none of them match; `ways`: where the
-    source's vertices (V, 3) go, with folds and cuts: in the first place by the way that suits the nouns, `smooth`,
+    source's vertices (V, 3) go, with folds and cuts: first by the way that suits the nouns, `smooth`,
     `axes`, `side`, `outline` or `whole`, then by others.
     """
 
-    source: Shape
     goal: Shape
     matching: Matching | None
     ways: dict[str, Floats]
-
-    @cached_property
-    def mended(self) -> Mended:
-        """The first way without folds and with few cuts."""
-        return mended(self.source.verts, next(iter(self.ways.values())), self.source.faces)
-
-    @property
-    def verts(self) -> Floats:
-        """The vertices (V, 3) of the mended fit."""
-        return self.mended.verts
-
-
-def fit(source: Shape, goal: Shape, *, landmarks: tuple[Floats, Floats] | None = None) -> Fitted:
-    """Fit a source to a goal; both lie in the source's frame.
-
-    `landmarks`: places (L, 3) of the source and their goals.
-    """
-    return SourceFit(source).fit(goal, landmarks=landmarks)
 
 
 class SourceFit:
@@ -85,7 +65,7 @@ class SourceFit:
         self._weights: tuple[Pieces, Floats] | None = None
 
     def fit(self, goal: Shape, *, landmarks: tuple[Floats, Floats] | None = None) -> Fitted:
-        """Fit the source to a goal in its frame."""
+        """Fit the source to a goal in its frame; `landmarks`: points (L, 3) of the source, and their goals."""
         own, matching = self._own, matched(self._own, goal)
         planes = self._planes(goal)
         if not (matching.partner >= 0).any():
@@ -117,7 +97,7 @@ class SourceFit:
         self, goal: Shape, matching: Matching | None, ways: dict[str, Floats], planes: tuple[int, ...]
     ) -> Fitted:
         """Return a fit in which mirror images stay such, and the ground stays."""
-        return Fitted(self.source, goal, matching, {name: self._even_over(each, planes) for name, each in ways.items()})
+        return Fitted(goal, matching, {name: self._even_over(each, planes) for name, each in ways.items()})
 
     def _even_over(self, verts: Floats, planes: tuple[int, ...]) -> Floats:
         ground = np.unique(self.source.faces[~self._standing])

@@ -14,6 +14,7 @@ import numpy as np
 from meshdeform.exemplar.smooth_fit import CodedSurface
 from meshdeform.exemplar.sprouts import GoalPart, Ground, limb_of, seat_of, sprouted
 from meshdeform.exemplar.surface_fit import FitSchedule, SurfaceGoal, surface_fit
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import hidden, spread
 
@@ -57,7 +58,7 @@ def grown(
     growing &= set(codes.tolist()) & set(goal.codes.tolist())
     if not growing:
         return verts.copy()
-    fitted = growing | _beside(faces, codes, growing, len(verts))
+    fitted = growing | _touching_parts(faces, codes, growing, len(verts))
     codes = np.where(np.isin(codes, list(fitted)), codes, -1)
     return surface_fit(verts, faces, codes, seen.of(fitted, growing), _MANNER, start=start)
 
@@ -71,7 +72,7 @@ class _Goal:
         self._all, self._codes = samples, codes[samples.faces]
         self._inside = hidden(samples, self._codes)
         self.samples, self.codes = samples.rows(~self._inside), self._codes[~self._inside]
-        self.area = float(_areas(verts, faces).sum()) / _LIMB_SAMPLES
+        self.area = float(face_areas(verts, faces).sum()) / _LIMB_SAMPLES
         """Of the surface that each sample stands for."""
 
     def limb(self, code: int) -> GoalPart | None:
@@ -87,11 +88,6 @@ class _Goal:
         rows = np.isin(self.codes, list(fitted))
         counts = np.where(np.isin(self.codes[rows], list(growing)), 1.0, _OTHERS) / len(self.codes)
         return SurfaceGoal(self.samples.rows(rows), self.codes[rows], counts)
-
-
-def _areas(verts: Floats, faces: Index) -> Floats:
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
 def _sprout(
@@ -121,7 +117,7 @@ def _sprout(
     return start, patched
 
 
-def _beside(faces: Index, codes: Index, growing: Collection[int], count: int) -> set[int]:
+def _touching_parts(faces: Index, codes: Index, growing: Collection[int], count: int) -> set[int]:
     """Return the parts that touch those that grow."""
     near = np.zeros(count, bool)
     near[faces[np.isin(codes, list(growing))]] = True

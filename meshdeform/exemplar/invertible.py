@@ -21,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import resampled, spread
 
@@ -65,31 +66,30 @@ def invertible_stages(rest: Floats, goal: Floats, faces: Index, start: Floats) -
 
     `rest` (V, 3): the surface at rest, with faces (F, 3). Without an area it has no stages.
     """
-    corners = rest[faces]
-    if not np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any():
+    if not face_cross(rest, faces).any():
         return []
     samples = spread(rest, faces, _SAMPLES, 5)
-    own, goals = (resampled(verts, faces, samples.faces, samples.shares).places for verts in (start, goal))
-    diagonal = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
-    places, stages = start, []
+    own, goals = (resampled(verts, faces, samples.faces, samples.shares).positions for verts in (start, goal))
+    diagonal = float(np.linalg.norm(np.ptp(rest[np.unique(faces)], axis=0)))
+    positions, stages = start, []
     for width in _WIDTHS * diagonal:
         residuals = goals - own
         lengths = np.maximum(np.linalg.norm(residuals, axis=1, keepdims=True), 1e-300)
-        step = _Step(own, residuals * np.minimum(1, _LONGEST * width / lengths), places, width)
-        own, places = own + step.at(own), places + step.at(places)
-        stages.append(places)
+        step = _Step(own, residuals * np.minimum(1, _LONGEST * width / lengths), positions, width)
+        own, positions = own + step.displacements(own), positions + step.displacements(positions)
+        stages.append(positions)
     return stages
 
 
 class _Step:
-    """The displacement v of one step, from residuals at places (N, 3); defined around these and other places."""
+    """The displacement v of one step, from residuals at points (N, 3); defined around these and other points."""
 
-    def __init__(self, places: Floats, residuals: Floats, others: Floats, width: float) -> None:
+    def __init__(self, positions: Floats, residuals: Floats, others: Floats, width: float) -> None:
         self._spacing = _SPACING * width
-        self._origin = np.minimum(places.min(0), others.min(0)) - 2 * self._spacing
-        far = np.maximum(places.max(0), others.max(0))
+        self._origin = np.minimum(positions.min(0), others.min(0)) - 2 * self._spacing
+        far = np.maximum(positions.max(0), others.max(0))
         shape = tuple(np.ceil((far - self._origin) / self._spacing).astype(int) + 3)
-        cells = (places - self._origin) / self._spacing
+        cells = (positions - self._origin) / self._spacing
         products = _products(cells, residuals, shape)
         sums = np.stack([gaussian_filter(grid, 1 / _SPACING, mode="constant") for grid in products])
         sums = sums.reshape(len(products), -1)
@@ -98,9 +98,9 @@ class _Step:
         self._values = np.zeros((3, *shape))
         self._values.reshape(3, -1)[:, filled] = _at_nodes(sums[:, filled], nodes).T
 
-    def at(self, places: Floats) -> Floats:
-        """Return the displacement (N, 3) of places (N, 3)."""
-        cells = (places - self._origin) / self._spacing
+    def displacements(self, positions: Floats) -> Floats:
+        """Return the displacement (N, 3) of points (N, 3)."""
+        cells = (positions - self._origin) / self._spacing
         return np.stack([map_coordinates(value, cells.T, order=1) for value in self._values], 1)
 
 
@@ -113,10 +113,10 @@ def _products(cells: Floats, residuals: Floats, shape: tuple[int, ...]) -> Float
     share = cells - low
     grids = np.zeros((len(products), int(np.prod(shape))))
     for corner in np.ndindex(2, 2, 2):
-        part = np.prod(np.where(corner, share, 1 - share), axis=1)
+        weight = np.prod(np.where(corner, share, 1 - share), axis=1)
         node = np.ravel_multi_index(tuple((low + corner).T), shape)
         for grid, product in zip(grids, products, strict=True):
-            grid += np.bincount(node, part * product, len(grid))
+            grid += np.bincount(node, weight * product, len(grid))
     return grids.reshape(-1, *shape)
 
 

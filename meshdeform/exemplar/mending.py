@@ -22,10 +22,8 @@ from meshdeform.exemplar.regions import Surroundings, mended_by_regions
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.support.giving_way import give_way
 
-__all__ = ["MOST_CUTTING", "Mended", "mended"]
+__all__ = ["Mended", "mended"]
 
-MOST_CUTTING = 0.003
-"""Share of the faces, by number and by area, that may newly cut others."""
 _STEPS = (*3 * (0.2,), 1.0, *4 * (0.3,))
 _TRIES = 14
 _RADIUS, _GROWTH = 0.004, 1.4
@@ -49,21 +47,19 @@ class Mended:
     cut: int
 
 
-def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = MOST_CUTTING) -> Mended:
-    """Return a surface near the goal without folds, in which at most a share of the faces newly cuts others.
+def mended(rest: Floats, goal: Floats, faces: Index) -> Mended:
+    """Return a surface near the goal without folds, in which few faces newly cut others (`faults.MOST_CUTTING`).
 
     Parameters
     ----------
     rest, goal : (V, 3) float64
         Vertices before and after a fit.
     faces : (F, 3) int64
-    share : float
-        Of the faces, by number and by area.
     """
     faults = Faults(rest, faces)
     found = faults.find(goal)
-    if not found.clean(share):
-        found = _Mending(rest, goal, faults, Surroundings(rest, faces), share).result()
+    if not found.is_clean:
+        found = _Mending(rest, goal, faults, Surroundings(rest, faces)).result()
     kept = kept_share(rest, goal, found.verts, faces)
     return Mended(found.verts, kept, int(found.folded.sum()), int(found.cutting.sum()))
 
@@ -71,15 +67,15 @@ def mended(rest: Floats, goal: Floats, faces: Index, *, share: float = MOST_CUTT
 class _Mending:
     """The mending of one surface with faults."""
 
-    def __init__(self, rest: Floats, goal: Floats, faults: Faults, around: Surroundings, share: float) -> None:
-        self._rest, self._goal, self._faults, self._around, self._share = rest, goal, faults, around, share
+    def __init__(self, rest: Floats, goal: Floats, faults: Faults, around: Surroundings) -> None:
+        self._rest, self._goal, self._faults, self._around = rest, goal, faults, around
         self._most = faults.searched + _SEARCHED + _SEARCHED_OF_FACE * len(around.faces)
 
     def result(self) -> Found:
         """Return the mended surface: in the worst case as it is at rest."""
         for base in self._bases():
             start = self._faults.find(base)
-            found = mended_by_regions(start, self._faults, self._around, self._share)
+            found = mended_by_regions(start, self._faults, self._around)
             if found is not None:
                 return self._moved_on(found)
         return self._faults.find(self._rest)
@@ -91,8 +87,8 @@ class _Mending:
         for stage in reversed(invertible_stages(self._rest, self._goal, self._around.faces, start)):
             if 2 * self._faults.searched < self._most:
                 yield stage
-        for part in _TOWARD_REST:
-            yield start + part * (self._rest - start)
+        for share in _TOWARD_REST:
+            yield start + share * (self._rest - start)
         yield self._rest
 
     def _moved_on(self, base: Found) -> Found:
@@ -107,10 +103,10 @@ class _Mending:
                 if self._faults.searched > self._most:
                     return best
                 last = self._faults.find(base.verts + tried[:, None] * way, last)
-                if last.clean(self._share):
+                if last.is_clean:
                     gone, best = tried, last
                     break
-                seeds = self._around.corners(last.to_mend(self._share))
+                seeds = self._around.corners(last.to_mend)
                 number = hits[seeds] + 1
                 for times in np.unique(number):
                     rows, weights = self._around.weights(seeds[number == times], _RADIUS * _GROWTH ** (times - 1))

@@ -2,7 +2,7 @@
 
 A grid has the signed distance to the union, less 0.7 of its spacing, so that what is thinner than the grid stays. Loose
 pieces get bridges, cavities are filled and handles cut (`balls.py`); marching tetrahedra give the surface, and its
-vertices have their nearest places on the solids.
+vertices have their nearest points on the solids.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.balls import ball_within, connected
-from meshdeform.exemplar.solid_grids import nearest_places, solid_grid
+from meshdeform.exemplar.solid_grids import nearest_points, solid_grid
 from meshdeform.geometry.isosurface import isosurface
 from meshdeform.nouns.labels import Floats, Index
 
@@ -31,14 +31,14 @@ _SYMMETRIC = 2e-3
 
 @dataclass(frozen=True)
 class OuterSurface:
-    """A surface (V, 3), (F, 3) around solids, and the nearest places (V, 3) on these.
+    """A surface (V, 3), (F, 3) around solids, and the nearest points (V, 3) on these.
 
     With a `plane`, the half at greater x than that, a disc whose boundary lies in the plane; without, closed.
     """
 
     verts: Floats
     faces: Index
-    places: Floats
+    positions: Floats
     plane: float | None
 
 
@@ -65,9 +65,9 @@ def outer_surface(verts: Floats, faces: Index) -> OuterSurface:
     values[~whole & (values < 0)] = _CUT * spacing  # of crumbs
     values[whole & ~ball] = _CUT * spacing
     out, triangles = isosurface(values, solid.grid.origin, np.full(3, spacing))
-    places, distances = nearest_places(out, verts, faces, solid)
+    positions, distances = nearest_points(out, verts, faces, solid)
     far = np.abs(distances - _LEVEL * spacing) > 0.6 * spacing
-    places[far] = out[far]
+    positions[far] = out[far]
     if plane is not None:
-        places[out[:, 0] <= plane + 1e-9 * spacing, 0] = plane
-    return OuterSurface(out, triangles, places, plane)
+        positions[out[:, 0] <= plane + 1e-9 * spacing, 0] = plane
+    return OuterSurface(out, triangles, positions, plane)

@@ -1,8 +1,8 @@
 """Pull the outline of a surface, as it is seen from given directions, to the outlines of silhouettes.
 
-Every round, places spread over the surface are seen from each direction: what they cover, and the border of that. A
-piece of the border belongs to the outermost of the places near to it. Points c of the silhouette's contour, with their
-outward normals m, and these places, seen at p, are paired both ways by (place / D, 0.1 normal); a pair adds
+Every round, points spread over the surface are seen from each direction: what they cover, and the border of that. A
+piece of the border belongs to the outermost of the points near to it. Points c of the silhouette's contour, with their
+outward normals m, and these points, seen at p, are paired both ways by (point / D, 0.1 normal); a pair adds
 
     w [ (m . (p' - c))^2 + 0.1 (m_t . (p' - c))^2 + 0.1 z^2 ],   w = 1 / sqrt(1 + (2 |p - c| / l)^2),
 
@@ -27,14 +27,14 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.smooth_fit import CodedSurface, PullRows, smooth_fit
+from meshdeform.exemplar.smooth_fit import CodedSurface, PullRows, in_ratio, smooth_fit
 from meshdeform.geometry.pictures import SilhouetteView, mask_centre, mask_radius, mask_spread, picture_scales
 from meshdeform.nouns.labels import Flags, Floats, Index
 from meshdeform.reading.samples import spread
 
 __all__ = ["Outline", "Outlines", "contour_of", "outlined", "outlines_of"]
 
-_PLACES, _VERTS = 9_000, 4_000
+_SAMPLES, _VERTS = 9_000, 4_000
 _SIDE, _MARGIN = 96, 1.25
 _POINTS = 400
 """Most points of a contour."""
@@ -52,34 +52,19 @@ class Outline:
 
     `right`, `up` (3,): unit directions in the picture. `points` (N, 2): its contour, rightward and upward in the unit
     of the frame, from its centre of area; `normals` (N, 2): outward. `distance`: of the camera from the origin, at
-    which it looks; infinite for parallel rays.
+    which it looks.
     """
 
     right: Floats
     up: Floats
     points: Floats
     normals: Floats
-    distance: float = math.inf
+    distance: float
 
-    @classmethod
-    def seen(
-        cls,
-        azimuth_deg: float,
-        elevation_deg: float,
-        points: Floats,
-        normals: Floats,
-        distance: float = math.inf,
-    ) -> Outline:
-        """Return the outline seen from an azimuth, 0 from +Z and 90 from +X, and an elevation."""
-        view = SilhouetteView(np.zeros((0, 0), bool), azimuth_deg, elevation_deg)
-        return cls(view.right, view.up, points, normals, distance)
-
-    def seen_at(self, places: Floats) -> tuple[Floats, Floats]:
-        """Return where in the picture places (P, 3) are seen, (P, 2), and how much larger than at the origin, (P,)."""
-        flat = np.column_stack([places @ self.right, places @ self.up])
-        if math.isinf(self.distance):
-            return flat, np.ones(len(places))
-        depth = places @ np.cross(self.right, self.up)
+    def seen_at(self, positions: Floats) -> tuple[Floats, Floats]:
+        """Return where in the picture points (P, 3) are seen, (P, 2), and how much larger than at the origin, (P,)."""
+        flat = np.column_stack([positions @ self.right, positions @ self.up])
+        depth = positions @ np.cross(self.right, self.up)
         larger = self.distance / np.maximum(self.distance - depth, 0.1 * self.distance)
         return flat * larger[:, None], larger
 
@@ -102,13 +87,13 @@ def outlines_of(views: Sequence[SilhouetteView], verts: Floats, faces: Index, tu
         The pictures contradict their directions.
     """
     scales = picture_scales(views)
-    places = spread(verts, faces, _PLACES, 0).places
+    positions = spread(verts, faces, _SAMPLES, 0).positions
     reach = float(np.linalg.norm(verts[np.unique(faces)], axis=1).max())
     empty = np.zeros((0, 2))
     sizes = []
     for view, scale in zip(views, scales, strict=True):
         own = Outline(turn @ view.right, turn @ view.up, empty, empty, _distance(view, reach))
-        covered = _Covered(own.seen_at(places)[0])
+        covered = _Covered(own.seen_at(positions)[0])
         sizes.append(mask_spread(covered.mask) * covered.pixel / (mask_spread(view.mask) * scale))
     size = math.exp(float(np.mean(np.log(sizes))))
     found = []
@@ -121,15 +106,13 @@ def outlines_of(views: Sequence[SilhouetteView], verts: Floats, faces: Index, tu
     return found
 
 
-def outlined(
-    verts: Floats, faces: Index, outlines: Sequence[Outline], *, planes: Collection[int] = (), built: bool = False
-) -> Floats:
+def outlined(verts: Floats, faces: Index, outlines: Sequence[Outline], *, planes: Collection[int] = ()) -> Floats:
     """Return the vertices (V, 3) of a surface that takes on outlines, and is else bent and stretched little.
 
-    `planes`, `built`: as of `smooth_fit`.
+    `planes`: as of `smooth_fit`.
     """
     surface, pulls = CodedSurface.alike(verts, faces), [Outlines(verts, faces, outlines)]
-    return smooth_fit(surface, CodedSurface.nothing(), planes=planes, built=built, pulls=pulls)
+    return smooth_fit(surface, CodedSurface.empty(), planes=planes, pulls=pulls)
 
 
 def _distance(view: SilhouetteView, reach: float) -> float:
@@ -163,7 +146,7 @@ def contour_of(mask: Flags) -> tuple[Floats, Floats]:
 
 
 class _Covered:
-    """What places (P, 2) seen in a picture cover: a mask (H, W), the size of its pixels, and its corner."""
+    """What points (P, 2) seen in a picture cover: a mask (H, W), the size of its pixels, and its corner."""
 
     def __init__(self, seen: Floats) -> None:
         low, high = seen.min(0), seen.max(0)
@@ -177,7 +160,7 @@ class _Covered:
 
     @property
     def centre(self) -> Floats:
-        """The centre of area, where the places are."""
+        """The centre of area, where the points are."""
         row, column = mask_centre(self.mask)
         return self.corner + self.pixel * np.array([column, -row])
 
@@ -197,18 +180,18 @@ class Outlines:
         self._outlines = list(outlines)
         used = np.unique(faces)
         some = used[:: max(1, math.ceil(len(used) / _VERTS))]
-        self._places = np.concatenate([verts[some], spread(verts, faces, _PLACES, 0).places])
+        self._positions = np.concatenate([verts[some], spread(verts, faces, _SAMPLES, 0).positions])
         self._diagonal = float(np.linalg.norm(np.ptp(verts[used], axis=0)))
 
     def rows(self, moved: Callable[[Floats], Floats], share: float) -> PullRows:
-        """Return the rows of a round."""
-        now = moved(self._places)
-        limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** share * self._diagonal
+        """Return the rows of the linear least squares by which all outlines pull in a round."""
+        now = moved(self._positions)
+        limit = in_ratio(_LIMITS, share) * self._diagonal
         found = [self._pulled(outline, now, limit) for outline in self._outlines]
         return PullRows(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
     def _pulled(self, outline: Outline, now: Floats, limit: float) -> PullRows:
-        """Return the rows of an outline."""
+        """Return the rows by which one outline pulls."""
         seen, larger = outline.seen_at(now)
         covered = _Covered(seen)
         rim, outward = self._rim(seen, covered)
@@ -229,7 +212,7 @@ class Outlines:
         both = np.concatenate([normal, along])
         toward = np.broadcast_to(np.cross(outline.right, outline.up), (len(source), 3))
         return PullRows(
-            np.tile(self._places[rim[source]], (3, 1)),
+            np.tile(self._positions[rim[source]], (3, 1)),
             np.concatenate([both @ np.stack([outline.right, outline.up]), toward]),
             np.concatenate([(both * np.tile(apart, (2, 1))).sum(1), np.zeros(len(source))]),
             np.concatenate([weight, _ALONG * weight, _ALONG * weight]),
@@ -237,7 +220,7 @@ class Outlines:
 
     @staticmethod
     def _rim(seen: Floats, covered: _Covered) -> tuple[Index, Floats]:
-        """Return the outermost places near the border, and the border's outward normals there."""
+        """Return the outermost points near the border, and the border's outward normals there."""
         border, outward = covered.border()
         near = cKDTree(seen).query(border, k=_CANDIDATES)[1]
         offset = seen[near] - border[:, None]

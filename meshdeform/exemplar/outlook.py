@@ -26,8 +26,8 @@ import numpy as np
 from meshdeform.exemplar.choosing import Exemplar, exemplars, nearest_of
 from meshdeform.exemplar.clay import is_clay
 from meshdeform.exemplar.kinds import is_living, is_turned
-from meshdeform.exemplar.pieces import face_areas
 from meshdeform.exemplar.shapes import Shape, Wish
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats
 from meshdeform.reading.result import GROUND
 from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, nearest
@@ -104,7 +104,7 @@ def _reasons(source: Shape, exemplar: Exemplar) -> tuple[str, ...]:
     noun, wished = source.noun or "asset", exemplar.shape.noun
     reasons = []
     if source.noun:
-        lacking, over = _only(other, own), _only(own, other)
+        lacking, over = _missing_parts(other, own), _missing_parts(own, other)
         reasons += [f"Much of {_article(wished)} is {part}, and this {noun} has no {part}." for part in lacking[:1]]
         reasons += [f"Much of this {noun} is {part}, and {_article(wished)} has no {part}." for part in over[:1]]
     if not reasons:
@@ -112,7 +112,7 @@ def _reasons(source: Shape, exemplar: Exemplar) -> tuple[str, ...]:
     return tuple(reasons)
 
 
-def _only(shares: Floats, others: Floats) -> list[str]:
+def _missing_parts(shares: Floats, others: Floats) -> list[str]:
     """Return the large parts with shares (P,) that are missing from others, the largest first."""
     large = np.flatnonzero((shares > _TELLING) & (others == 0))
     names = [PART_NAMES[k] for k in large[np.argsort(-shares[large], kind="stable")]]
@@ -125,10 +125,10 @@ def _article(noun: str) -> str:
 
 def _suggestions(source: Shape, wish: Wish, exemplar: Exemplar) -> tuple[str, ...]:
     """Return prompts that are likelier to succeed."""
-    return (*_nearer(source, wish), *_of_its_own(source, exemplar))
+    return (*_nearer_nouns(source, wish), *_of_its_own(source, exemplar))
 
 
-def _nearer(source: Shape, wish: Wish) -> list[str]:
+def _nearer_nouns(source: Shape, wish: Wish) -> list[str]:
     """Return the nouns near to both in meaning, and of the asset's own group, that can be, the nearest first."""
     groups = (NOUN_GROUPS[group] for group in _GROUPS)
     group = next((nouns for nouns in groups if source.noun in nouns), ())

@@ -1,8 +1,8 @@
 """Divide surfaces into pieces, and find which piece of one becomes which piece of another.
 
 A piece is what is of one part and hangs together: a leg, a wheel, the whole body. Faces of one part hang together
-along edges, and where they nearly touch on one side of the mirror plane. Like pieces are matched by the places of
-their middles in the boxes of the whole, (x, y, z) weighed by (1.5, 0.5, 1): the matching of least total distance.
+along edges, and where they nearly touch on one side of the mirror plane. Pieces of one part are matched by the middles
+of their boxes, relative to the box of the whole, (x, y, z) weighed by (1.5, 0.5, 1), at the least total distance.
 
 Source: Kuhn 1955, The Hungarian method for the assignment problem.
 """
@@ -13,19 +13,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.alike import MANY, TWO_SIDED, grows_from, large_parts, made_alike
 from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.exemplar.shapes import Shape
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.reading.cells import connected, neighbouring_faces
 from meshdeform.reading.result import NO_PART
 from meshdeform.reading.samples import spread
 from meshdeform.vocabulary.solids import PART_NAMES, usual_parts_of
 
-__all__ = ["Matching", "Pieces", "face_areas", "matched", "pieces_of"]
+__all__ = ["Matching", "Pieces", "matched", "pieces_of"]
 
 _SAMPLES, _TOUCHING = 4000, 0.015
 _MIDDLE = 0.15
@@ -52,7 +52,7 @@ class Pieces:
         return len(self.names)
 
     def named(self, name: str) -> list[int]:
-        """Return the pieces of a name."""
+        """Return the numbers of the pieces that have a name."""
         return [number for number, own in enumerate(self.names) if own == name]
 
     def joined(self, into: Mapping[int, int]) -> Pieces:
@@ -79,12 +79,6 @@ class Matching:
     grows: Flags
 
 
-def face_areas(verts: Floats, faces: Index) -> Floats:
-    """Return the area (F,) of each face."""
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-
-
 def pieces_of(shape: Shape, names: Mapping[str, str]) -> Pieces:
     """Divide a shape into pieces; `names` tells what each of its parts is called."""
     known = [PART_NAMES.index(part) for part in names]
@@ -96,7 +90,7 @@ def pieces_of(shape: Shape, names: Mapping[str, str]) -> Pieces:
     centres = shape.verts[shape.faces].mean(1)
     own_names: list[str] = []
     of_face = np.full(len(shape.faces), -1, np.int64)
-    links = neighbours(shape.faces, len(shape.verts))
+    links = neighbouring_faces(shape.faces, len(shape.verts))[0]
     touching = _touching(shape)
     for number, name in enumerate(called):
         rows = np.flatnonzero(of_name == number)
@@ -110,51 +104,36 @@ def pieces_of(shape: Shape, names: Mapping[str, str]) -> Pieces:
     return Pieces(tuple(own_names), of_face)
 
 
-def neighbours(faces: Index, verts: int) -> Index:
-    """Return the pairs (E, 2) of faces that share an edge; of more than two on one edge, each and the next."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
-    owner = np.tile(np.arange(len(faces)), 3)
-    key = edges[:, 0] * verts + edges[:, 1]
-    order = np.argsort(key, kind="stable")
-    same = np.flatnonzero(np.diff(key[order]) == 0)
-    return np.stack([owner[order[same]], owner[order[same + 1]]], 1)
-
-
 def _touching(shape: Shape) -> Index:
     """Return pairs (P, 2) of faces of one part that nearly touch."""
     samples = spread(shape.verts, shape.faces, _SAMPLES, 4)
-    pairs = cKDTree(samples.places).query_pairs(_TOUCHING, output_type="ndarray").astype(np.int64)
+    pairs = cKDTree(samples.positions).query_pairs(_TOUCHING, output_type="ndarray").astype(np.int64)
     return np.asarray(samples.faces[pairs], np.int64)
 
 
 def _instances(rows: Index, links: Index, touching: Index, centres: Floats, areas: Floats, *, two_sided: bool) -> Index:
     """Return the number of the piece (R,) of each of the faces of one part."""
-    place = np.full(len(centres), -1)
-    place[rows] = np.arange(len(rows))
-    along = place[links]
+    row_of = np.full(len(centres), -1)
+    row_of[rows] = np.arange(len(rows))
+    along = row_of[links]
     along = along[(along >= 0).all(1)]
     x = centres[rows, 0]
     if two_sided:
-        own = _components(len(rows), along)
-        half = _halved(own, x, areas[rows])
+        own = connected(len(rows), along)
+        half = _left_and_right(own, x, areas[rows])
         along = along[~half[along[:, 0]] | (np.sign(x[along[:, 0]]) == np.sign(x[along[:, 1]]))]
-    own = _components(len(rows), along)
-    near = place[touching]
+    own = connected(len(rows), along)
+    near = row_of[touching]
     near = near[(near >= 0).all(1)]
     side = _sides(own, x, areas[rows])
     near = near[side[own[near[:, 0]]] * side[own[near[:, 1]]] >= 0] if two_sided else near
-    own = _components(len(rows), np.concatenate([along, near]))
+    own = connected(len(rows), np.concatenate([along, near]))
     if own.max() > _MOST:
         return np.zeros(len(rows), np.int64)
     return _without_crumbs(own, centres[rows], areas[rows])
 
 
-def _components(count: int, pairs: Index) -> Index:
-    graph = sparse.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
-
-
-def _halved(own: Index, x: Floats, areas: Floats) -> Flags:
+def _left_and_right(own: Index, x: Floats, areas: Floats) -> Flags:
     """Return which faces (R,) are of a piece that is really a left one and a right one, which meet in the middle."""
     total = np.maximum(np.bincount(own, areas), 1e-300)
     left = np.bincount(own, areas * (x < 0)) / total
@@ -221,7 +200,7 @@ def matched(source: Shape, goal: Shape) -> Matching:
     own, other = pieces_of(source, own_names), pieces_of(goal, goal_names)
     if is_built(source.noun) and is_built(goal.noun):
         own, other = _legs_as_one(source, own, other)
-    own = _fewer(source, own, other)
+    own = _joined_where_fewer(source, own, other)
     partner = _partners(_middles(source, own), _middles(goal, other), own, other)
     parent = _parents(goal, own, other, partner)
     grows = ~np.isin(np.arange(len(other)), partner)
@@ -233,14 +212,14 @@ def _legs_as_one(source: Shape, own: Pieces, other: Pieces) -> tuple[Pieces, Pie
     mine, others = own.named("leg"), other.named("leg")
     if not mine or not others:
         return own, other
-    pairs = own.of_face[neighbours(source.faces, len(source.verts))]
+    pairs = own.of_face[neighbouring_faces(source.faces, len(source.verts))[0]]
     joined = (np.isin(pairs, mine).all(1) & (pairs[:, 0] != pairs[:, 1])).any()
     if len(mine) == len(others) and not joined:
         return own, other
     return own.joined(dict.fromkeys(mine, mine[0])), other.joined(dict.fromkeys(others, others[0]))
 
 
-def _fewer(source: Shape, own: Pieces, other: Pieces) -> Pieces:
+def _joined_where_fewer(source: Shape, own: Pieces, other: Pieces) -> Pieces:
     """Join ears, or horns, of one side where the goal has fewer."""
     for name in ("ear", "horn"):
         mine = own.named(name)
@@ -271,7 +250,7 @@ def _parents(goal: Shape, own: Pieces, other: Pieces, partner: Index) -> Index:
     parent = np.full(len(other), -1, np.int64)
     parent[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
     centres = goal.verts[goal.faces].mean(1)
-    places = [centres[other.of_face == number] for number in range(len(other))]
+    positions = [centres[other.of_face == number] for number in range(len(other))]
     fitted = [number for number in range(len(other)) if parent[number] >= 0]
     for number in range(len(other)):
         name = other.names[number]
@@ -280,6 +259,6 @@ def _parents(goal: Shape, own: Pieces, other: Pieces, partner: Index) -> Index:
         base = grows_from(name, {other.names[k] for k in fitted})
         bases = [k for k in fitted if other.names[k] == base]
         if bases:
-            away = [np.percentile(cKDTree(places[k]).query(places[number])[0], 5) for k in bases]
+            away = [np.percentile(cKDTree(positions[k]).query(positions[number])[0], 5) for k in bases]
             parent[number] = parent[bases[int(np.argmin(away))]]
     return parent

@@ -1,12 +1,12 @@
 """Tell how a body holds its limbs, how unlike two postures are, and give a member the posture of an asset.
 
-A limb has a middle and an axis, the first principal axis of places on it, which points away from the middle of the
+A limb has a middle and an axis, the first principal axis of points on it, which points away from the middle of the
 body; its slenderness is the ratio of the standard deviations along the first two axes. The head's axis is the direction
 to it from the body. Two postures differ by
 
     sum_k w_k max(angle_k - 8 deg, 0) / 90 deg / sum_k w_k
 
-over the limbs of one kind that are matched by their places in the boxes; w_k falls to 0 for limbs that are no longer
+over the limbs of one kind that are matched by where they are in the boxes; w_k falls to 0 for limbs that are no longer
 than wide, which have no direction.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.exemplar.affine_maps import rotation_between
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Floats, Index, LabelledMember
 from meshdeform.nouns.limbs import LIMBS, NO_LIMB, SEVERAL, kind_of, limb_codes
 
@@ -41,7 +42,7 @@ _ROOT, _IMAGE = 0.15, 0.12
 
 @dataclass(frozen=True)
 class Posture:
-    """The limbs of a body: `kinds` (K,) int64, places in `LIMBS`; `middles` and `axes` (K, 3); `slender` (K,).
+    """The limbs of a body: `kinds` (K,) int64, indices in `LIMBS`; `middles` and `axes` (K, 3); `slender` (K,).
 
     `middles` are in the box of the whole, from 0 to 1.
     """
@@ -52,15 +53,15 @@ class Posture:
     slender: Floats
 
 
-def postures(places: AnyFloats, limbs: Integers, low: AnyFloats, high: AnyFloats) -> list[Posture]:
+def postures(positions: AnyFloats, limbs: Integers, low: AnyFloats, high: AnyFloats) -> list[Posture]:
     """Return the postures of M bodies by samples.
 
-    `places` (M, N, 3); `limbs` (M, N): their codes (`nouns.limbs`); `low`, `high` (M, 3): the boxes.
+    `positions` (M, N, 3); `limbs` (M, N): their codes (`nouns.limbs`); `low`, `high` (M, 3): the boxes.
     """
-    count = len(places)
+    count = len(positions)
     codes = (np.arange(count)[:, None] * (NO_LIMB + 1) + limbs).ravel()
     used, own, number = np.unique(codes, return_inverse=True, return_counts=True)
-    flat = places.reshape(-1, 3).astype(np.float64)
+    flat = positions.reshape(-1, 3).astype(np.float64)
     middles = np.stack([np.bincount(own, flat[:, axis]) for axis in range(3)], 1) / number[:, None]
     apart = flat - middles[own]
     spread = np.zeros((len(used), 3, 3))
@@ -161,9 +162,8 @@ def _evened(posture: Posture) -> Posture:
 
 def _posture_of(member: LabelledMember, codes: Index, used: Index) -> Posture:
     """Return the posture of a member, with a row for each of its limbs."""
-    corners = member.verts[member.faces]
-    centres = corners.mean(1)
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    centres = member.verts[member.faces].mean(1)
+    areas = np.linalg.norm(face_cross(member.verts, member.faces), axis=1)
     kinds = np.asarray(kind_of(used), np.int64)
     middles, axes, slender = np.zeros((len(used), 3)), np.zeros((len(used), 3)), np.ones(len(used))
     for number, code in enumerate(used):
@@ -177,7 +177,7 @@ def _posture_of(member: LabelledMember, codes: Index, used: Index) -> Posture:
     return Posture(kinds, inside, _oriented(kinds, middles, axes), slender)
 
 
-def _root(places: Floats, axis: Floats) -> Floats:
+def _root(positions: Floats, axis: Floats) -> Floats:
     """Return where (3,) a limb hangs: the middle of its end against its axis."""
-    along = places @ axis
-    return np.asarray(places[along <= along.min() + _ROOT * np.ptp(along)].mean(0))
+    along = positions @ axis
+    return np.asarray(positions[along <= along.min() + _ROOT * np.ptp(along)].mean(0))

@@ -1,12 +1,12 @@
 """Give one shape the outline of another, slab by slab from its foot to its top.
 
-In a slab of 1/32 of the height, a coordinate x of the places has the middle c and the half width X of its 2.5th and
+In a slab of 1/32 of the height, a coordinate x of the points has the middle c and the half width X of its 2.5th and
 97.5th percentiles; both are smoothed over the height that edges span, three slabs at least, so that coarse faces keep
-together. With the height y' = g(y) of a rising function a place goes to
+together. With the height y' = g(y) of a rising function a point goes to
 
     (c_goal + (x - c) X_goal / X,  g(y),  likewise z),      ratios in 0.12 to 8,
 
-where the goal's are taken at g(y). Slabs without places take what lies between their neighbours. Such a map turns
+where the goal's are taken at g(y). Slabs without points take what lies between their neighbours. Such a map turns
 nothing over.
 """
 
@@ -39,16 +39,16 @@ class _Outline:
 
 
 def outlined(
-    verts: Floats, places: Floats, goal_places: Floats, height: Callable[[Floats], Floats], span: float
+    verts: Floats, positions: Floats, goal_positions: Floats, height: Callable[[Floats], Floats], span: float
 ) -> Floats:
     """Return vertices (V, 3) with the outline of a goal.
 
-    `places` and `goal_places` (N, 3) are samples of both; `height` takes heights (N,) of the source to the goal's;
+    `positions` and `goal_positions` (N, 3): samples of both; `height` takes heights (N,) of the source to the goal's;
     `span`: the height that edges of the source span, in the mean.
     """
-    edges = np.linspace(places[:, 1].min(), places[:, 1].max(), _SLABS + 1)
+    edges = np.linspace(positions[:, 1].min(), positions[:, 1].max(), _SLABS + 1)
     slabs = span / max(float(edges[1] - edges[0]), 1e-9)
-    own, goal = _outline(places, edges, slabs), _outline(goal_places, height(edges), slabs)
+    own, goal = _outline(positions, edges, slabs), _outline(goal_positions, height(edges), slabs)
     moved = verts.copy()
     moved[:, 1] = height(verts[:, 1])
     for column, axis in enumerate((0, 2)):
@@ -59,13 +59,13 @@ def outlined(
     return moved
 
 
-def _outline(places: Floats, edges: Floats, span: float) -> _Outline:
-    """Return the outline of places between the edges (S + 1,) of slabs, smoothed over a span of so many slabs."""
-    slab = np.searchsorted(edges, places[:, 1], side="right") - 1
-    slab[places[:, 1] >= edges[-1]] = len(edges) - 2
+def _outline(positions: Floats, edges: Floats, span: float) -> _Outline:
+    """Return the outline of points between the edges (S + 1,) of slabs, smoothed over a span of so many slabs."""
+    slab = np.searchsorted(edges, positions[:, 1], side="right") - 1
+    slab[positions[:, 1] >= edges[-1]] = len(edges) - 2
     ends = np.full((len(edges) - 1, 2, 2), np.nan)
     for number in range(len(ends)):
-        own = places[slab == number][:, [0, 2]]
+        own = positions[slab == number][:, [0, 2]]
         if len(own):
             ends[number] = np.percentile(own, _PERCENTILES, axis=0)
     known = np.flatnonzero(np.isfinite(ends[:, 0, 0]))

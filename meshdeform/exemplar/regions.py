@@ -1,4 +1,4 @@
-"""Mend a deformed surface place by place: around what is broken, one affine map of the surface at rest takes over.
+"""Mend a deformed surface where it is broken: around faults, one affine map of the surface at rest takes over.
 
 An affine map neither folds nor cuts what did not. Faulty faces that share a vertex, cut each other or lie in one region
 make a region. There the surface y at rest x goes to
@@ -81,8 +81,8 @@ class _Region:
     weights: Floats
 
 
-def mended_by_regions(base: Found, faults: Faults, around: Surroundings, share: float) -> Found | None:
-    """Return a shape of which at most a share of the faces newly cuts and none is folded; None if it would be another.
+def mended_by_regions(base: Found, faults: Faults, around: Surroundings) -> Found | None:
+    """Return a shape without folds of which few faces newly cut (`Found.is_clean`); None if it would be another.
 
     `base`: the shape to mend.
     """
@@ -91,11 +91,11 @@ def mended_by_regions(base: Found, faults: Faults, around: Surroundings, share: 
     regions: list[_Region] = []
     found = base
     for _ in range(_ROUNDS):
-        if found.clean(share):
+        if found.is_clean:
             return found
         if found.crowded:
             return None
-        regions = _grown(regions, found, around, share)
+        regions = _grown(regions, found, around)
         total = np.zeros(len(goal))
         for region in regions:
             total[region.rows] += region.weights
@@ -107,21 +107,21 @@ def mended_by_regions(base: Found, faults: Faults, around: Surroundings, share: 
             if not len(rows):
                 return None
             own = affine_map(around.rest[rows], goal[rows], masses[rows] * weights, whole, ridge=1e-3)
-            verts[rows] += (weights / np.maximum(total[rows], 1))[:, None] * _carried(around.rest[rows], own)
+            verts[rows] += (weights / np.maximum(total[rows], 1))[:, None] * _mapped(around.rest[rows], own)
         verts[total == 0] = goal[total == 0]
         found = faults.find(verts, found)
     return None
 
 
-def _carried(points: Floats, affine: Floats) -> Floats:
+def _mapped(points: Floats, affine: Floats) -> Floats:
     """Return points (N, 3) moved by an affine map (4, 3)."""
     return np.asarray(points @ affine[:3] + affine[3])
 
 
-def _grown(regions: list[_Region], found: Found, around: Surroundings, share: float) -> list[_Region]:
+def _grown(regions: list[_Region], found: Found, around: Surroundings) -> list[_Region]:
     """Return the regions with new ones around faults outside of all, and those with faults larger."""
-    bad = np.flatnonzero(found.to_mend(share))
-    pairs = found.pairs if found.too_many(share) else found.pairs[:0]
+    bad = np.flatnonzero(found.to_mend)
+    pairs = found.pairs if found.too_many_cut else found.pairs[:0]
     label = _clusters(bad, pairs, regions, around)
     of_region = label[len(bad) :]
     grown = []
@@ -141,8 +141,8 @@ def _grown(regions: list[_Region], found: Found, around: Surroundings, share: fl
 def _clusters(bad: Index, pairs: Index, regions: list[_Region], around: Surroundings) -> Index:
     """Return the cluster of each bad face, then of each region."""
     count, verts = len(bad) + len(regions), len(around.rest)
-    place = np.full(len(around.faces), -1)
-    place[bad] = np.arange(len(bad))
+    row_of = np.full(len(around.faces), -1)
+    row_of[bad] = np.arange(len(bad))
     nodes, members = [np.repeat(np.arange(len(bad)), 3)], [around.faces[bad].ravel()]
     for number, region in enumerate(regions):
         rows = region.rows[region.weights > _MARGIN]
@@ -150,7 +150,7 @@ def _clusters(bad: Index, pairs: Index, regions: list[_Region], around: Surround
         members.append(rows)
     node, member = np.concatenate(nodes), np.concatenate(members) + count
     # A graph of faces and regions with the vertices that they hold.
-    ends = (np.concatenate([node, place[pairs[:, 0]]]), np.concatenate([member, place[pairs[:, 1]]]))
+    ends = (np.concatenate([node, row_of[pairs[:, 0]]]), np.concatenate([member, row_of[pairs[:, 1]]]))
     graph = sparse.coo_matrix((np.ones(len(ends[0]), bool), ends), shape=(count + verts,) * 2)
     return np.asarray(csgraph.connected_components(graph, directed=False)[1][:count], np.int64)
 
@@ -172,8 +172,8 @@ def _united(regions: list[_Region], verts: int) -> list[_Region]:
 
 def _union(regions: list[_Region]) -> _Region:
     """Return regions as one, which has the largest radius, and of each vertex the largest weight."""
-    rows, place = np.unique(np.concatenate([region.rows for region in regions]), return_inverse=True)
+    rows, row_of = np.unique(np.concatenate([region.rows for region in regions]), return_inverse=True)
     weights = np.zeros(len(rows))
-    np.maximum.at(weights, place, np.concatenate([region.weights for region in regions]))
+    np.maximum.at(weights, row_of, np.concatenate([region.weights for region in regions]))
     seeds = np.unique(np.concatenate([region.seeds for region in regions]))
     return _Region(seeds, max(region.radius for region in regions), rows, weights)

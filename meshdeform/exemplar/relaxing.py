@@ -1,7 +1,7 @@
 """Let a surface slide along its goal until it is distorted less: the last stage of a fit.
 
 With s_1, s_2 the stretches of a face over the scale of the whole, a its share of the area at rest, J its Jacobian over
-that scale, p samples of the surface and y the nearest places of the goal, and the other way round, n the normals of the
+that scale, p samples of the surface and y the nearest points of the goal, and the other way round, n the normals of the
 goal there, r = y - p, D the diagonal, d the displacements of the nodes of `surface_fit` since the start, and L, e, V as
 there, each round takes a step that lowers
 
@@ -27,8 +27,10 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from meshdeform.exemplar.conjugate_gradients import conjugate_gradients
+from meshdeform.exemplar.smooth_fit import in_ratio
 from meshdeform.exemplar.surface_fit import laplacian_of, nodes_of
 from meshdeform.geometry.folds import area_vectors
+from meshdeform.geometry.mesh import edges_of
 from meshdeform.geometry.places import SurfaceTree, blend_matrix
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
@@ -76,16 +78,16 @@ def relaxed(
 
 
 class _Goal:
-    """A goal: samples and a tree of its places."""
+    """A goal: samples and a tree of its points."""
 
     def __init__(self, verts: Floats, faces: Index) -> None:
         self.verts, self.faces, self.normals = verts, faces, _normals(verts, faces)
         self.samples = spread(verts, faces, _SAMPLES, 0)
         self.tree = _tree(verts, faces, self.normals)
 
-    def nearest(self, places: Floats, normals: Floats) -> tuple[Floats, Floats]:
-        """Return the nearest places (N, 3) and the normals there."""
-        face, shares = self.tree.find(places, normals)
+    def nearest(self, positions: Floats, normals: Floats) -> tuple[Floats, Floats]:
+        """Return the nearest points (N, 3) and the normals there."""
+        face, shares = self.tree.find(positions, normals)
         return np.einsum("nk,nkj->nj", shares, self.verts[self.faces[face]]), self.normals[face]
 
 
@@ -104,23 +106,23 @@ class _Ties(NamedTuple):
 
 
 class _Relaxing:
-    """A surface on its way."""
+    """A surface between rest and goal, which each round moves nearer to the goal."""
 
     def __init__(self, rest: Floats, start: Floats, faces: Index, goal: _Goal, stiffness: float) -> None:
         self._start, self._all, self._goal = start, faces, goal
         self._diagonal = max(float(np.linalg.norm(np.ptp(start[np.unique(faces)], axis=0))), _TINY)
         self._flat(rest, faces)
         nodes = nodes_of(start, faces)
-        places = nodes.mean @ start
-        laplacian = laplacian_of(places, nodes, self._diagonal)
-        bending = laplacian.T @ laplacian * (stiffness * _STIFFNESS / len(places) / self._diagonal**2)
+        positions = nodes.mean @ start
+        laplacian = laplacian_of(positions, nodes, self._diagonal)
+        bending = laplacian.T @ laplacian * (stiffness * _STIFFNESS / len(positions) / self._diagonal**2)
         # Of vertices that are nodes themselves, nothing is to be spread.
-        self._is_spread = len(places) < len(start)
+        self._is_spread = len(positions) < len(start)
         across = _across_rims(rest, faces) @ nodes.weights
         bending += across.T @ across * (_RIMS / max(across.shape[0], 1) / self._diagonal**2)
         self._spread = sparse.kron(nodes.weights, sparse.identity(3), format="csr")
         self._smooth = sparse.kron(bending, sparse.identity(3), format="csr")
-        self._gone = np.zeros(3 * len(places))
+        self._gone = np.zeros(3 * len(positions))
 
     def _flat(self, rest: Floats, faces: Index) -> None:
         """Lay faces that have an area in planes of their own: `_slopes` (F, 3, 2) of the shares of their corners."""
@@ -177,13 +179,13 @@ class _Relaxing:
         return float(gone @ (self._smooth @ gone))
 
     def _tied(self, now: Floats, number: int) -> _Ties:
-        limit = _LIMITS[0] * (_LIMITS[1] / _LIMITS[0]) ** (number / (_ROUNDS - 1)) * self._diagonal
+        limit = in_ratio(_LIMITS, number / (_ROUNDS - 1)) * self._diagonal
         goal, own, normals = self._goal, spread(now, self._all, _SAMPLES, number), _normals(now, self._all)
-        there, facing = goal.nearest(own.places, own.normals)
-        face, shares = _tree(now, self._all, normals).find(goal.samples.places, goal.samples.normals)
+        there, facing = goal.nearest(own.positions, own.normals)
+        face, shares = _tree(now, self._all, normals).find(goal.samples.positions, goal.samples.normals)
         corners = np.concatenate([self._all[own.faces], self._all[face]])
         rows = blend_matrix(corners, np.concatenate([own.shares, shares]), len(now))
-        apart = np.concatenate([there, goal.samples.places]) - rows @ now
+        apart = np.concatenate([there, goal.samples.positions]) - rows @ now
         theirs = np.concatenate([facing, goal.samples.normals])
         lengths = np.linalg.norm(apart, axis=1)
         alike = ((theirs * np.concatenate([own.normals, normals[face]])).sum(1) > _COSINE) & (lengths < limit)
@@ -225,9 +227,8 @@ class _Relaxing:
 
 def _across_rims(rest: Floats, faces: Index) -> sparse.csr_matrix:
     """Return rows (P, V) that take vertices to the differences of those on open borders that are near at rest."""
-    edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1)
-    edges, count = np.unique(edges, axis=0, return_counts=True)
-    rims = np.unique(edges[count == 1])
+    edges = edges_of(faces)
+    rims = np.unique(edges.edges[edges.counts == 1])
     reach = _RIM * float(np.linalg.norm(np.ptp(rest[np.unique(faces)], axis=0)))
     pairs = rims[cKDTree(rest[rims]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
     number = np.repeat(np.arange(len(pairs)), 2)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["MOST_NEIGHBOURS", "Rings", "collapse", "faces_of", "insert", "quadrics_of", "rings_of"]
@@ -47,9 +48,9 @@ def rings_of(faces: Index, count: int, apex: int) -> tuple[Rings, Index]:
 
 def faces_of(rings: Rings, degrees: Index, used: Index, apex: int) -> Index:
     """Return the triangles (F, 3) between used vertices, but for those of the apex."""
-    places, number = np.arange(rings.shape[1]), degrees[used][:, None]
-    after = np.take_along_axis(rings[used], (places + 1) % np.maximum(number, 1), 1)
-    within = places < number
+    positions, number = np.arange(rings.shape[1]), degrees[used][:, None]
+    after = np.take_along_axis(rings[used], (positions + 1) % np.maximum(number, 1), 1)
+    within = positions < number
     faces = np.stack([np.repeat(used, degrees[used]), rings[used][within], after[within]], 1)
     first = (faces[:, 0] < faces[:, 1]) & (faces[:, 0] < faces[:, 2])
     return np.asarray(faces[first & (faces != apex).all(1)], np.int64)
@@ -57,11 +58,10 @@ def faces_of(rings: Rings, degrees: Index, used: Index, apex: int) -> Index:
 
 def quadrics_of(verts: Floats, faces: Index) -> Floats:
     """Return the sums (V, 10) of the squared distances to the planes of the triangles around, by area."""
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    cross = np.cross(b - a, c - a)
+    cross = face_cross(verts, faces)
     twice = np.maximum(np.linalg.norm(cross, axis=1), 1e-300)
     normals = cross / twice[:, None]
-    planes = np.concatenate([normals, -(normals * a).sum(1, keepdims=True)], 1)
+    planes = np.concatenate([normals, -(normals * verts[faces[:, 0]]).sum(1, keepdims=True)], 1)
     rows, columns = np.triu_indices(4)
     terms = planes[:, rows] * planes[:, columns] * twice[:, None]
     return np.stack([np.bincount(faces.ravel(), np.repeat(terms[:, i], 3), len(verts)) for i in range(10)], 1)
@@ -78,8 +78,8 @@ def _order_rings(corners: Index, begin: Index, apex: int, rings: Rings, degrees:
         if number > rings.shape[1]:
             return False
         at = corners[begin[v], 1]
-        for place in range(number):
-            rings[v, place] = at
+        for index in range(number):
+            rings[v, index] = at
             after = -1
             for row in range(begin[v], begin[v + 1]):
                 if corners[row, 1] == at:
@@ -91,23 +91,23 @@ def _order_rings(corners: Index, begin: Index, apex: int, rings: Rings, degrees:
 
 
 @kernel
-def _cost(quadrics: Floats, places: Floats, u: int, v: int, degree: int) -> float:
+def _cost(quadrics: Floats, positions: Floats, u: int, v: int, degree: int) -> float:
     """Return what it costs to move u to v, which then has so many neighbours."""
-    place = (places[v, 0], places[v, 1], places[v, 2], 1.0)
+    position = (positions[v, 0], positions[v, 1], positions[v, 2], 1.0)
     error, at, length = 0.0, 0, 0.0
     for i in range(4):
         for j in range(i, 4):
-            value = (quadrics[u, at] + quadrics[v, at]) * place[i] * place[j]
+            value = (quadrics[u, at] + quadrics[v, at]) * position[i] * position[j]
             error += value if i == j else 2 * value
             at += 1
     for i in range(3):
-        length += (places[u, i] - places[v, i]) ** 2
+        length += (positions[u, i] - positions[v, i]) ** 2
     return (max(error, 0.0) + 1e-5 * length * length + 1e-16) * (1 + 0.02 * max(degree - 6, 0) ** 2)
 
 
 @kernel
-def _place_in(u: int, v: int, rings: Rings, degrees: Index) -> int:
-    """Return the place of v in the ring of u, or -1."""
+def _index_in(u: int, v: int, rings: Rings, degrees: Index) -> int:
+    """Return the index of v in the ring of u, or -1."""
     for i in range(degrees[u]):
         if rings[u, i] == v:
             return i
@@ -122,10 +122,10 @@ def _keeps_circle(u: int, v: int, rings: Rings, degrees: Index, bound: Flags, ap
         return False
     if not bound[u] and n == 3 and bound[rings[u, 0]] and bound[rings[u, 1]] and bound[rings[u, 2]]:
         return False
-    at = _place_in(u, apex, rings, degrees) if bound[u] else -1
+    at = _index_in(u, apex, rings, degrees) if bound[u] else -1
     for i in range(n):
         w = rings[u, i]
-        if w == v or not bound[w] or _place_in(v, w, rings, degrees) >= 0:
+        if w == v or not bound[w] or _index_in(v, w, rings, degrees) >= 0:
             continue
         beside = at >= 0 and ((at + 1) % n == i or (i + 1) % n == at)
         if not beside:
@@ -138,26 +138,26 @@ def _may_collapse(u: int, v: int, rings: Rings, degrees: Index, bound: Flags, ap
     """Return whether u may go to v."""
     if u == apex or v == apex or (bound[u] and not bound[v]) or degrees[u] + degrees[v] - 4 > rings.shape[1]:
         return False
-    n, at = degrees[u], _place_in(u, v, rings, degrees)
+    n, at = degrees[u], _index_in(u, v, rings, degrees)
     for step in (1, n - 1):
         w = rings[u, (at + step) % n]
         if w != apex and degrees[w] <= 3:
             return False
     common = 0
     for i in range(n):
-        common += _place_in(v, rings[u, i], rings, degrees) >= 0
+        common += _index_in(v, rings[u, i], rings, degrees) >= 0
     return common == 2 and (not bound[v] or _keeps_circle(u, v, rings, degrees, bound, apex))
 
 
 @kernel
 def _cheapest(
-    u: int, places: Floats, quadrics: Floats, rings: Rings, degrees: Index, bound: Flags, apex: int, room: Floats
+    u: int, positions: Floats, quadrics: Floats, rings: Rings, degrees: Index, bound: Flags, apex: int, room: Floats
 ) -> tuple[float, int]:
     """Return the least cost of a collapse of u, and where to; -1 if there is none. `room` (MOST_NEIGHBOURS,)."""
     for i in range(degrees[u]):
         v = rings[u, i]
         away = v == apex or (bound[u] and not bound[v])
-        room[i] = np.inf if away else _cost(quadrics, places, u, v, degrees[u] + degrees[v] - 4)
+        room[i] = np.inf if away else _cost(quadrics, positions, u, v, degrees[u] + degrees[v] - 4)
     while True:
         least, at = np.inf, -1
         for i in range(degrees[u]):
@@ -171,14 +171,14 @@ def _cheapest(
 
 
 @kernel
-def _move(u: int, cost: float, heap: Index, place_of: Index, costs: Floats) -> None:
-    """Give a vertex of the heap (V,), which has the cheapest first, then the least, a cost; `place_of` (V,): in it."""
-    costs[u], at = cost, place_of[u]
+def _move(u: int, cost: float, heap: Index, slot_of: Index, costs: Floats) -> None:
+    """Give a vertex a cost in the heap (V,): the cheapest first, then the least; `slot_of` (V,): where each is."""
+    costs[u], at = cost, slot_of[u]
     while at > 0:
         above = heap[(at - 1) // 2]
         if costs[above] < cost or (costs[above] == cost and above < u):
             break
-        heap[at], place_of[above] = above, at
+        heap[at], slot_of[above] = above, at
         at = (at - 1) // 2
     while 2 * at + 1 < len(heap):
         down = 2 * at + 1
@@ -189,39 +189,39 @@ def _move(u: int, cost: float, heap: Index, place_of: Index, costs: Floats) -> N
                 down, below = down + 1, other
         if cost < costs[below] or (cost == costs[below] and u < below):
             break
-        heap[at], place_of[below] = below, at
+        heap[at], slot_of[below] = below, at
         at = down
-    heap[at], place_of[u] = u, at
+    heap[at], slot_of[u] = u, at
 
 
 @kernel
 def collapse(
-    places: Floats, quadrics: Floats, rings: Rings, degrees: Index, bound: Flags, apex: int, order: Index
+    positions: Floats, quadrics: Floats, rings: Rings, degrees: Index, bound: Flags, apex: int, order: Index
 ) -> int:
     """Collapse all that may be; set (vertex, where it went) in `order` (V, 2) and return their number."""
     count = len(degrees)
     best, alive, circle = np.full(count, -1), degrees > 0, bound.sum()
-    heap, place_of, costs = np.arange(count), np.arange(count), np.full(count, np.inf)
+    heap, slot_of, costs = np.arange(count), np.arange(count), np.full(count, np.inf)
     room = np.zeros(rings.shape[1])
     for u in range(count):
         if u != apex and alive[u]:
-            cost, best[u] = _cheapest(u, places, quadrics, rings, degrees, bound, apex, room)
-            _move(u, cost, heap, place_of, costs)
+            cost, best[u] = _cheapest(u, positions, quadrics, rings, degrees, bound, apex, room)
+            _move(u, cost, heap, slot_of, costs)
     removed = 0
     path = np.zeros(2 * rings.shape[1], np.int32)
     while costs[heap[0]] < np.inf:
         u = heap[0]
         v = best[u]
         if bound[u] and circle <= 3:
-            _move(u, np.inf, heap, place_of, costs)
+            _move(u, np.inf, heap, slot_of, costs)
             continue
         if not _may_collapse(u, v, rings, degrees, bound, apex):
-            cost, best[u] = _cheapest(u, places, quadrics, rings, degrees, bound, apex, room)
-            _move(u, cost, heap, place_of, costs)
+            cost, best[u] = _cheapest(u, positions, quadrics, rings, degrees, bound, apex, room)
+            _move(u, cost, heap, slot_of, costs)
             continue
         _remove(u, v, rings, degrees, apex, path)
         alive[u] = False
-        _move(u, np.inf, heap, place_of, costs)
+        _move(u, np.inf, heap, slot_of, costs)
         circle -= bound[u]
         order[removed, 0], order[removed, 1] = u, v
         removed += 1
@@ -229,15 +229,15 @@ def collapse(
         for at in range(-1, degrees[v]):
             w = v if at < 0 else rings[v, at]
             if w != apex:
-                cost, best[w] = _cheapest(w, places, quadrics, rings, degrees, bound, apex, room)
-                _move(w, cost, heap, place_of, costs)
+                cost, best[w] = _cheapest(w, positions, quadrics, rings, degrees, bound, apex, room)
+                _move(w, cost, heap, slot_of, costs)
     return removed
 
 
 @kernel
 def _turn(u: int, first: int, rings: Rings, degrees: Index, path: Rings) -> None:
     """Let the ring of u begin with one of its vertices."""
-    n, at = degrees[u], _place_in(u, first, rings, degrees)
+    n, at = degrees[u], _index_in(u, first, rings, degrees)
     for i in range(n):
         path[i] = rings[u, (at + i) % n]
     for i in range(n):
@@ -262,7 +262,7 @@ def _remove(u: int, v: int, rings: Rings, degrees: Index, apex: int, path: Rings
         w = rings[u, i]
         if w == apex:
             continue
-        at = _place_in(w, u, rings, degrees)
+        at = _index_in(w, u, rings, degrees)
         if i in (1, n - 1):
             for j in range(at, degrees[w] - 1):
                 rings[w, j] = rings[w, j + 1]
@@ -288,7 +288,7 @@ def insert(u: int, v: int, rings: Rings, degrees: Index, apex: int, path: Rings)
         w = rings[u, i]
         if w == apex:
             continue
-        at = _place_in(w, v, rings, degrees)
+        at = _index_in(w, v, rings, degrees)
         if i in (1, n - 1):
             before = at if i == 1 else at + 1  # around a: u, v; around b: v, u
             for j in range(degrees[w], before, -1):

@@ -21,7 +21,7 @@ __all__ = ["ExemplarResult", "FitFrame", "Shape", "Wish"]
 class FitFrame:
     """The way from an asset's coordinates to those in which it is fitted, and back.
 
-    `turn` (3, 3) float64 is a rotation; a place x goes to (turn x - middle) / diagonal.
+    `turn` (3, 3) float64 is a rotation; a point x goes to (turn x - middle) / diagonal.
     """
 
     turn: Floats
@@ -50,7 +50,7 @@ class FitFrame:
 class Shape:
     """A surface with the part of each face.
 
-    `verts` (V, 3) float64 in the frame, `faces` (F, 3) int64; `labels` (F,) int64: a place in `solids.PART_NAMES`,
+    `verts` (V, 3) float64 in the frame, `faces` (F, 3) int64; `labels` (F,) int64: an index in `solids.PART_NAMES`,
     or `reading.GROUND` or `reading.NO_PART`; `noun`: what it is, empty if nobody knows; `solids` (F,) int64: the closed
     solid of each face, for a member of a noun, which is made of them.
     """
@@ -62,7 +62,7 @@ class Shape:
     solids: Index | None = None
 
     def moved(self, verts: Floats) -> Shape:
-        """Return the shape with its vertices at other places."""
+        """Return the shape with its vertices elsewhere."""
         return Shape(self.noun, verts, self.faces, self.labels, self.solids)
 
 
@@ -72,7 +72,7 @@ class Wish:
 
     `targets`: surfaces placed in the frame (`targets.placed`), of which the nearest is taken; without any, a member of
     `noun` is. `borrowed`: parts that it is to have of other nouns.
-    `strength`: how much of the way is gone, from 0 to 1. `landmarks`: places (L, 3) of the asset and their goals,
+    `strength`: how much of the way is gone, from 0 to 1. `landmarks`: points (L, 3) of the asset and their goals,
     both in the frame.
     """
 
@@ -90,7 +90,7 @@ class ExemplarResult:
     """Where a fit has taken an asset, and how.
 
     `verts` (V, 3) float64 in the frame; `member`: what tells the exemplar again (its noun, form, number, attributes, or
-    the place of a target); `distance_before` and `distance`: mean distance between asset and exemplar, a share of the
+    the index of a target); `distance_before` and `distance`: mean distance between asset and exemplar, a share of the
     diagonal, at the start and at the end; `pairs`: parts of the asset and of the exemplar that went to each other;
     `left_over` and `missing`: parts that only the asset, only the exemplar has; `kept`: share of the fitted
     displacement that was left when folds and cuts were mended; `flipped` and `cut`: faces newly turned over and newly

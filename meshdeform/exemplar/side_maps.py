@@ -7,9 +7,9 @@
        |p - q|^2 / D^2 + 0.1 (1 - m . n)                 m, n the normals at p and q, D the diagonal.
 
    So a windscreen becomes a front, and a bonnet a ledge.
-2. A place in the plane of the picture goes with the outline, and around wheels with them, by thin plate splines in 8
+2. A point in the plane of the picture goes with the outline, and around wheels with them, by thin plate splines in 8
    steps, each from where the former one ended, so that nothing folds.
-3. Sideways, a place moves away from the middle as the half widths ask for, which are smooth over the side.
+3. Sideways, a point moves away from the middle as the half widths ask for, which are smooth over the side.
 4. Wheels keep round; the first and the last go to the goal's first and last, and stand on the ground.
 
 Sources: Sakoe and Chiba 1978, Dynamic programming algorithm optimization for spoken word recognition (the matching);
@@ -74,8 +74,8 @@ def by_side(own: Shape, goal: Shape, wheels: Sequence[Index], goal_wheels: Seque
     `wheels`, `goal_wheels`: the faces of each wheel of both.
     """
     samples = [_body(shape, faces) for shape, faces in ((own, wheels), (goal, goal_wheels))]
-    outlines = [_outline(places[:, [2, 1]]) for places in samples]
-    boxed = _boxed(*outlines)
+    outlines = [_outline(positions[:, [2, 1]]) for positions in samples]
+    boxed = _map_of_boxes(*outlines)
     points, to = _matched(boxed, outlines[0], outlines[1])
     diagonal = float(np.linalg.norm(outlines[1].high - outlines[1].low))
     if np.linalg.norm(to - points, axis=1).mean() > _FARTHEST * diagonal:
@@ -92,10 +92,10 @@ def by_side(own: Shape, goal: Shape, wheels: Sequence[Index], goal_wheels: Seque
 
 def _body(shape: Shape, wheels: Sequence[Index]) -> Floats:
     """Return samples (N, 3) of all but wheels."""
-    return spread(shape.verts, np.delete(shape.faces, np.concatenate(wheels), 0), _SAMPLES, 5).places
+    return spread(shape.verts, np.delete(shape.faces, np.concatenate(wheels), 0), _SAMPLES, 5).positions
 
 
-def _boxed(own: _Outline, goal: _Outline) -> Callable[[Floats], Floats]:
+def _map_of_boxes(own: _Outline, goal: _Outline) -> Callable[[Floats], Floats]:
     """Return the way from one box to the other."""
     scale = (goal.high - goal.low) / np.maximum(own.high - own.low, 1e-9)
     return lambda flat: np.asarray(goal.low + (flat - own.low) * scale)
@@ -107,7 +107,7 @@ def _disc(radius: float) -> Flags:
 
 
 def _outline(flat: Floats) -> _Outline:
-    """Return the outline of places (N, 2), without what is thin, and without gaps."""
+    """Return the outline of points (N, 2), without what is thin, and without gaps."""
     low, high = flat.min(0), flat.max(0)
     diagonal = float(np.linalg.norm(high - low))
     pixel = max(diagonal, 1e-9) / _PIXELS
@@ -139,8 +139,8 @@ def _around(mask: Flags) -> Floats:
     rays = np.stack([np.cos(angles), np.sin(angles)], 1)
     reach = np.arange(0, 1.5 * max(mask.shape), 0.25)
     soft = ndimage.gaussian_filter(mask.astype(float), 0.7)
-    places = middle + rays[:, None] * reach[None, :, None]
-    inside = ndimage.map_coordinates(soft, places.reshape(-1, 2).T, order=1).reshape(len(rays), -1) > 0.5
+    positions = middle + rays[:, None] * reach[None, :, None]
+    inside = ndimage.map_coordinates(soft, positions.reshape(-1, 2).T, order=1).reshape(len(rays), -1) > 0.5
     last = len(reach) - 1 - inside[:, ::-1].argmax(1)
     points = middle + rays * reach[last, None]
     passed = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
@@ -188,19 +188,19 @@ def _cheapest(cost: Floats, steps: Index) -> Index:
     return path[: count + 1][::-1]
 
 
-def _seen(verts: Floats) -> tuple[Floats, float]:
+def _middle_and_radius(verts: Floats) -> tuple[Floats, float]:
     """Return the middle (2,) and the radius of a wheel."""
     middle = (verts.min(0) + verts.max(0)) / 2
     return middle[[2, 1]], float(np.ptp(verts[:, 1])) / 2
 
 
 def _rolling(own: Shape, goal: Shape, wheels: Sequence[Index], goal_wheels: Sequence[Index]) -> list[_Wheel]:
-    """Return the wheels on the ground with where they go: by their place between the first and the last one."""
+    """Return the wheels on the ground with where they go: by where they are between the first and the last one."""
     ground, goal_ground = own.verts[own.faces][..., 1].min(), goal.verts[goal.faces][..., 1].min()
     rows = [np.unique(own.faces[faces]) for faces in wheels]
-    seen = [_seen(own.verts[each]) for each in rows]
-    others = [_seen(goal.verts[np.unique(goal.faces[faces])]) for faces in goal_wheels]
-    ends = [_ends([middle[0] for middle, _ in each]) for each in (seen, others)]
+    seen = [_middle_and_radius(own.verts[each]) for each in rows]
+    others = [_middle_and_radius(goal.verts[np.unique(goal.faces[faces])]) for faces in goal_wheels]
+    ends = [_range_of([middle[0] for middle, _ in each]) for each in (seen, others)]
     if min(np.ptp(each) for each in ends) < _APART:
         return []
     radii = [others[int(np.argmin([abs(middle[0] - end) for middle, _ in others]))][1] for end in ends[1]]
@@ -214,7 +214,7 @@ def _rolling(own: Shape, goal: Shape, wheels: Sequence[Index], goal_wheels: Sequ
     return found
 
 
-def _ends(along: Sequence[float]) -> Floats:
+def _range_of(along: Sequence[float]) -> Floats:
     return np.array([min(along), max(along)])
 
 
@@ -227,9 +227,9 @@ def _with_wheels(
     free = np.ones(len(points), bool)
     around, goals = [], []
     for wheel in wheels:
-        place = boxed(wheel.middle + ring * wheel.radius)
-        free &= np.linalg.norm(points - place[0], axis=1) > _AROUND * np.linalg.norm(place[1:] - place[0], axis=1).max()
-        around.append(place)
+        rim = boxed(wheel.middle + ring * wheel.radius)
+        free &= np.linalg.norm(points - rim[0], axis=1) > _AROUND * np.linalg.norm(rim[1:] - rim[0], axis=1).max()
+        around.append(rim)
         goals.append(wheel.goal + ring * wheel.goal_radius)
     source, goal = np.concatenate([points[free], *around]), np.concatenate([to[free], *goals])
     first = np.unique(np.round(source, 3), axis=0, return_index=True)[1]  # left and right wheels are seen as one
@@ -237,7 +237,7 @@ def _with_wheels(
 
 
 def _flow(points: Floats, goals: Floats) -> Callable[[Floats], Floats]:
-    """Return the way of places (N, 2) that go with points to their goals, step by step."""
+    """Return the way of points (N, 2) that go with points to their goals, step by step."""
     from scipy.interpolate import RBFInterpolator  # takes long to import, and only what has wheels or a side needs it
 
     low, high = (np.minimum(points.min(0), goals.min(0)) - _BEYOND, np.maximum(points.max(0), goals.max(0)) + _BEYOND)
@@ -261,7 +261,7 @@ def _flow(points: Floats, goals: Floats) -> Callable[[Floats], Floats]:
 
 
 def _wider(flat: Floats, across: Floats, goal: Floats) -> Callable[[Floats], Floats]:
-    """Return by how much places in the picture move away from the middle.
+    """Return by how much points in the picture move away from the middle.
 
     `flat` (N, 2), `across` (N,): samples of the body where it is now; `goal` (N, 3): those of its goal.
     """

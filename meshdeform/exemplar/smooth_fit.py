@@ -6,7 +6,7 @@ diagonal of the source's box, q goes from 0 to 1 over all rounds, what has two v
 a (b / a)^q. A round:
 
 1. 1200 samples of the source, with the normals that the cofactors of the nearest of 400 Jacobians give, and 1200 of
-   the goal are paired both ways by (place / D, 0.1 normal, code). A pair of one code counts if its normals have a
+   the goal are paired both ways by (point / D, 0.1 normal, code). A pair of one code counts if its normals have a
    product above 0.1 and its length r is below d; its weight is 1 / sqrt(1 + (2 r / d)^2), twice that on the way back.
    Pairs back to one sample of the source are merged into their mean.
 2. Minimise, over the level's numbers,
@@ -58,7 +58,7 @@ _SEED = 0
 """Of the samples of both surfaces, so that equal ones have equal samples and nothing moves."""
 _NORMAL, _COSINE = 0.1, 0.1
 _APART = 4.0
-"""Distance between codes among the features: more than any places have."""
+"""Distance between codes among the features: more than any points have."""
 _POINTWISE, _BACK = 0.1, 2.0
 _BENDING = {False: (1e-4, 1e-7), True: (1e-3, 1e-5)}
 _STIFFNESS = (1e-3, 1e-4)
@@ -75,13 +75,13 @@ _TINY = 1e-30
 
 
 class PullRows(NamedTuple):
-    """Rows of the least squares besides pairs: weights (R,) times (direction . (x'(place) - goal))^2.
+    """Rows of the least squares besides pairs: weights (R,) times (direction . (x'(point) - goal))^2.
 
-    `places` (R, 3) of the source at rest, unit `directions` (R, 3), and `apart` (R,), direction . (goal - x'(place))
+    `positions` (R, 3) of the source at rest, unit `directions` (R, 3), and `apart` (R,), direction . (goal - x'(point))
     as the map is now.
     """
 
-    places: Floats
+    positions: Floats
     directions: Floats
     apart: Floats
     weights: Floats
@@ -91,7 +91,7 @@ class Pull(Protocol):
     """What pulls at a surface besides the pairs, such as an outline."""
 
     def rows(self, moved: Callable[[Floats], Floats], share: float) -> PullRows:
-        """Return the rows of a round; `moved` maps places (P, 3), `share` goes from 0 to 1 over all rounds."""
+        """Return the rows of a round; `moved` maps points (P, 3), `share` goes from 0 to 1 over all rounds."""
         ...
 
 
@@ -108,7 +108,7 @@ class CodedSurface(NamedTuple):
         return cls(verts, faces, np.zeros(len(faces), np.int64))
 
     @classmethod
-    def nothing(cls) -> CodedSurface:
+    def empty(cls) -> CodedSurface:
         """Return a surface without faces."""
         return cls.alike(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
 
@@ -151,7 +151,7 @@ def smooth_fit(
 
 
 def pulls_to(landmarks: tuple[Floats, Floats] | None) -> list[Pull]:
-    """Return what pulls places (L, 3) of a surface to their goals (L, 3), if there are any."""
+    """Return what pulls points (L, 3) of a surface to their goals (L, 3), if there are any."""
     return [] if landmarks is None or not len(landmarks[0]) else [_Landmarks(*landmarks)]
 
 
@@ -161,11 +161,11 @@ class _Goal:
     def __init__(self, surface: CodedSurface, reach: Floats | None) -> None:
         verts, faces, codes = surface
         if not len(faces):
-            self.places, self.normals = np.zeros((0, 3)), np.zeros((0, 3))
+            self.positions, self.normals = np.zeros((0, 3)), np.zeros((0, 3))
             self.codes, self.reach, self.middle = np.zeros(0, np.int64), np.zeros(0), np.zeros(3)
             return
         samples = spread(verts, faces, _SAMPLES, _SEED)
-        self.places, self.normals = samples.places, samples.normals
+        self.positions, self.normals = samples.positions, samples.normals
         self.codes = codes[samples.faces]
         self.reach = np.ones(_SAMPLES) if reach is None else reach[samples.faces]
         used = verts[np.unique(faces)]
@@ -173,36 +173,36 @@ class _Goal:
 
     def centre(self, middle: Floats, planes: Collection[int]) -> None:
         """Move the samples along some axes so that the middle of the goal lies at that of the source."""
-        if len(self.places):
+        if len(self.positions):
             for axis in planes:
-                self.places[:, axis] += middle[axis] - self.middle[axis]
+                self.positions[:, axis] += middle[axis] - self.middle[axis]
 
 
 class _Landmarks:
     """Places of the source and their goals, as pulls along the axes."""
 
-    def __init__(self, places: Floats, goals: Floats) -> None:
-        self._places, self._goals = np.asarray(places, np.float64), np.asarray(goals, np.float64)
+    def __init__(self, positions: Floats, goals: Floats) -> None:
+        self._positions, self._goals = np.asarray(positions, np.float64), np.asarray(goals, np.float64)
 
     def rows(self, moved: Callable[[Floats], Floats], _share: float) -> PullRows:
         """Return three rows for each landmark."""
-        apart = self._goals - moved(self._places)
+        apart = self._goals - moved(self._positions)
         count = len(apart)
         directions = np.repeat(np.eye(3), count, 0)
         return PullRows(
-            np.tile(self._places, (3, 1)), directions, apart.T.ravel(), np.full(3 * count, _LANDMARKS / count)
+            np.tile(self._positions, (3, 1)), directions, apart.T.ravel(), np.full(3 * count, _LANDMARKS / count)
         )
 
 
 class _Level:
     """What a level knows of the samples of the source: the splines there, their derivatives, the bending."""
 
-    def __init__(self, grid: SplineGrid, places: Floats, chosen: Index, diagonal: float) -> None:
+    def __init__(self, grid: SplineGrid, positions: Floats, chosen: Index, diagonal: float) -> None:
         self.grid = grid
-        self.terms = grid.terms(places)
+        self.terms = grid.terms(positions)
         self.columns = np.concatenate([each.columns for each in self.terms], 1)
         self.matrices = [grid.matrix(each) for each in self.terms]
-        self.slopes = grid.gradients(places[chosen])
+        self.slopes = grid.gradients(positions[chosen])
         self.gradient = grid.matrix(self.slopes)
         self.bending = grid.bending() * diagonal**4
 
@@ -212,8 +212,8 @@ class _Level:
         return Terms(self.columns[rows], np.concatenate(values, 1))
 
     def pulled(self, pulls: PullRows) -> Terms:
-        """Return what takes the numbers to the displacements of other places along their directions."""
-        found = self.grid.terms(pulls.places)
+        """Return what takes the numbers to the displacements of other points along their directions."""
+        found = self.grid.terms(pulls.positions)
         values = [terms.values * pulls.directions[:, [axis]] for axis, terms in enumerate(found)]
         return Terms(np.concatenate([each.columns for each in found], 1), np.concatenate(values, 1))
 
@@ -295,28 +295,28 @@ class _Fit:
         self._low, self._high, self._planes, self._built = low - margin, high + margin, planes, built
         self._diagonal = max(float(np.linalg.norm(high - low)), _TINY)
         samples = spread(verts, faces, _SAMPLES, _SEED)
-        self._rest, self._rest_normals = samples.places, samples.normals
+        self._rest, self._rest_normals = samples.positions, samples.normals
         self._codes = codes[samples.faces]
         self._chosen = np.random.default_rng(5).permutation(_SAMPLES)[:_JACOBIANS]
         rest = np.hstack([self._rest / self._diagonal, _NORMAL * self._rest_normals])
         self._owner = cKDTree(rest[self._chosen]).query(rest)[1]
         goal.centre((low + high) / 2, planes)
         self._goal = goal
-        self._goal_features = self._features(goal.places, goal.normals, goal.codes)
+        self._goal_features = self._features(goal.positions, goal.normals, goal.codes)
         self._goal_tree = cKDTree(self._goal_features)
-        self._places, self._start = self._rest, self._rest
+        self._positions, self._start = self._rest, self._rest
         self._jacobians = self._start_jacobians = np.tile(np.eye(3), (_JACOBIANS, 1, 1))
         self._stiffer = np.ones(_JACOBIANS)
         self._passed: list[tuple[SplineGrid, Floats]] = []
 
-    def _features(self, places: Floats, normals: Floats, codes: Index) -> Floats:
-        return np.hstack([places / self._diagonal, _NORMAL * normals, _APART * codes[:, None]])
+    def _features(self, positions: Floats, normals: Floats, codes: Index) -> Floats:
+        return np.hstack([positions / self._diagonal, _NORMAL * normals, _APART * codes[:, None]])
 
-    def moved(self, places: Floats) -> Floats:
-        """Return where the levels take places (P, 3) of the surface at rest."""
-        moved = np.array(places, np.float64)
+    def moved(self, positions: Floats) -> Floats:
+        """Return where the levels take points (P, 3) of the surface at rest."""
+        moved = np.array(positions, np.float64)
         for grid, numbers in self._passed:
-            moved += grid.displacements(places, numbers)
+            moved += grid.displacements(positions, numbers)
         return moved
 
     def run(self, levels: Sequence[tuple[int, int]], limits: tuple[float, float], pulls: Sequence[Pull]) -> None:
@@ -326,7 +326,7 @@ class _Fit:
             grid = SplineGrid(self._low, self._high, spans, self._planes)
             level = _Level(grid, self._rest, self._chosen, self._diagonal)
             numbers = np.zeros(grid.count)
-            self._start, self._start_jacobians = self._places, self._jacobians
+            self._start, self._start_jacobians = self._positions, self._jacobians
             self._passed.append((grid, numbers))
             for _ in range(rounds):
                 give_way()
@@ -335,7 +335,7 @@ class _Fit:
                 step = self._step(level, numbers, share, limits, pulls)
                 numbers = numbers + self._unfolded(level, step) * step
                 self._passed[-1] = (grid, numbers)
-                self._places = self._start + np.stack([matrix @ numbers for matrix in level.matrices], 1)
+                self._positions = self._start + np.stack([matrix @ numbers for matrix in level.matrices], 1)
                 self._jacobians = self._start_jacobians + level.change(numbers)
 
     def _step(
@@ -343,14 +343,14 @@ class _Fit:
     ) -> Floats:
         """Return the full step (K,) of a round."""
         system = _System(level)
-        if len(self._goal.places):
-            self._add_pairs(system, level, _between(limits, share) * self._diagonal)
+        if len(self._goal.positions):
+            self._add_pairs(system, level, in_ratio(limits, share) * self._diagonal)
         self._add_jacobians(system, level, share)
         for pull in pulls:
             rows = pull.rows(self.moved, share)
-            if len(rows.places):
+            if len(rows.positions):
                 system.add(level.pulled(rows), rows.weights, rows.apart)
-        bending = _between(_BENDING[self._built], share)
+        bending = in_ratio(_BENDING[self._built], share)
         system.right -= bending * (level.bending @ numbers)
         return system.solve(bending)
 
@@ -364,9 +364,9 @@ class _Fit:
     def _paired(self, limit: float) -> _Paired:
         """Pair samples of both surfaces, both ways."""
         goal, normals = self._goal, self._normals()
-        own = self._features(self._places, normals, self._codes)
+        own = self._features(self._positions, normals, self._codes)
         there, back = self._goal_tree.query(own)[1], cKDTree(own).query(self._goal_features)[1]
-        apart, apart_back = goal.places[there] - self._places, goal.places - self._places[back]
+        apart, apart_back = goal.positions[there] - self._positions, goal.positions - self._positions[back]
         alike = (goal.codes[there] == self._codes) & ((goal.normals[there] * normals).sum(1) > _COSINE)
         weight = _weights(apart, alike, limit * goal.reach[there]) / len(apart)
         alike = (goal.codes == self._codes[back]) & ((goal.normals * normals[back]).sum(1) > _COSINE)
@@ -395,9 +395,9 @@ class _Fit:
     def _add_jacobians(self, system: _System, level: _Level, share: float) -> None:
         """Add that Jacobians stay near good ones, and of what is built, that level and upright faces stay so."""
         unit = self._diagonal**2 / _JACOBIANS
-        stiffness = _between(_STIFFNESS, share) * unit
+        stiffness = in_ratio(_STIFFNESS, share) * unit
         weights = np.broadcast_to(stiffness * self._stiffer, (3, 3, _JACOBIANS))
-        goals = (_good(self._jacobians) - self._jacobians).transpose(1, 2, 0)
+        goals = (_in_range(self._jacobians) - self._jacobians).transpose(1, 2, 0)
         if self._built:
             upward = np.abs(self._rest_normals[self._chosen, 1])
             square = np.where((upward > _FLAT) | (upward < _UPRIGHT), 1.0, _LEANING)
@@ -425,7 +425,7 @@ class _Fit:
         return 0.0
 
 
-def _between(ends: tuple[float, float], share: float) -> float:
+def in_ratio(ends: tuple[float, float], share: float) -> float:
     """Return the value at a share of the way between two, in equal ratios."""
     return float(ends[0] * (ends[1] / ends[0]) ** share)
 
@@ -437,7 +437,7 @@ def _weights(apart: Floats, alike: Flags, limits: Floats) -> Floats:
     return np.asarray((alike & (lengths < limits)) / np.sqrt(1 + (2 * ratio) ** 2))
 
 
-def _good(jacobians: Floats) -> Floats:
+def _in_range(jacobians: Floats) -> Floats:
     """Return the nearest Jacobians (J, 3, 3) that do not reflect and whose stretches are in the range."""
     u, stretches, v = np.linalg.svd(jacobians)
     reflects = np.linalg.det(u @ v) < 0

@@ -5,7 +5,7 @@ enters a solid; it is positive inside a union of closed solids that face outward
 whose crossings do not add up to 0 has met a hole and says nothing; if there are any, rays along all three axes vote.
 The distance to the nearest triangle is exact within a band, found triangle by triangle over the nodes near it.
 
-Source: Ericson 2005, Real-Time Collision Detection, section 5.1.5 (the nearest place on a triangle).
+Source: Ericson 2005, Real-Time Collision Detection, section 5.1.5 (the nearest point on a triangle).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from meshdeform.geometry.kernels import kernel
 from meshdeform.nouns.labels import Flags, Floats, Index
 
-__all__ = ["Grid", "SolidGrid", "nearest_places", "solid_grid"]
+__all__ = ["Grid", "SolidGrid", "nearest_points", "solid_grid"]
 
 _OFFSET = (0.3819660112501051, 0.7548776662466927)
 """Of the rays, in spacings: irrational, so that none meets an edge."""
@@ -82,14 +82,14 @@ def _votes(verts: Floats, faces: Index, grid: Grid, axis: int) -> Index:
     return np.transpose(votes, np.argsort(order))
 
 
-def nearest_places(points: Floats, verts: Floats, faces: Index, solid: SolidGrid) -> tuple[Floats, Floats]:
-    """Return the nearest places (P, 3) on the surface to points within the band, and their distances (P,).
+def nearest_points(points: Floats, verts: Floats, faces: Index, solid: SolidGrid) -> tuple[Floats, Floats]:
+    """Return the nearest points (P, 3) on the surface to points within the band, and their distances (P,).
 
-    A point farther away than the triangles that are nearest to the nodes around it keeps its place, at distance inf.
+    A point farther away than the triangles nearest to the nodes around it is its own nearest point, at distance inf.
     """
-    places, distances = points.copy(), np.full(len(points), np.inf)
-    _nearest(points, verts, faces, solid.grid.origin, solid.grid.spacing, solid.nearest, places, distances)
-    return places, distances
+    positions, distances = points.copy(), np.full(len(points), np.inf)
+    _nearest(points, verts, faces, solid.grid.origin, solid.grid.spacing, solid.nearest, positions, distances)
+    return positions, distances
 
 
 @kernel
@@ -120,8 +120,8 @@ def _cross(verts: Floats, faces: Index, low: Floats, spacing: float, crossings: 
 
 
 @kernel
-def _place(p: Floats, a: Floats, b: Floats, c: Floats, out: Floats) -> float:
-    """Set the place on a triangle that is nearest to p, and return the squared distance."""
+def _nearest_on_triangle(p: Floats, a: Floats, b: Floats, c: Floats, out: Floats) -> float:
+    """Set the point on a triangle that is nearest to p, and return the squared distance."""
     d1 = d2 = d3 = d4 = d5 = d6 = 0.0
     for i in range(3):
         ab, ac = b[i] - a[i], c[i] - a[i]
@@ -163,7 +163,7 @@ def _approach(
     """Set the least squared distances and their triangles."""
     shape, reach = distance.shape, band * spacing
     first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
-    p, place = np.zeros(3), np.zeros(3)
+    p, position = np.zeros(3), np.zeros(3)
     for f in range(len(faces)):
         a, b, c = verts[faces[f, 0]], verts[faces[f, 1]], verts[faces[f, 2]]
         for axis in range(3):
@@ -176,7 +176,7 @@ def _approach(
                 p[1] = low[1] + j * spacing
                 for k in range(first[2], last[2] + 1):
                     p[2] = low[2] + k * spacing
-                    squared = _place(p, a, b, c, place)
+                    squared = _nearest_on_triangle(p, a, b, c, position)
                     if squared < distance[i, j, k]:
                         distance[i, j, k], nearest[i, j, k] = squared, f
 
@@ -189,11 +189,11 @@ def _nearest(
     low: Floats,
     spacing: float,
     nearest: Index,
-    places: Floats,
+    positions: Floats,
     distances: Floats,
 ) -> None:
-    """Set places and distances by the triangles that are nearest to the nodes around each point."""
-    shape, place = nearest.shape, np.zeros(3)
+    """Set points and distances by the triangles that are nearest to the nodes around each point."""
+    shape, position = nearest.shape, np.zeros(3)
     for number in range(len(points)):
         p, best = points[number].copy(), np.inf
         i = min(max(int((p[0] - low[0]) / spacing), 0), shape[0] - 2)
@@ -202,8 +202,8 @@ def _nearest(
         for corner in range(8):
             f = nearest[i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)]
             if f >= 0:
-                squared = _place(p, verts[faces[f, 0]], verts[faces[f, 1]], verts[faces[f, 2]], place)
+                squared = _nearest_on_triangle(p, verts[faces[f, 0]], verts[faces[f, 1]], verts[faces[f, 2]], position)
                 if squared < best:
                     best = squared
-                    places[number] = place
+                    positions[number] = position
         distances[number] = np.sqrt(best)

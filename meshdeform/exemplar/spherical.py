@@ -36,6 +36,7 @@ from scipy import sparse
 
 from meshdeform.exemplar.rings import MOST_NEIGHBOURS, Rings, collapse, faces_of, insert, quadrics_of, rings_of
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.nouns.labels import Flags, Floats, Index
 
 __all__ = ["SphereMap", "sphere_map"]
@@ -64,9 +65,9 @@ class SphereMap:
 
 
 class _Surface(NamedTuple):
-    """What the vertices are on the surface: places (V, 3), a share of the diagonal; masses and areas around, (V,)."""
+    """What the vertices are on the surface: points (V, 3), a share of the diagonal; masses and areas around, (V,)."""
 
-    places: Floats
+    positions: Floats
     masses: Floats
     areas: Floats
 
@@ -100,15 +101,15 @@ def sphere_map(verts: Floats, faces: Index, count: int, *, mirrored: bool) -> Sp
         bound[rim.ravel()] = True
     rings, degrees = rings_of(closed, total, apex)
     low, high = verts.min(0), verts.max(0)
-    places = np.zeros((total, 3))
-    places[: len(verts)] = (verts - low) / float(np.linalg.norm(high - low))
+    positions = np.zeros((total, 3))
+    positions[: len(verts)] = (verts - low) / float(np.linalg.norm(high - low))
     order = np.full((total, 2), -1)
-    removed = collapse(places, quadrics_of(places, faces), rings, degrees, bound, apex, order)
+    removed = collapse(positions, quadrics_of(positions, faces), rings, degrees, bound, apex, order)
     alive = degrees > 0
     alive[order[:removed, 0]] = False
-    surface = _Surface(places, _masses(places, faces), np.zeros(total))
+    surface = _Surface(positions, _masses(positions, faces), np.zeros(total))
     sphere = _Sphere(np.zeros((total, 3)), rings, degrees, bound, apex)
-    _place_base(sphere, alive)
+    _put_base(sphere, alive)
     kept = max(removed - max(count - int(alive.sum()), 0), 0)
     _grow(surface, sphere, alive, order[:removed], kept)
     used = np.flatnonzero(alive & (np.arange(total) != apex))
@@ -126,11 +127,10 @@ def _boundary(faces: Index, count: int) -> Index:
     return np.asarray(edges[found != opposite])
 
 
-def _masses(places: Floats, faces: Index) -> Floats:
+def _masses(positions: Floats, faces: Index) -> Floats:
     """Return the masses (V,) of the vertices: their areas, more where the surface is curved."""
-    count = len(places)
-    a, b, c = places[faces].transpose(1, 0, 2)
-    cross = np.cross(b - a, c - a)
+    count = len(positions)
+    cross = face_cross(positions, faces)
     normals = np.stack([np.bincount(faces.ravel(), np.repeat(cross[:, i], 3), count) for i in range(3)], 1)
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -138,7 +138,7 @@ def _masses(places: Floats, faces: Index) -> Floats:
     graph = graph + graph.T
     number = np.maximum(np.asarray(graph.sum(1)).ravel(), 1)
     sums = np.zeros((count, 2))
-    for column, values in enumerate((normals, places)):
+    for column, values in enumerate((normals, positions)):
         squares = np.square(values[ends[:, 0]] - values[ends[:, 1]]).sum(1)
         sums[:, column] = np.bincount(ends.ravel(), np.repeat(squares, 2), count)
     for _ in range(_SMOOTHINGS):
@@ -148,7 +148,7 @@ def _masses(places: Floats, faces: Index) -> Floats:
     return np.asarray(areas * np.clip(_REFERENCE * curvature, 1, _MOST))
 
 
-def _place_base(sphere: _Sphere, alive: Flags) -> None:
+def _put_base(sphere: _Sphere, alive: Flags) -> None:
     """Put the base on the sphere: a tetrahedron, or the triangle of the boundary, the apex and one vertex."""
     directions, rings, apex = sphere.directions, sphere.rings, sphere.apex
     rows = np.flatnonzero(alive)
@@ -181,25 +181,25 @@ def _normalise(a: Floats) -> None:
 
 
 @kernel
-def _measures(places: Floats, u: int, v: int, w: int) -> tuple[float, float, float, float]:
+def _measures(positions: Floats, u: int, v: int, w: int) -> tuple[float, float, float, float]:
     """Return the area of a triangle on the surface, and the squares of its edges: opposite u, v, w."""
     least = _LEAST * _LEAST
     p, q, r = least, least, least
     for i in range(3):
-        p += (places[v, i] - places[w, i]) ** 2
-        q += (places[w, i] - places[u, i]) ** 2
-        r += (places[u, i] - places[v, i]) ** 2
+        p += (positions[v, i] - positions[w, i]) ** 2
+        q += (positions[w, i] - positions[u, i]) ** 2
+        r += (positions[u, i] - positions[v, i]) ** 2
     return np.sqrt(max(4 * q * r - (q + r - p) ** 2, least * (p + q + r))) / 4, p, q, r
 
 
 @kernel
-def _area_around(u: int, places: Floats, sphere: _Sphere) -> float:
+def _area_around(u: int, positions: Floats, sphere: _Sphere) -> float:
     """Return the area of the triangles around u."""
     total, n = 1e-12, sphere.degrees[u]
     for i in range(n):
         v, w = sphere.rings[u, i], sphere.rings[u, (i + 1) % n]
         if v != sphere.apex and w != sphere.apex:
-            total += _measures(places, u, v, w)[0]
+            total += _measures(positions, u, v, w)[0]
     return total
 
 
@@ -210,7 +210,7 @@ def _measure(u: int, surface: _Surface, sphere: _Sphere, around: Floats) -> None
     for i in range(n):
         v, w = sphere.rings[u, i], sphere.rings[u, i + 1 if i + 1 < n else 0]
         if v != sphere.apex and w != sphere.apex:
-            area, p, q, r = _measures(surface.places, u, v, w)
+            area, p, q, r = _measures(surface.positions, u, v, w)
             scale = (masses[u] + masses[v] + masses[w]) / (areas[u] + areas[v] + areas[w])
             around[i, 0], around[i, 1], around[i, 2], around[i, 3] = area * scale, p * scale, q * scale, r * scale
 
@@ -331,7 +331,7 @@ def _move(u: int, surface: _Surface, sphere: _Sphere, room: Floats, around: Floa
 
 @kernel
 def _toward_fan(u: int, v: int, directions: Floats, rings: Rings, n: int, goal: Floats) -> None:
-    """Set a place in the middle of the angle at v that the triangles in place of u span: near v all is visible."""
+    """Set a point in the middle of the angle at v that the triangles around u span: near v all is visible."""
     at = directions[v]
     one, other = np.zeros(3), np.zeros(3)
     turn, last, reach = 0.0, 0.0, 1.0
@@ -356,7 +356,7 @@ def _toward_fan(u: int, v: int, directions: Floats, rings: Rings, n: int, goal: 
 
 @kernel
 def _start(u: int, v: int, surface: _Surface, sphere: _Sphere, room: Floats, around: Floats) -> bool:
-    """Put u where its triangles are counter-clockwise, on the way from v; return whether there is such a place."""
+    """Put u where its triangles are counter-clockwise, on the way from v; return whether there is such a point."""
     gradient, hessian, trial, goal = room[0], room[1:4], room[4], room[5]
     directions, rings, bound, apex = sphere.directions, sphere.rings, sphere.bound, sphere.apex
     n, at, best = sphere.degrees[u], directions[v], np.inf
@@ -392,23 +392,23 @@ def _start(u: int, v: int, surface: _Surface, sphere: _Sphere, room: Floats, aro
 
 @kernel
 def _grow(surface: _Surface, sphere: _Sphere, alive: Flags, order: Index, kept: int) -> None:
-    """Undo the collapses from the last to number `kept`; ends early where rounding leaves no place for a vertex."""
+    """Undo the collapses from the last to number `kept`; ends early where rounding leaves no room for a vertex."""
     room, around, path = np.zeros((9, 3)), np.zeros((MOST_NEIGHBOURS, 4)), np.zeros(2 * MOST_NEIGHBOURS, np.int32)
-    places, masses, areas = surface.places, surface.masses, surface.areas
+    positions, masses, areas = surface.positions, surface.masses, surface.areas
     rings, degrees, apex = sphere.rings, sphere.degrees, sphere.apex
     for step in range(len(order)):
         masses[order[step, 1]] += masses[order[step, 0]]
     present, number = np.zeros(len(masses), np.int64), 0
     for v in range(len(alive)):
         if alive[v] and v != apex:
-            areas[v] = _area_around(v, places, sphere)
+            areas[v] = _area_around(v, positions, sphere)
             present[number] = v
             number += 1
     swept = number
     for step in range(len(order) - 1, kept - 1, -1):
         u, v = order[step]
         masses[v] -= masses[u]
-        areas[u] = _area_around(u, places, sphere)
+        areas[u] = _area_around(u, positions, sphere)
         if not _start(u, v, surface, sphere, room, around):
             return
         insert(u, v, rings, degrees, apex, path)
@@ -417,7 +417,7 @@ def _grow(surface: _Surface, sphere: _Sphere, alive: Flags, order: Index, kept: 
         for i in range(degrees[u]):
             w = rings[u, i]
             if w != apex:
-                areas[w] = _area_around(w, places, sphere)
+                areas[w] = _area_around(w, positions, sphere)
         for i in range(-2, degrees[u]):
             w = u if i < 0 else rings[u, i]
             if w != apex:

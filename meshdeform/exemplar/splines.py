@@ -1,7 +1,7 @@
 """Displacements that are tensor products of uniform quadratic B-splines over a box, even or odd across mirror planes.
 
 The coordinate c of a displacement is u_c(x) = sum_k a_k b_i(x_0) b_j(x_1) b_l(x_2). Across a mirror plane, the
-coordinate along its normal is odd and the others are even, so that x -> x + u(x) commutes with the reflection: places
+coordinate along its normal is odd and the others are even, so that x -> x + u(x) commutes with the reflection: points
 are folded to one side of the plane, and the splines that the reflection takes to each other share one number. Then
 mirror images go to mirror images exactly, not only up to rounding.
 
@@ -36,7 +36,7 @@ _SECOND = {(2, 0, 0): 1.0, (0, 2, 0): 1.0, (0, 0, 2): 1.0, (1, 1, 0): 2.0, (1, 0
 
 
 class Terms(NamedTuple):
-    """The splines that are not 0 at some places: their numbers (P, 27) int64 and their values (P, 27) float64."""
+    """The splines that are not 0 at some points: their numbers (P, 27) int64 and their values (P, 27) float64."""
 
     columns: Index
     values: Floats
@@ -50,7 +50,7 @@ class _Axis(NamedTuple):
     sign: Floats
 
 
-class _Place(NamedTuple):
+class _AxisSamples(NamedTuple):
     """Places along one axis: the first spline of each that is not 0, values and slopes (P, 3), side of the plane."""
 
     first: Index
@@ -87,26 +87,26 @@ class SplineGrid:
         # The spline in the middle, if there is one, is even: it has the sign 0.
         return _Axis(count // 2, np.minimum(folded, count // 2 - 1), np.sign(2.0 * number + 1 - count))
 
-    def _placed(self, places: Floats) -> list[_Place]:
-        """Return places (P, 3) along the axes; across a plane, those of the lower side as their mirror images."""
-        placed = []
+    def _along_axes(self, positions: Floats) -> list[_AxisSamples]:
+        """Return points (P, 3) along the axes; across a plane, those of the lower side as their mirror images."""
+        samples = []
         for axis in range(3):
-            from_middle = (places[:, axis] - self._middle[axis]) / self._sides[axis]
-            side = np.sign(from_middle) if axis in self._planes else np.ones(len(places))
+            from_middle = (positions[:, axis] - self._middle[axis]) / self._sides[axis]
+            side = np.sign(from_middle) if axis in self._planes else np.ones(len(positions))
             at = np.abs(from_middle) if axis in self._planes else from_middle
             first, values, slopes, _ = _quadratic(0.5 + at, self._spans[axis])
-            placed.append(_Place(first, values, slopes / self._sides[axis], side))
-        return placed
+            samples.append(_AxisSamples(first, values, slopes / self._sides[axis], side))
+        return samples
 
-    def _terms(self, placed: list[_Place], coordinate: int, along: int | None) -> Terms:
+    def _terms(self, samples: list[_AxisSamples], coordinate: int, along: int | None) -> Terms:
         """Return the splines of a coordinate, or their derivatives along an axis."""
         columns, values = [], []
-        for axis, place in enumerate(placed):
+        for axis, sample in enumerate(samples):
             known = self._axes[coordinate][axis]
-            here = place.first[:, None] + np.arange(3)
-            value = (place.slopes if axis == along else place.values) * known.sign[here]
+            here = sample.first[:, None] + np.arange(3)
+            value = (sample.slopes if axis == along else sample.values) * known.sign[here]
             if axis in self._planes and (axis == coordinate) != (axis == along):  # odd across the plane
-                value = value * place.side[:, None]
+                value = value * sample.side[:, None]
             columns.append(known.number[here])
             values.append(value)
         sizes = [axis.size for axis in self._axes[coordinate]]
@@ -116,23 +116,23 @@ class SplineGrid:
         count = len(column)
         return Terms(column.reshape(count, 27) + self.offsets[coordinate], value.reshape(count, 27))
 
-    def terms(self, places: Floats) -> list[Terms]:
-        """Return the splines of the three coordinates at places (P, 3)."""
-        placed = self._placed(places)
-        return [self._terms(placed, coordinate, None) for coordinate in range(3)]
+    def terms(self, positions: Floats) -> list[Terms]:
+        """Return the splines of the three coordinates at points (P, 3)."""
+        samples = self._along_axes(positions)
+        return [self._terms(samples, coordinate, None) for coordinate in range(3)]
 
-    def gradients(self, places: Floats) -> Terms:
-        """Return the derivatives of the splines at places (P, 3), (9 P, 27): du_0/dx_0 of all, du_0/dx_1, and so on."""
-        placed = self._placed(places)
-        found = [self._terms(placed, coordinate, axis) for coordinate in range(3) for axis in range(3)]
+    def gradients(self, positions: Floats) -> Terms:
+        """Return the derivatives of the splines at points (P, 3), (9 P, 27): du_0/dx_0 of all, du_0/dx_1, and so on."""
+        samples = self._along_axes(positions)
+        found = [self._terms(samples, coordinate, axis) for coordinate in range(3) for axis in range(3)]
         return Terms(np.concatenate([each.columns for each in found]), np.concatenate([each.values for each in found]))
 
-    def displacements(self, places: Floats, numbers: Floats) -> Floats:
-        """Return the displacements (P, 3) of places by the numbers (K,) of all splines."""
-        moved = np.empty((len(places), 3))
-        for start in range(0, len(places), _BLOCK):
+    def displacements(self, positions: Floats, numbers: Floats) -> Floats:
+        """Return the displacements (P, 3) of points by the numbers (K,) of all splines."""
+        moved = np.empty((len(positions), 3))
+        for start in range(0, len(positions), _BLOCK):
             rows = slice(start, start + _BLOCK)
-            for coordinate, (columns, values) in enumerate(self.terms(places[rows])):
+            for coordinate, (columns, values) in enumerate(self.terms(positions[rows])):
                 moved[rows, coordinate] = np.einsum("pk,pk->p", values, numbers[columns])
         return moved
 
@@ -176,7 +176,7 @@ class SplineGrid:
 
 
 def _quadratic(at: Floats, spans: int) -> tuple[Index, Floats, Floats, Floats]:
-    """Return the first of the three splines at places from 0 to 1; values, first and second derivatives (P, 3)."""
+    """Return the first of the three splines at points from 0 to 1; values, first and second derivatives (P, 3)."""
     scaled = np.clip(at, 0, 1) * spans
     first = np.minimum(scaled.astype(np.int64), spans - 1)
     u = scaled - first

@@ -1,8 +1,8 @@
 """Where parts that a surface lacks sprout from it, and how their patches come to lie on them.
 
-A limb is what is seen of a part of the goal: its root is where it leaves the others, and each of its places has a
+A limb is what is seen of a part of the goal: its root is where it leaves the others, and each of its points has a
 height t, the distance from the root over the surface relative to the greatest, and an angle about its middle line, in
-a frame that turns with the line as little as it can. Its patch is a disc of the surface about the root's place. The
+a frame that turns with the line as little as it can. Its patch is a disc of the surface about the root's point. The
 two are laid on each other so that areas keep their ratio: a vertex inside whose distance r from the middle lies the
 share s of the patch goes to the height beyond which lies the share s of the limb, at its own angle about the axis. So
 two ears get two patches with a strip of head between them, and nothing is pulled out that would web them.
@@ -26,10 +26,12 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
+from meshdeform.geometry.mesh import edges_of, face_cross
 from meshdeform.nouns.labels import Flags, Floats, Index
+from meshdeform.reading.cells import connected
 from meshdeform.reading.samples import Samples
 
-__all__ = ["GoalPart", "Ground", "Seat", "Sprout", "limb_of", "seat_of", "sprouted"]
+__all__ = ["GoalPart", "Ground", "Seat", "Sprout", "limb_of", "seat_of", "sprouted", "vertex_normals"]
 
 _NEIGHBOURS = 8
 _AT_ROOT, _FEWEST = 0.06, 30
@@ -43,19 +45,19 @@ _FACING = 0.1
 _SEARCH, _SEARCH_MORE, _BESIDE, _STUCK_OUT = 2.0, 0.04, 0.06, 0.02
 """How far from its root, in its radii and in diagonals, and to its sides, a limb seeks what sticks out so far."""
 _TURN = 0.6
-"""Weight of angles beside heights where the nearest places of a limb are looked up."""
+"""Weight of angles beside heights where the nearest points of a limb are looked up."""
 
 
 @dataclass(frozen=True)
 class GoalPart:
     """What is seen of a part of the goal.
 
-    `places` (N, 3); `heights` (N,) from 0 at the root to 1; `turns` (N, 2): cosine and sine of the angle
+    `positions` (N, 3); `heights` (N,) from 0 at the root to 1; `turns` (N, 2): cosine and sine of the angle
     about the middle line. `root` (3,), `axis` (3,) unit: where and in which direction it leaves; `across` (2, 3): the
     directions of the angle 0 and of a right angle, there. `radius`: of the root. `area`: of all that is seen.
     """
 
-    places: Floats
+    positions: Floats
     heights: Floats
     turns: Floats
     root: Floats
@@ -64,8 +66,8 @@ class GoalPart:
     radius: float
     area: float
 
-    def at(self, heights: Floats, turns: Floats) -> Floats:
-        """Return places (P, 3) at heights (P,) and angles (P, 2)."""
+    def points_at(self, heights: Floats, turns: Floats) -> Floats:
+        """Return points (P, 3) at heights (P,) and angles (P, 2)."""
 
         def key(height: Floats, turn: Floats) -> Floats:
             return np.column_stack([height, _TURN * turn])
@@ -73,7 +75,15 @@ class GoalPart:
         far, near = cKDTree(key(self.heights, self.turns)).query(key(heights, turns), k=4)
         weights = 1 / (far + 1e-3) ** 2
         weights /= weights.sum(1, keepdims=True)
-        return np.asarray(np.einsum("pk,pkj->pj", weights, self.places[near]))
+        return np.asarray(np.einsum("pk,pkj->pj", weights, self.positions[near]))
+
+
+def vertex_normals(verts: Floats, faces: Index) -> Floats:
+    """Return unit normals (V, 3): the mean of the faces around each vertex, by area; zero where there are none."""
+    normals = np.zeros_like(verts)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], face_cross(verts, faces))
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
 def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> GoalPart | None:
@@ -84,48 +94,48 @@ def limb_of(samples: Samples, own: Flags, inside: Flags, area: float) -> GoalPar
     seen = np.flatnonzero(own & ~inside)
     if len(seen) < _FEWEST:
         return None
-    places = samples.places[seen]
+    positions = samples.positions[seen]
     anchor = _anchors(samples, own, inside)
-    to_anchor = cKDTree(anchor).query(places)[0]
+    to_anchor = cKDTree(anchor).query(positions)[0]
     at_root = np.argsort(to_anchor, kind="stable")[: max(6, int(_AT_ROOT * len(seen)))]
-    heights = _distances(places, at_root)
+    heights = _distances(positions, at_root)
     heights /= max(float(heights.max()), 1e-9)
-    root = places[at_root].mean(0)
-    centres, axes = _middle_line(places, heights, root)
-    turns, across = _turns(places, heights, centres, axes)
-    radius = float(np.linalg.norm(places[at_root] - root, axis=1).mean())
-    return GoalPart(places, heights, turns, root, axes[0], across, radius, area * len(seen))
+    root = positions[at_root].mean(0)
+    centres, axes = _middle_line(positions, heights, root)
+    turns, across = _angles_about_line(positions, heights, centres, axes)
+    radius = float(np.linalg.norm(positions[at_root] - root, axis=1).mean())
+    return GoalPart(positions, heights, turns, root, axes[0], across, radius, area * len(seen))
 
 
 def _anchors(samples: Samples, own: Flags, inside: Flags) -> Floats:
-    """Return the places at which a part hangs: what of it lies within others, or what of others is nearest."""
+    """Return the points at which a part hangs: what of it lies within others, or what of others is nearest."""
     hidden = own & inside
     if hidden.sum() >= 3:
-        return samples.places[hidden]
-    others = samples.places[~own & ~inside]
-    near = np.argsort(cKDTree(samples.places[own]).query(others)[0], kind="stable")[:6]
+        return samples.positions[hidden]
+    others = samples.positions[~own & ~inside]
+    near = np.argsort(cKDTree(samples.positions[own]).query(others)[0], kind="stable")[:6]
     return np.asarray(others[near])
 
 
-def _distances(places: Floats, start: Index) -> Floats:
-    """Return the distances (N,) of places from some of them, over the nearest neighbours of each."""
-    far, near = cKDTree(places).query(places, k=min(_NEIGHBOURS + 1, len(places)))
-    rows = np.repeat(np.arange(len(places)), near.shape[1] - 1)
-    graph = sparse.csr_matrix((far[:, 1:].ravel() + 1e-9, (rows, near[:, 1:].ravel())), (len(places),) * 2)
+def _distances(positions: Floats, start: Index) -> Floats:
+    """Return the distances (N,) of points from some of them, over the nearest neighbours of each."""
+    far, near = cKDTree(positions).query(positions, k=min(_NEIGHBOURS + 1, len(positions)))
+    rows = np.repeat(np.arange(len(positions)), near.shape[1] - 1)
+    graph = sparse.csr_matrix((far[:, 1:].ravel() + 1e-9, (rows, near[:, 1:].ravel())), (len(positions),) * 2)
     found = csgraph.dijkstra(graph, directed=False, indices=start, min_only=True)
     known = np.isfinite(found)
     # Islands of samples count by their distance in space.
-    islands = cKDTree(places[known]).query(places[~known])
+    islands = cKDTree(positions[known]).query(positions[~known])
     found[~known] = found[known][islands[1]] + islands[0]
     return np.asarray(found)
 
 
-def _middle_line(places: Floats, heights: Floats, root: Floats) -> tuple[Floats, Floats]:
+def _middle_line(positions: Floats, heights: Floats, root: Floats) -> tuple[Floats, Floats]:
     """Return the centres (B, 3) of slices of a limb by height, from the root on, and the line's directions there."""
     edges = np.quantile(heights, np.linspace(0, 1, _BINS + 1))
     slices = np.clip(np.searchsorted(edges, heights, side="right") - 1, 0, _BINS - 1)
     count = np.maximum(np.bincount(slices, minlength=_BINS), 1)
-    centres = np.stack([np.bincount(slices, places[:, axis], _BINS) for axis in range(3)], 1) / count[:, None]
+    centres = np.stack([np.bincount(slices, positions[:, axis], _BINS) for axis in range(3)], 1) / count[:, None]
     line = np.concatenate([root[None], centres])
     for _ in range(2):
         line[1:-1] = 0.25 * line[:-2] + 0.5 * line[1:-1] + 0.25 * line[2:]
@@ -133,8 +143,8 @@ def _middle_line(places: Floats, heights: Floats, root: Floats) -> tuple[Floats,
     return line, ahead / np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
 
 
-def _turns(places: Floats, heights: Floats, centres: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Return cosine and sine (N, 2) of the places' angles about the line, and the frame (2, 3) at its start."""
+def _angles_about_line(positions: Floats, heights: Floats, centres: Floats, axes: Floats) -> tuple[Floats, Floats]:
+    """Return cosine and sine (N, 2) of the points' angles about the line, and the frame (2, 3) at its start."""
     first = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
     frames = [np.stack([first, np.cross(axes[0], first)]) / np.linalg.norm(first)]
     for before, after in pairwise(axes):
@@ -143,7 +153,7 @@ def _turns(places: Floats, heights: Floats, centres: Floats, axes: Floats) -> tu
     at = np.interp(heights, middles, np.arange(len(centres)))
     below = np.minimum(at.astype(np.int64), len(centres) - 2)
     share = (at - below)[:, None]
-    offset = places - ((1 - share) * centres[below] + share * centres[below + 1])
+    offset = positions - ((1 - share) * centres[below] + share * centres[below + 1])
     nearest = np.stack(frames)[np.minimum(np.rint(at).astype(np.int64), len(centres) - 1)]
     turned = np.einsum("nkj,nj->nk", nearest, offset)
     return turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12), frames[0]
@@ -176,15 +186,10 @@ class Ground:
     @classmethod
     def of(cls, verts: Floats, faces: Index) -> Ground:
         """Return the ground that faces (F, 3) make."""
-        a, b, c = verts[faces].transpose(1, 0, 2)
-        doubled = np.cross(b - a, c - a)
-        normals, areas = np.zeros_like(verts), np.zeros(len(verts))
+        areas = np.zeros(len(verts))
         for corner in range(3):
-            np.add.at(normals, faces[:, corner], doubled)
-            np.add.at(areas, faces[:, corner], np.linalg.norm(doubled, axis=1) / 6)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-        edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1)
-        return cls(verts, normals, areas, np.unique(edges, axis=0))
+            np.add.at(areas, faces[:, corner], np.linalg.norm(face_cross(verts, faces), axis=1) / 6)
+        return cls(verts, vertex_normals(verts, faces), areas, edges_of(faces).edges)
 
 
 @dataclass(frozen=True)
@@ -248,15 +253,15 @@ def sprouted(limb: GoalPart, seat: Seat, before: Ground, parent: Index, share: f
     radius = max(min(wanted, max(_WIDER * seat.radius, enough)), seat.radius)
     outward = np.maximum(far / radius, sideward)
     patch = _piece(parent[outward < 1], seat.middle, before.edges, len(before.verts))
-    place = np.full(len(before.verts), np.inf)
-    place[parent] = outward
-    order = np.argsort(place[patch], kind="stable")
+    distance = np.full(len(before.verts), np.inf)
+    distance[parent] = outward
+    order = np.argsort(distance[patch], kind="stable")
     beyond = np.empty(len(patch))
     whole = np.cumsum(before.areas[patch][order])
     beyond[order] = (whole - before.areas[patch][order]) / max(float(whole[-1]), 1e-30)
     turned = (before.verts[patch] - centre) @ limb.across.T
     turns = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
-    return Sprout(patch, limb.at(np.quantile(limb.heights, 1 - beyond), turns) + seat.shift)
+    return Sprout(patch, limb.points_at(np.quantile(limb.heights, 1 - beyond), turns) + seat.shift)
 
 
 def _piece(patch: Index, middle: int, edges: Index, count: int) -> Index:
@@ -264,7 +269,5 @@ def _piece(patch: Index, middle: int, edges: Index, count: int) -> Index:
     within = np.zeros(count, bool)
     within[patch] = True
     within[middle] = True
-    links = edges[within[edges].all(1)]
-    graph = sparse.csr_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), (count, count))
-    piece = csgraph.connected_components(graph, directed=False)[1]
+    piece = connected(count, edges[within[edges].all(1)])
     return np.flatnonzero(within & (piece == piece[middle]))

@@ -18,12 +18,14 @@ from meshdeform.exemplar.affine_maps import AffineMaps, Cloud, PieceMotion, arti
 from meshdeform.exemplar.axis_maps import axis_maps
 from meshdeform.exemplar.blending import blend_weights, blended
 from meshdeform.exemplar.kinds import is_boxed, is_built, is_living, is_turned
-from meshdeform.exemplar.pieces import Matching, Pieces, face_areas, neighbours
+from meshdeform.exemplar.pieces import Matching, Pieces
 from meshdeform.exemplar.profiles import outlined
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.exemplar.side_maps import by_side
 from meshdeform.exemplar.symmetry import quarter_asymmetry
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
+from meshdeform.reading.cells import neighbouring_faces
 from meshdeform.reading.samples import hidden, spread
 
 __all__ = ["cloud_of", "piece_weights", "started"]
@@ -46,7 +48,7 @@ def _seen(shape: Shape, pieces: Pieces) -> Cloud:
     samples = spread(shape.verts, shape.faces, _SAMPLES, 1)
     if shape.solids is not None:
         samples = samples.rows(~hidden(samples, shape.solids[samples.faces]))
-    return Cloud(samples.places, samples.normals, pieces.of_face[samples.faces]).known()
+    return Cloud(samples.positions, samples.normals, pieces.of_face[samples.faces]).in_pieces()
 
 
 def piece_weights(own: Shape, pieces: Pieces) -> Floats:
@@ -84,8 +86,8 @@ def started(
         ways["pieces"] = blended(own.verts, maps, weights)
     if manner.straight and not manner.boxed and (all(map(is_turned, nouns)) or _is_lathed(own, goal)):
         height = _heights(own, goal, matching, cloud, goal_cloud, maps)
-        places, goal_places = (spread(one.verts, one.faces, _OUTLINE_SAMPLES, 5).places for one in (own, goal))
-        ways["outline"] = outlined(own.verts, places, goal_places, height, _span(own))
+        positions, goal_positions = (spread(one.verts, one.faces, _OUTLINE_SAMPLES, 5).positions for one in (own, goal))
+        ways["outline"] = outlined(own.verts, positions, goal_positions, height, _span(own))
     idle = weights.sum(1) == 0
     for verts in ways.values():
         verts[idle] = own.verts[idle]
@@ -99,7 +101,7 @@ def _faces_of(pieces: Pieces, name: str) -> list[Index]:
 
 def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:
     """Return the middles (P, 3) of the edges between two pieces."""
-    pairs = neighbours(own.faces, len(own.verts))
+    pairs = neighbouring_faces(own.faces, len(own.verts))[0]
     pieces = np.sort(matching.source.of_face[pairs], 1)
     hit = (pieces[:, 0] != pieces[:, 1]) & (pieces[:, 0] >= 0)
     pairs, pieces = pairs[hit], pieces[hit]
@@ -109,13 +111,13 @@ def _borders(own: Shape, matching: Matching) -> dict[tuple[int, int], Floats]:
 
 
 def _goals(matching: Matching, cloud: Cloud, maps: AffineMaps) -> tuple[Floats, Floats]:
-    """Return the places (N, 3) of matched pieces, and where their maps take them."""
-    rows = np.flatnonzero(matching.partner[cloud.own] >= 0)
-    places, own = cloud.places[rows], cloud.own[rows]
-    goals = np.empty_like(places)
+    """Return the points (N, 3) of matched pieces, and where their maps take them."""
+    rows = np.flatnonzero(matching.partner[cloud.pieces] >= 0)
+    positions, own = cloud.positions[rows], cloud.pieces[rows]
+    goals = np.empty_like(positions)
     for piece in np.unique(own):
-        goals[own == piece] = maps.take(places[own == piece], int(piece))
-    return places, goals
+        goals[own == piece] = maps.map_points(positions[own == piece], int(piece))
+    return positions, goals
 
 
 def _heights(
@@ -124,12 +126,12 @@ def _heights(
     """Return the way from heights of the source to those of the goal: by its pieces, if nearly all are matched."""
     low, high = own.verts[own.faces][..., 1].min(), own.verts[own.faces][..., 1].max()
     goal_low, goal_high = goal.verts[:, 1].min(), goal.verts[:, 1].max()
-    whole = (matching.partner[cloud.own] >= 0).mean() > _WHOLE
-    if not whole or not (~matching.grows[goal_cloud.own]).mean() > _WHOLE:
+    whole = (matching.partner[cloud.pieces] >= 0).mean() > _WHOLE
+    if not whole or not (~matching.grows[goal_cloud.pieces]).mean() > _WHOLE:
         scale = (goal_high - goal_low) / max(high - low, 1e-9)
         return lambda y: goal_low + (y - low) * scale
-    places, goals = _goals(matching, cloud, maps)
-    axes = axis_maps(places, goals, np.ones(len(places)), mirrored=True)
+    positions, goals = _goals(matching, cloud, maps)
+    axes = axis_maps(positions, goals, np.ones(len(positions)), mirrored=True)
     reached = axes.along(1, np.array([low, high]))
     stretch = (goal_high - goal_low) / max(float(reached[1] - reached[0]), 1e-9)
     return lambda y: goal_low + (axes.along(1, y) - reached[0]) * stretch
@@ -151,10 +153,10 @@ def _by_axes(
     own: Shape, matching: Matching, cloud: Cloud, maps: AffineMaps, weights: Floats, *, mirrored: bool
 ) -> Floats:
     """Return the vertices moved along each axis by itself; wheels keep round."""
-    places, goals = _goals(matching, cloud, maps)
-    axes = axis_maps(places, goals, np.ones(len(places)), mirrored=mirrored)
-    verts = axes.take(own.verts)
-    ground, new_ground = cloud.places[:, 1].min(), axes.along(1, cloud.places[:, 1].min(keepdims=True))[0]
+    positions, goals = _goals(matching, cloud, maps)
+    axes = axis_maps(positions, goals, np.ones(len(positions)), mirrored=mirrored)
+    verts = axes.map_points(own.verts)
+    ground, new_ground = cloud.positions[:, 1].min(), axes.along(1, cloud.positions[:, 1].min(keepdims=True))[0]
     for piece in matching.source.named(_ROUND):
         rows = np.flatnonzero(weights[:, piece] > 0.5)
         if not len(rows):
@@ -164,7 +166,7 @@ def _by_axes(
         linear = maps.linear[piece]
         plane = float(np.sqrt(max(np.linalg.det(linear[1:, 1:]), 1e-3)))
         across = np.ptp(verts[rows, 0]) / max(float(np.ptp(wheel[:, 0])), 1e-9)
-        to = axes.take(middle[None])[0]
+        to = axes.map_points(middle[None])[0]
         if wheel[:, 1].min() < ground + _ON_GROUND:
             to[1] = new_ground + plane * (middle[1] - ground)
         verts[rows] = to + (wheel - middle) * [across, plane, plane]

@@ -9,7 +9,7 @@ solves for new displacements d
 
 w = 1 / sqrt(1 + (2 r / l)^2) where the normals have a product above 0.1 and r < l. The surface slides: only the share
 t of what lies along it is gone. L is the graph Laplacian with weights of one over the edges' lengths, e the mean edge,
-D the diagonal, V the number of vertices. The displacement is smooth, not the place, so that what the surface shows
+D the diagonal, V the number of vertices. The displacement is smooth, not the position, so that what the surface shows
 stays; so are those of different components where they nearly touch.
 
 Of more than 12,000 vertices, displacements are those of some 6,000 nodes, middles of what lies in one cell and faces
@@ -27,10 +27,12 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from meshdeform.exemplar.smooth_fit import in_ratio
+from meshdeform.exemplar.sprouts import vertex_normals
+from meshdeform.geometry.mesh import connected_components, edges_of, face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import Samples, spread
 
@@ -93,9 +95,9 @@ def surface_fit(
     for _ in range(_RINGS):
         near[faces[near[faces].any(1)]] = True
     inner = near[faces].all(1)
-    place = np.cumsum(near) - 1
-    whole = float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0))), _area(verts, faces)
-    fit = _SurfaceFit(verts[near], place[faces[inner]], codes[inner], goal, manner, *whole)
+    row_of = np.cumsum(near) - 1
+    whole = float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0))), float(face_areas(verts, faces).sum())
+    fit = _SurfaceFit(verts[near], row_of[faces[inner]], codes[inner], goal, manner, *whole)
     moved = verts.copy()
     moved[near] = fit.run((verts if start is None else start)[near])
     return moved
@@ -119,21 +121,21 @@ class _SurfaceFit:
         fitted = codes >= 0
         self._faces, self._codes = faces[fitted], codes[fitted]
         nodes = nodes_of(verts, faces)
-        places = nodes.mean @ verts
+        positions = nodes.mean @ verts
         free = np.zeros(len(verts), bool)
         free[self._faces] = True
         moving = np.unique(nodes.mean[:, free].nonzero()[0])
         self._spread = (sparse.diags(free.astype(float)) @ nodes.weights[:, moving]).tocsr()
         # As many as there would be on the whole surface.
-        self._count = len(places) * area / max(_area(verts, faces), _TINY)
-        laplacian = laplacian_of(places, nodes, self._diagonal)[:, moving]
+        self._count = len(positions) * area / max(float(face_areas(verts, faces).sum()), _TINY)
+        laplacian = laplacian_of(positions, nodes, self._diagonal)[:, moving]
         self._smooth = (laplacian.T @ laplacian * (_SCALE / self._count)).tocsc()
         self._goal = goal
-        self._features = self._described(goal.samples.places, goal.samples.normals, goal.codes)
+        self._features = self._described(goal.samples.positions, goal.samples.normals, goal.codes)
         self._tree = cKDTree(self._features)
 
-    def _described(self, places: Floats, normals: Floats, codes: Index) -> Floats:
-        return np.hstack([places / self._diagonal, _NORMAL * normals, _APART * codes[:, None]])
+    def _described(self, positions: Floats, normals: Floats, codes: Index) -> Floats:
+        return np.hstack([positions / self._diagonal, _NORMAL * normals, _APART * codes[:, None]])
 
     def run(self, start: Floats) -> Floats:
         """Return the vertices (V, 3) after all rounds."""
@@ -142,7 +144,7 @@ class _SurfaceFit:
         for number in range(manner.rounds):
             share = number / max(manner.rounds - 1, 1)
             pulled, right = self._pulled(now, share, number)
-            keep = _between(manner.stiffness, share) * self._smooth
+            keep = in_ratio(manner.stiffness, share) * self._smooth
             keep = keep + manner.held / self._count * sparse.identity(len(numbers))
             factor = splu((pulled + keep).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
             # Displacements count from the vertices at rest; the start is where pairs are sought at first.
@@ -154,12 +156,12 @@ class _SurfaceFit:
         """Return the matrix and the right side (M, 3) of all pairs."""
         manner = self._manner
         own = spread(now, self._faces, manner.samples, seed)
-        source, target, weights = self._paired(own, _between(manner.limits, share) * self._diagonal)
-        apart = self._goal.samples.places[target] - own.places[source]
+        source, target, weights = self._paired(own, in_ratio(manner.limits, share) * self._diagonal)
+        apart = self._goal.samples.positions[target] - own.positions[source]
         normals = self._goal.samples.normals[target].copy()
         normals[manner.samples :] = own.normals[source[manner.samples :]]
         across = (apart * normals).sum(1, keepdims=True) * normals
-        goals = own.places[source] + across + _between(manner.sliding, share) * (apart - across)
+        goals = own.positions[source] + across + in_ratio(manner.sliding, share) * (apart - across)
         shares = _corner_shares(self._faces, own, len(now))[source]
         goals -= shares @ self._rest
         rows = (shares @ self._spread).tocsr()
@@ -169,11 +171,11 @@ class _SurfaceFit:
     def _paired(self, own: Samples, limit: float) -> tuple[Index, Index, Floats]:
         """Return samples of the surface, those of the goal, and the weights of their pairs, first there, then back."""
         codes, count, goal = self._codes[own.faces], len(own.faces), self._goal
-        described = self._described(own.places, own.normals, codes)
+        described = self._described(own.positions, own.normals, codes)
         there, back = self._tree.query(described)[1], cKDTree(described).query(self._features)[1]
         source = np.concatenate([np.arange(count), back])
         target = np.concatenate([there, np.arange(len(goal.codes))])
-        lengths = np.linalg.norm(goal.samples.places[target] - own.places[source], axis=1)
+        lengths = np.linalg.norm(goal.samples.positions[target] - own.positions[source], axis=1)
         alike = (goal.codes[target] == codes[source]) & (lengths < limit)
         alike &= (goal.samples.normals[target] * own.normals[source]).sum(1) > _COSINE
         weights = alike / np.sqrt(1 + (2 * lengths / limit) ** 2) * goal.importance[target]
@@ -198,23 +200,22 @@ class _Nodes(NamedTuple):
 def nodes_of(verts: Floats, faces: Index) -> _Nodes:
     """Return the vertices as nodes, or fewer nodes for many."""
     count = len(verts)
-    edges = np.unique(np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), 1), axis=0)
-    graph = sparse.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), (count, count))
-    components = np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
+    edges = edges_of(faces).edges
+    components = connected_components(faces, count)
     if count <= _MOST_VERTICES:
         return _Nodes(sparse.identity(count, format="csr"), sparse.identity(count, format="csr"), edges, components)
-    normals = _vertex_normals(verts, faces)
-    side = 1.1 * np.sqrt(_area(verts, faces) / _NODES)
+    normals = vertex_normals(verts, faces)
+    side = 1.1 * np.sqrt(face_areas(verts, faces).sum() / _NODES)
     keys = np.column_stack([components, np.floor((verts - verts.min(0)) / side), normals > 0]).astype(np.int64)
     number = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     mean = sparse.csr_matrix((np.ones(count), (number, np.arange(count))))
     mean = (sparse.diags(1 / np.asarray(mean.sum(1)).ravel()) @ mean).tocsr()
     own = np.zeros(mean.shape[0], np.int64)
     own[number] = components
-    places, facing = mean @ verts, mean @ normals
-    described = np.hstack([places, 0.5 * side * facing, 1e3 * own[:, None] * side])
+    positions, facing = mean @ verts, mean @ normals
+    described = np.hstack([positions, 0.5 * side * facing, 1e3 * own[:, None] * side])
     wanted = np.hstack([verts, 0.5 * side * normals, 1e3 * components[:, None] * side])
-    nearest = min(_NEAREST + 1, len(places))
+    nearest = min(_NEAREST + 1, len(positions))
     far, near = cKDTree(described).query(wanted, k=nearest)
     last = np.minimum(far[:, -1:], 100 * side)
     weights = np.maximum(1 - far / np.maximum(last, _TINY), 0) ** 2
@@ -223,33 +224,18 @@ def nodes_of(verts: Floats, faces: Index) -> _Nodes:
     rows = np.repeat(np.arange(count), nearest)
     joined = np.unique(np.sort(number[edges], 1), axis=0)
     return _Nodes(
-        sparse.csr_matrix((weights.ravel(), (rows, near.ravel())), (count, len(places))),
+        sparse.csr_matrix((weights.ravel(), (rows, near.ravel())), (count, len(positions))),
         mean,
         joined[joined[:, 0] != joined[:, 1]],
         own,
     )
 
 
-def _area(verts: Floats, faces: Index) -> float:
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
-
-
-def _vertex_normals(verts: Floats, faces: Index) -> Floats:
-    """Return the unit normals (V, 3)."""
-    a, b, c = verts[faces].transpose(1, 0, 2)
-    doubled = np.cross(b - a, c - a)
-    normals = np.zeros_like(verts)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], doubled)
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
-
-
-def laplacian_of(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_matrix:
+def laplacian_of(positions: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_matrix:
     """Return the Laplacian (M, M) of the displacements of the nodes, times the diagonal over the mean edge."""
-    count = len(places)
-    edges = np.concatenate([nodes.edges, _touching(places, nodes.components, diagonal)])
-    lengths = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
+    count = len(positions)
+    edges = np.concatenate([nodes.edges, _touching(positions, nodes.components, diagonal)])
+    lengths = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
     mean = max(float(lengths[: len(nodes.edges)].mean()), _TINY)
     weights = np.clip(mean / np.maximum(lengths, _TINY), *_EDGE)
     graph = sparse.csr_matrix((weights, (edges[:, 0], edges[:, 1])), (count, count))
@@ -259,12 +245,14 @@ def laplacian_of(places: Floats, nodes: _Nodes, diagonal: float) -> sparse.csc_m
     return (diagonal / mean * laplacian).tocsc()
 
 
-def _touching(places: Floats, components: Index, diagonal: float) -> Index:
+def _touching(positions: Floats, components: Index, diagonal: float) -> Index:
     """Return pairs (N, 2) of nodes of different components that nearly touch."""
     if not len(components) or components.max() == components.min():
         return np.zeros((0, 2), np.int64)
-    far, near = cKDTree(places).query(places, k=min(_TOUCHED, len(places)), distance_upper_bound=_TOUCHING * diagonal)
-    rows = np.repeat(np.arange(len(places)), near.shape[1])
+    far, near = cKDTree(positions).query(
+        positions, k=min(_TOUCHED, len(positions)), distance_upper_bound=_TOUCHING * diagonal
+    )
+    rows = np.repeat(np.arange(len(positions)), near.shape[1])
     found = np.isfinite(far.ravel())
     pairs = np.column_stack([rows[found], near.ravel()[found]])
     pairs = np.unique(np.sort(pairs[components[pairs[:, 0]] != components[pairs[:, 1]]], 1), axis=0)
@@ -276,8 +264,3 @@ def _corner_shares(faces: Index, samples: Samples, count: int) -> sparse.csr_mat
     rows = np.repeat(np.arange(len(samples.faces)), 3)
     columns = faces[samples.faces].ravel()
     return sparse.csr_matrix((samples.shares.ravel(), (rows, columns)), (len(samples.faces), count))
-
-
-def _between(ends: tuple[float, float], share: float) -> float:
-    """Return the value at a share of the way between two, in equal ratios."""
-    return float(ends[0] * (ends[1] / ends[0]) ** share)

@@ -1,6 +1,6 @@
 """Tell across which planes through the middle a surface is its own mirror image.
 
-What counts is the mean distance of the mirrored surface to itself (`distances`), at most 0.05 of the diagonal a place.
+What counts is the mean distance of the mirrored surface to itself (`distances`), each at most 0.05 of the diagonal.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshdeform.exemplar.distances import one_way
-from meshdeform.exemplar.pieces import face_areas
+from meshdeform.exemplar.distances import one_way_distance
+from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
 
@@ -23,18 +23,18 @@ _IMAGE = 0.001
 
 def asymmetry(verts: Floats, faces: Index, axis: int) -> float:
     """Return how far a surface is from its mirror image across the plane through the origin, normal to an axis."""
-    return _unlike(verts, faces, np.diag(np.where(np.arange(3) == axis, -1.0, 1.0)))
+    return _distance_to_image(verts, faces, np.diag(np.where(np.arange(3) == axis, -1.0, 1.0)))
 
 
 def quarter_asymmetry(verts: Floats, faces: Index) -> float:
     """Return how far a surface is from itself after a quarter turn about the upright axis."""
-    return _unlike(verts, faces, np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]))
+    return _distance_to_image(verts, faces, np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]))
 
 
-def _unlike(verts: Floats, faces: Index, turn: Floats) -> float:
+def _distance_to_image(verts: Floats, faces: Index, turn: Floats) -> float:
     samples = spread(verts, faces, _SAMPLES, 6)
-    image = samples._replace(places=samples.places @ turn.T, normals=samples.normals @ turn.T)
-    return one_way(image, samples, float(np.sqrt(face_areas(verts, faces).sum() / _SAMPLES)), _MOST)
+    image = samples._replace(positions=samples.positions @ turn.T, normals=samples.normals @ turn.T)
+    return one_way_distance(image, samples, float(np.sqrt(face_areas(verts, faces).sum() / _SAMPLES)), _MOST)
 
 
 def is_even(verts: Floats, faces: Index, axis: int) -> bool:
@@ -56,11 +56,11 @@ def evened(rest: Floats, moved: Floats, axes: tuple[int, ...]) -> Floats:
 
     Both of a pair take the mean of their displacements, one of them mirrored.
     """
-    places = moved.copy()
+    positions = moved.copy()
     for axis in axes:
         mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
         away, image = cKDTree(rest).query(rest * mirror)
         rows = np.flatnonzero((away < _IMAGE) & (image[image] == np.arange(len(rest))))
-        step = places - rest
-        places[rows] = rest[rows] + (step[rows] + step[image[rows]] * mirror) / 2
-    return places
+        step = positions - rest
+        positions[rows] = rest[rows] + (step[rows] + step[image[rows]] * mirror) / 2
+    return positions

@@ -32,7 +32,7 @@ def unfolded(rest: Floats, verts: Floats, faces: Index) -> Floats:
     Parameters
     ----------
     rest, verts : (V, 3) float64
-        One vertex for each place of a closed surface.
+        Of a closed surface, no two in one point.
     faces : (F, 3) int64
     """
     neighbours, verts = FaceNeighbours(faces, rest), verts.copy()
@@ -41,7 +41,7 @@ def unfolded(rest: Floats, verts: Floats, faces: Index) -> Floats:
         bad = neighbours.folded(verts)
         if bad.sum() <= _FEW * len(faces):
             break
-        smoothing.take(verts, bad, 1 + number // _WIDENED)
+        smoothing.smooth(verts, bad, 1 + number // _WIDENED)
     faults, last = Faults(rest, faces), None
     best: Found | None = None
     for number in range(_ROUNDS_OF_CUTS):
@@ -52,7 +52,7 @@ def unfolded(rest: Floats, verts: Floats, faces: Index) -> Floats:
         if not bad.any():
             break
         verts = verts.copy()
-        smoothing.take(verts, bad, 1 + number // _WIDENED)
+        smoothing.smooth(verts, bad, 1 + number // _WIDENED)
     assert best is not None
     return best.verts
 
@@ -67,7 +67,7 @@ class _Smoothing:
         self._graph = ((graph + graph.T) > 0).astype(np.float64)
         self._number = np.maximum(np.asarray(self._graph.sum(1)), 1)
 
-    def take(self, verts: Floats, bad: Flags, rings: int) -> None:
+    def smooth(self, verts: Floats, bad: Flags, rings: int) -> None:
         """Move the vertices of bad faces (F,), and rings of others around them, half of the way."""
         near = np.zeros(len(verts))
         near[self._faces[bad]] = 1

@@ -1,4 +1,4 @@
-"""Bind landmarks to a surface, and measure how far they are from their places."""
+"""Bind landmarks to a surface, and measure how far they are from their goals."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from meshdeform.geometry.places import SurfaceTree, blend_matrix
 _Floats = NDArray[np.float64]
 
 LIMITS = (0.10, 0.02)
-"""Greatest distance of a pair of places at the first and at the last step, as a share of the diagonal."""
+"""Greatest distance of a pair of points at the first and at the last step, as a share of the diagonal."""
 
 
 @dataclass(frozen=True)
 class Landmark:
-    """A point (3,) float64 of the mesh at rest, and the place (3,) float64 to which it goes."""
+    """A point (3,) float64 of the mesh at rest, and the point (3,) float64 to which it goes."""
 
     source: _Floats
     target: _Floats
 
 
 def bound(landmarks: Sequence[Landmark], mesh: TriangleMesh) -> sparse.csr_matrix:
-    """Return the matrix (L, V) that takes the landmarks from the vertices: the nearest places on the mesh at rest."""
+    """Return the matrix (L, V) that takes the landmarks from the vertices: the nearest points on the mesh at rest."""
     rest = RestMesh.of(mesh)
     verts, faces = rest.verts, rest.faces
     spacing = 0.02 * float(np.linalg.norm(np.ptp(verts, axis=0)))
@@ -38,7 +38,7 @@ def bound(landmarks: Sequence[Landmark], mesh: TriangleMesh) -> sparse.csr_matri
 
 
 def landmark_distances(landmarks: Sequence[Landmark], mesh: TriangleMesh, verts: _Floats) -> _Floats:
-    """Return the distance (L,) of each landmark from its place in a shape (V, 3) of the mesh."""
+    """Return the distance (L,) of each landmark from its goal in a shape (V, 3) of the mesh."""
     goals = np.array([each.target for each in landmarks])
     return np.asarray(np.linalg.norm(bound(landmarks, mesh) @ verts - goals, axis=1))
 

@@ -1,14 +1,14 @@
-"""Pull a surface to a target surface and back: distances from samples of each to the nearest places on the other.
+"""Pull a surface to a target surface and back: distances from samples of each to the nearest points on the other.
 
-With s_i samples of the deformed mesh, q_i the nearest places on the target, n_i the normals there, t_j samples of the
-target, x_j the nearest places on the deformed mesh, m_j the normals there, and D the diagonal of the target::
+With s_i samples of the deformed mesh, q_i the nearest points on the target, n_i the normals there, t_j samples of the
+target, x_j the nearest points on the deformed mesh, m_j the normals there, and D the diagonal of the target::
 
     loss = mean_i g_i h(s_i - q_i; n_i) + mean_j g_j h(t_j - x_j; m_j)
     h(d; n) = 2 (sqrt(1 + e / u^2) - 1),     e = 0.9 (n . d)^2 + 0.1 |d|^2,     u = D / 100
 
 so that surfaces slide along each other, and few far pairs do not outweigh the rest. The pairs are fixed for ten steps.
 A pair counts (g = 1) if the normals differ by at most 60 degrees, the distance is at most a limit that falls from 10 %
-to 2 % of D over the run, and the nearest place is not on an open border: there, something is missing.
+to 2 % of D over the run, and the nearest point is not on an open border: there, something is missing.
 
 Sources: Amberg et al. 2007, Optimal Step Nonrigid ICP Algorithms for Surface Registration (gates); Rusinkiewicz and
 Levoy 2001, Efficient Variants of the ICP Algorithm (distances to planes).
@@ -108,7 +108,7 @@ class PointTerm:
         counts = (there * normals[self._face]).sum(1) >= _LEAST_COSINE
         counts &= np.linalg.norm(near - samples, axis=1) <= limit
         counts &= ~on_border(self._border, goal.faces[face], weights)
-        forward = self._kept(self._sampler, near, there, counts)
+        forward = self._counted(self._sampler, near, there, counts)
         apart, across = [(near - samples)[counts]], [there[counts]]
         face, weights = _tree_of(moved, self._mesh, self._diagonal, normals).find(self._points, self._normals)
         blend = blend_matrix(faces[face], weights, len(moved))
@@ -116,7 +116,7 @@ class PointTerm:
         counts = (self._normals * normals[face]).sum(1) >= _LEAST_COSINE
         counts &= np.linalg.norm(missing, axis=1) <= limit
         counts &= ~on_border(self._mesh_border, faces[face], weights)
-        self._pairs = [forward, self._kept(blend, self._points, normals[face], counts)]
+        self._pairs = [forward, self._counted(blend, self._points, normals[face], counts)]
         apart.append(missing[counts])
         across.append(normals[face][counts])
         return torch.from_numpy(self._translation(np.concatenate(apart), np.concatenate(across)))
@@ -129,7 +129,7 @@ class PointTerm:
         most = _MOST_SHIFT * self._diagonal
         return np.asarray(translation if length <= most else translation * (most / length))
 
-    def _kept(self, blend: sparse.csr_matrix, points: _Floats, normals: _Floats, counts: _Flags) -> _Pairs:
+    def _counted(self, blend: sparse.csr_matrix, points: _Floats, normals: _Floats, counts: _Flags) -> _Pairs:
         share = float(counts.mean())
         return _Pairs(blend[counts], torch.from_numpy(points[counts]), torch.from_numpy(normals[counts]), share)
 
@@ -147,7 +147,7 @@ class PointTerm:
 
 
 def on_border(border: _Flags, corners: _Index, weights: _Floats) -> _Flags:
-    """Return flags (P,) of the places on an open border.
+    """Return flags (P,) of the points on an open border.
 
     `border`, (V,) bool: the vertices on borders; `corners` is (P, 3) int64; `weights`, (P, 3) float64: barycentric
     coordinates.
@@ -180,7 +180,7 @@ class LandmarkTerm:
         self._unit = _UNIT * diagonal
 
     def begin(self, mesh: TriangleMesh) -> None:
-        """Bind the landmarks to the nearest places on the mesh at rest."""
+        """Bind the landmarks to the nearest points on the mesh at rest."""
         self._blend = bound(self._landmarks, mesh)
 
     def loss(self, verts: Tensor, offset: Tensor) -> Tensor:

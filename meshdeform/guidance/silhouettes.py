@@ -11,7 +11,7 @@ from the pixels of the mask that are not covered to the nearest vertex of the me
 a surface that has none, which the other two hardly do, since they only see how the outline itself moves. All are 0 for
 equal silhouettes only.
 
-`masks.py` says what size and place the masks get.
+`masks.py` says how large and where the masks are.
 
 Source of the soft intersection over union: Liu et al. 2019, Soft Rasterizer, eq. 8.
 """
@@ -87,7 +87,7 @@ class SilhouetteTerm:
         self._renderer: CoverageRenderer | None = None
 
     def begin(self, mesh: TriangleMesh) -> None:
-        """Find scale and place of the masks for the mesh at rest that is deformed, in the cameras' frame.
+        """Find scale and position of the masks for the mesh at rest that is deformed, in the cameras' frame.
 
         Raises
         ------
@@ -116,13 +116,13 @@ class SilhouetteTerm:
     def _unreached(self, verts: Tensor, cameras: Cameras, covered: Tensor, mask: Tensor) -> Tensor:
         """Return the sum of the distances from uncovered pixels of the mask to the nearest vertices, in sides."""
         clip = projected(verts, cameras)[0]
-        places = torch.stack([1 - clip[:, 1] / clip[:, 3], 1 + clip[:, 0] / clip[:, 3]], 1) / 2  # row, column
+        seen = torch.stack([1 - clip[:, 1] / clip[:, 3], 1 + clip[:, 0] / clip[:, 3]], 1) / 2  # row, column
         rows, columns = ((mask > 0.5) & (covered < 0.5)).nonzero(as_tuple=True)
         if not len(rows):
             return verts.sum() * 0.0
         missing = (torch.stack([rows, columns], 1) + 0.5) / self._side
-        _, nearest = spatial.KDTree(places.detach().cpu().numpy()).query(missing.cpu().numpy())
-        apart = missing.to(places) - places[torch.from_numpy(nearest).to(places.device)]
+        _, nearest = spatial.KDTree(seen.detach().cpu().numpy()).query(missing.cpu().numpy())
+        apart = missing.to(seen) - seen[torch.from_numpy(nearest).to(seen.device)]
         return (apart.square().sum(1) + 1e-12).sqrt().sum()
 
 
@@ -177,7 +177,7 @@ class BesideSilhouettes(SilhouetteGuide):
 
     @property
     def is_heavy(self) -> bool:
-        """Whether the guidance is."""
+        """Whether the guidance beside the pictures is heavy."""
         return isinstance(self._guidance, HeavyGuidance) and self._guidance.is_heavy
 
     def loss(self, image: Tensor, context: StepContext) -> tuple[Tensor, dict[str, float]]:

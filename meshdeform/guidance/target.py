@@ -61,7 +61,7 @@ class TargetGuide:
     seed : int
         Of the samples whose distances are taken.
     landmarks : sequence of Landmark
-        Points that go to places, in the frame of the deformed mesh.
+        Points that go to others, in the frame of the deformed mesh.
     shift : Shift, optional
         Translation of the deformed mesh.
     """

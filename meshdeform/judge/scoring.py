@@ -28,9 +28,6 @@ from meshdeform.vocabulary.grammar import parse
 
 VIEW_SIZE = 64
 _SUPERSAMPLE = 2
-_FOV_DEG = (20.0, 28.0)
-_FROM_BELOW_DEG = (-25.0, -8.0)
-_FROM_ABOVE_DEG = (36.0, 58.0)
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
 
@@ -42,14 +39,6 @@ def judging_cameras() -> Cameras:
     """
     azimuths = tuple(first + 90.0 * k for first in (0.0, 45.0) for k in range(4))
     return fixed_cameras(azimuths, (-15.0,) * 4 + (45.0,) * 4, 24.0)
-
-
-def training_cameras(rng: np.random.Generator) -> Cameras:
-    """Draw four cameras a quarter turn apart at a random azimuth, two from below and two from above."""
-    elevations = [float(rng.uniform(*band)) for band in (_FROM_BELOW_DEG, _FROM_ABOVE_DEG) * 2]
-    order = rng.permutation(4)
-    azimuth, fov = float(rng.uniform(-180.0, 180.0)), float(rng.uniform(*_FOV_DEG))
-    return fixed_cameras(azimuth, tuple(elevations[k] for k in order), fov)
 
 
 def framed(mesh: TriangleMesh) -> _Floats:

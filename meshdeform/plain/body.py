@@ -20,8 +20,10 @@ from scipy.spatial import cKDTree
 from meshdeform.assets import Asset
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.folds import FaceNeighbours
+from meshdeform.geometry.mesh import face_cross
 from meshdeform.plain.names import sides_of, tokens
 from meshdeform.plain.reader import Reader
+from meshdeform.reading.cells import connected
 from meshdeform.reading.result import UP_TURNS
 
 Floats = NDArray[np.float64]
@@ -58,7 +60,7 @@ def ease(t: Floats, soft: float = 0.25) -> Floats:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint: its name, and the place of the joint above it in the list, or -1."""
+    """A joint: its name, and the index of the joint above it in the list, or -1."""
 
     name: str
     parent: int
@@ -85,7 +87,7 @@ class Body:
     turn: Floats | None = None  # (3, 3) float64: the rotation that stood it up; None if it stands as in its file
 
     def moved(self, points: Floats) -> Body:
-        """Return the body with its vertices at other places."""
+        """Return the body with its vertices elsewhere."""
         return replace(self, points=points)
 
     def upright(self) -> Body:
@@ -130,14 +132,12 @@ class Body:
     @cached_property
     def crosses(self) -> Floats:
         """The normals of its faces with twice their area as length, (F, 3)."""
-        a, b, c = self.corners.transpose(1, 0, 2)
-        return np.cross(b - a, c - a)
+        return face_cross(self.points, self.faces)
 
     def flipped(self, points: Floats) -> Flags:
-        """Return which faces (F,) with an area turn over if the vertices are at other places (V, 3)."""
-        a, b, c = points[self.faces].transpose(1, 0, 2)
+        """Return which faces (F,) with an area turn over if the vertices are at other points (V, 3)."""
         thick = np.linalg.norm(self.crosses, axis=1) > 1e-9 * self.diagonal**2
-        return np.asarray(thick & (np.einsum("fi,fi->f", np.cross(b - a, c - a), self.crosses) < 0))
+        return np.asarray(thick & (np.einsum("fi,fi->f", face_cross(points, self.faces), self.crosses) < 0))
 
     @cached_property
     def neighbours(self) -> FaceNeighbours:
@@ -194,8 +194,7 @@ class Body:
         first = np.unique(np.column_stack([cells, labels]), axis=0, return_index=True)[1]
         pairs = labels[first][cKDTree(self.points[rows[first]]).query_pairs(reach, output_type="ndarray")]
         count = int(labels.max()) + 1
-        graph = sparse.csr_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
-        owner = csgraph.connected_components(graph, directed=False)[1][labels]
+        owner = connected(count, pairs)[labels]
         return [rows[owner == group] for group in range(int(owner.max()) + 1)]
 
     def nearest(self, pieces: list[Index]) -> Index:
@@ -206,12 +205,12 @@ class Body:
         return np.asarray(np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])[owner])
 
     def samples(self, count: int) -> tuple[Floats, Floats]:
-        """Return places (count, 3) spread over the surface by area, and their unit normals; always the same."""
-        places, normals, _ = self.sampled(count)
-        return places, normals
+        """Return points (count, 3) spread over the surface by area, and their unit normals; always the same."""
+        positions, normals, _ = self.sampled(count)
+        return positions, normals
 
     def sampled(self, count: int) -> tuple[Floats, Floats, Index]:
-        """Return places (count, 3) spread over the surface by area, their unit normals, and their faces (count,)."""
+        """Return points (count, 3) spread over the surface by area, their unit normals, and their faces (count,)."""
         areas = np.linalg.norm(self.crosses, axis=1)
         ends = np.cumsum(areas)
         at = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1]).clip(0, len(areas) - 1)
@@ -228,15 +227,15 @@ class Body:
         As a share of the diagonal. The planes are in the middle of the box, or, if that is clearly better, of the
         surface: an animal may turn its head.
         """
-        places, normals = self.samples(_SAMPLES)
+        positions, normals = self.samples(_SAMPLES)
         reach = 0.1 * self.diagonal
-        tree = cKDTree(np.hstack([places, reach * normals]))
+        tree = cKDTree(np.hstack([positions, reach * normals]))
         mirrors = {}
         for axis in (0, 2):
             found = []
             middle = float(self.low[axis] + self.size[axis] / 2)
-            for at in (middle, float(places[:, axis].mean()), float(np.median(places[:, axis]))):
-                images, across = places.copy(), normals.copy()
+            for at in (middle, float(positions[:, axis].mean()), float(np.median(positions[:, axis]))):
+                images, across = positions.copy(), normals.copy()
                 images[:, axis] = 2 * at - images[:, axis]
                 across[:, axis] *= -1
                 distance = tree.query(np.hstack([images, reach * across]))[0]
@@ -275,10 +274,10 @@ class Body:
         for name, mass in named:
             for side in sides_of(name):
                 masses[side] = np.asarray(masses.get(side, np.zeros(len(self.points))) + mass)
-        places = {side: mass @ self.points / mass.sum() for side, mass in masses.items() if mass.sum() > 0}
+        positions = {side: mass @ self.points / mass.sum() for side, mass in masses.items() if mass.sum() > 0}
         middle = self.low + self.size / 2
-        forward = places.get("front", middle) - places.get("rear", middle)
-        leftward = places["left"] - places["right"] if {"left", "right"} <= set(places) else np.zeros(3)
+        forward = positions.get("front", middle) - positions.get("rear", middle)
+        leftward = positions["left"] - positions["right"] if {"left", "right"} <= set(positions) else np.zeros(3)
         # What is left of something that looks along +Z is at +X.
         for vector in (forward, np.array([-leftward[2], 0.0, leftward[0]])):
             level = vector * [1, 0, 1]
@@ -335,7 +334,7 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
     numbers = {joint["index"]: number for number, joint in enumerate(parts.joints)}
     known = np.isin(nodes, list(numbers))
     at, nodes, shares = at[known], nodes[known], shares[known]
-    # Of vertices that are one, the first row counts, as for their places.
+    # Of vertices that are one, the first row counts, as for their positions.
     chosen = (vertex_map[at] >= 0) & (rows[vertex_map[at]] == at)
     columns = np.array([numbers[int(node)] for node in nodes[chosen]], np.int64)
     weights = sparse.csr_matrix((shares[chosen], (vertex_map[at[chosen]], columns)), shape=(count, len(numbers)))

@@ -13,6 +13,7 @@ from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index
+from meshdeform.reading.cells import connected
 
 __all__ = ["NEAR", "carried_by", "contacts", "on_ground", "touching"]
 
@@ -35,8 +36,8 @@ def carried_by(body: Body, inside: Flags) -> list[Flags]:
     count = int(node.max()) + 1
     own = np.zeros(count, bool)
     own[node[inside]] = True
-    places, at, masses = _places(body, node)
-    links = _links(body, node, places, at, count)
+    positions, at, masses = _samples_of(body, node)
+    links = _links(body, node, positions, at, count)
     outside = np.flatnonzero(~own)
     if not len(outside):
         return []
@@ -51,24 +52,23 @@ def _pieces(body: Body, inside: Flags) -> Index:
     """Return the connected piece of each vertex (V,), where no edge leads from a part to the rest."""
     edges = body.edges.tocoo()
     same = inside[edges.row] == inside[edges.col]
-    graph = sparse.csr_matrix((edges.data[same], (edges.row[same], edges.col[same])), shape=edges.shape)
-    return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
+    return connected(len(inside), np.stack([edges.row[same], edges.col[same]], 1))
 
 
-def _places(body: Body, node: Index) -> tuple[Floats, Index, Floats]:
-    """Return places on the surface and at vertices, the piece of each, and the mass of each piece."""
-    places, _, faces = body.sampled(_SAMPLES)
+def _samples_of(body: Body, node: Index) -> tuple[Floats, Index, Floats]:
+    """Return points on the surface and at vertices, the piece of each, and the mass of each piece."""
+    positions, _, faces = body.sampled(_SAMPLES)
     of_face = node[body.faces[faces][:, 0]]
     masses = np.bincount(of_face, minlength=int(node.max()) + 1).astype(float)
     step = max(1, len(node) // _SAMPLES)
-    return np.concatenate([places, body.points[::step]]), np.concatenate([of_face, node[::step]]), masses
+    return np.concatenate([positions, body.points[::step]]), np.concatenate([of_face, node[::step]]), masses
 
 
-def _links(body: Body, node: Index, places: Floats, at: Index, count: int) -> sparse.csr_matrix:
+def _links(body: Body, node: Index, positions: Floats, at: Index, count: int) -> sparse.csr_matrix:
     """Return which pieces touch, (N, N)."""
     edges = body.edges.tocoo()
     across = node[edges.row] != node[edges.col]
-    near = cKDTree(places).query_pairs(NEAR * body.diagonal, output_type="ndarray")
+    near = cKDTree(positions).query_pairs(NEAR * body.diagonal, output_type="ndarray")
     near = at[near]
     near = near[near[:, 0] != near[:, 1]]
     rows = np.concatenate([node[edges.row[across]], near[:, 0], near[:, 1]])
@@ -88,8 +88,8 @@ def _staying(body: Body, node: Index, groups: list[Index], masses: Floats, insid
 
 def contacts(body: Body, rows: Index, other: Flags) -> Floats:
     """Return the vertices (N, 3) of a piece that are near the surface of other vertices (V,); else as `touching`."""
-    places, _, faces = body.sampled(_SAMPLES)
-    surface = places[other[body.faces[faces]].all(1)]
+    positions, _, faces = body.sampled(_SAMPLES)
+    surface = positions[other[body.faces[faces]].all(1)]
     if len(surface):
         own = body.points[rows]
         near = np.asarray(own[cKDTree(surface).query(own)[0] <= _CONTACT * body.diagonal])
@@ -101,7 +101,7 @@ def contacts(body: Body, rows: Index, other: Flags) -> Floats:
 
 
 def touching(body: Body, one: Flags, other: Flags) -> Floats:
-    """Return places (N, 3) where two sets of vertices (V,) meet: on edges between them, else where they are nearest."""
+    """Return points (N, 3) where two sets of vertices (V,) meet: on edges between them, else where they are nearest."""
     edges = body.edges.tocoo()
     across = one[edges.row] & other[edges.col]
     if across.any():

@@ -241,7 +241,7 @@ def _apply(body: Body, change: Change, junctions: Junctions) -> tuple[Body, Done
     factor = _part_of_way(change, change.factor, made.share)
     measured = effect.measure(body, moved, points)
     if measured.grown is None and change.operation not in SHAPES:
-        # A neck, a place and a belly have measures of their own.
+        # A neck, a height and a belly have measures of their own.
         measured = replace(measured, grown=float(got))
     flips = int(made.flipped.sum())
     done = Done(change, moved.found_by, factor, float(got), flips, measured, moved.affine, made.kept_above)

@@ -82,25 +82,25 @@ class _Belly:
             depth = float(np.max(self._line(own[:, self.axis])[:, 0] - own[:, UP]))
             self.drop = min(0.8, 0.36 * (legs.hip - body.ground) / max((factor - 1) * depth, 1e-9))
 
-    def outward(self, places: Floats) -> Floats:
+    def outward(self, points: Floats) -> Floats:
         """Return the displacements (N, 3) of sections that double."""
-        body, moved = self._body, np.zeros_like(places)
-        moved[:, body.lateral] = places[:, body.lateral] - body.middle
-        over = places[:, self.across] - self._line(places[:, self.axis])[:, 0]
+        body, moved = self._body, np.zeros_like(points)
+        moved[:, body.lateral] = points[:, body.lateral] - body.middle
+        over = points[:, self.across] - self._line(points[:, self.axis])[:, 0]
         rise = 0.8 if self.legs is None else 0.35
         moved[:, self.across] = over * (0.9 if self.upright else np.where(over < 0, self.drop, rise))
         return moved
 
-    def bulge(self, places: Floats) -> Floats:
-        """Return how much of a change of the belly alone each place (N,) takes."""
-        t = (places[:, self.axis] - self.low) / max(self.high - self.low, 1e-12)
+    def bulge(self, points: Floats) -> Floats:
+        """Return how much of a change of the belly alone each point (N,) takes."""
+        t = (points[:, self.axis] - self.low) / max(self.high - self.low, 1e-12)
         return np.asarray(
             np.exp(-(((t - (0.32 if self.upright else 0.45)) / 0.3) ** 2)) * step(t / 0.15) * step((1 - t) / 0.15)
         )
 
-    def fatness(self, places: Floats) -> Floats:
-        """Return how much of the change each place (N,) takes: most in the middle."""
-        t = (places[:, self.axis] - self.low) / max(self.high - self.low, 1e-12)
+    def fatness(self, points: Floats) -> Floats:
+        """Return how much of the change each point (N,) takes: most in the middle."""
+        t = (points[:, self.axis] - self.low) / max(self.high - self.low, 1e-12)
         if self.upright:
             return np.asarray(0.35 + 0.65 * np.exp(-(((t - 0.32) / 0.33) ** 2)))
         if self.legs is None:
@@ -109,7 +109,7 @@ class _Belly:
 
 
 def belly(parts: BodyParts, direction: str, factor: float) -> Moved:
-    """Return the trunk with another girth where it is fattest; limbs and what lies above and below keep their places.
+    """Return the trunk with another girth where it is fattest; limbs and what lies above and below stay where they are.
 
     Raises PartMissingError: it is nothing with a belly.
     """
@@ -181,10 +181,10 @@ def _fat_legs(body: Body, legs: Legs, share: Floats, belly: _Belly, amount: floa
     for weight, line in leg_lines(body, replace(legs, weight=share), degree=3):
         heights = body.points[weight > 0.05, UP]
         low, high = float(heights.min()), float(heights.max())
-        place = np.zeros((1, 3))
-        place[0, [body.lateral, body.front]] = line(np.array([high]))[0]
-        place[0, UP] = high
-        shift = 0.75 * amount * float(belly.outward(place)[0, body.lateral] * belly.fatness(place)[0])
+        point = np.zeros((1, 3))
+        point[0, [body.lateral, body.front]] = line(np.array([high]))[0]
+        point[0, UP] = high
+        shift = 0.75 * amount * float(belly.outward(point)[0, body.lateral] * belly.fatness(point)[0])
         t = (body.points[:, UP] - low) / max(high - low, 1e-12)
         grown = 0.45 * amount * step((t - 0.04) / 0.16) * (0.6 + 0.4 * step(t / 0.8))
         centre = line(body.points[:, UP])
@@ -208,10 +208,10 @@ def _fat_arms(body: Body, share: Floats, belly: _Belly, amount: float) -> Floats
         along = np.abs(body.points[:, body.lateral] - body.middle) if spread else -body.points[:, UP]
         low, high = float(along[own].min()), float(along[own].max())
         line = centre_line(along, body.points[:, across], weight, (low, high), degree=3, bins=10)
-        place = np.zeros((1, 3))
-        place[0, across] = line(np.array([low]))[0]
-        place[0, axis] = body.middle + sign * low if spread else -low
-        shift = amount * float(belly.outward(place)[0, body.lateral] * belly.fatness(place)[0])
+        point = np.zeros((1, 3))
+        point[0, across] = line(np.array([low]))[0]
+        point[0, axis] = body.middle + sign * low if spread else -low
+        shift = amount * float(belly.outward(point)[0, body.lateral] * belly.fatness(point)[0])
         grown = 0.5 * amount * (1 - 0.75 * step((along - low) / max(0.75 * (high - low), 1e-12)))
         centre, changed = line(along), np.zeros_like(moved)
         changed[:, body.lateral] += shift

@@ -104,7 +104,7 @@ class JointParts:
         chains = []
         for number, joint in enumerate(body.joints):
             if self._kinds[number] == kind and (joint.parent < 0 or self._kinds[joint.parent] != kind):
-                below = [n for n in range(len(body.joints)) if self._kinds[n] == kind and self._under(n, number)]
+                below = [n for n in range(len(body.joints)) if self._kinds[n] == kind and self._is_below(n, number)]
                 chains.append((number, self._share(np.array(below))))
         return chains
 
@@ -118,7 +118,7 @@ class JointParts:
                 chains.append((number, share))
         return chains
 
-    def _under(self, number: int, root: int) -> bool:
+    def _is_below(self, number: int, root: int) -> bool:
         while number >= 0 and number != root:
             number = self.body.joints[number].parent
         return number == root
@@ -129,14 +129,16 @@ class JointParts:
         own = {number for number in range(len(body.joints)) if self._is_called(number, word)}
         pieces = []
         for first in sorted(own):
-            if any(above in own for above in self._above(first)):
+            if any(above in own for above in self._joints_above(first)):
                 continue
-            below = [n for n in range(len(body.joints)) if self._under(n, first)]
+            below = [n for n in range(len(body.joints)) if self._is_below(n, first)]
             held = self._held(first) if word in ("hand", "foot") else set()
             inside = [
                 number
                 for number in below
-                if all(self._belongs(each, word, own) and each not in held for each in self._above(number, first))
+                if all(
+                    self._belongs(each, word, own) and each not in held for each in self._joints_above(number, first)
+                )
             ]
             weight = np.minimum(self._share(np.array(inside)), 1)
             if (weight > _INSIDE).mean() > _MOSTLY:  # all hangs on it, as on a back: itself is meant
@@ -157,7 +159,7 @@ class JointParts:
             own = points[self._share(np.array(of, np.int64)) > _INSIDE]
             return float(np.linalg.norm(np.ptp(own, axis=0))) if len(own) else 0.0
 
-        below = [number for number in range(len(joints)) if self._under(number, first)]
+        below = [number for number in range(len(joints)) if self._is_below(number, first)]
         telling = [number for number in below if names.part_of(joints[number].name) is not None]
         itself = extent(telling)
         return {number for number in below if number not in telling and extent([number]) > itself > 0}
@@ -167,7 +169,7 @@ class JointParts:
         chains = []
         for first in joints:
             if self.body.joints[first].parent not in joints:
-                own = np.array([number for number in joints if self._under(number, first)])
+                own = np.array([number for number in joints if self._is_below(number, first)])
                 share = np.minimum(self._share(own), 1 - np.clip(weight, 0, 1))
                 if (share > _INSIDE).any():
                     chains.append(share)
@@ -182,7 +184,7 @@ class JointParts:
         if not names.means(name, word):
             return False
         if word == "shoulder":
-            return "leg" not in {self._kinds[n] for n in range(len(self._kinds)) if self._under(n, number)}
+            return "leg" not in {self._kinds[n] for n in range(len(self._kinds)) if self._is_below(n, number)}
         return kind == "body" if word in ("back", "hip", "belly", "body") else True
 
     def _belongs(self, number: int, word: str, own: set[int]) -> bool:
@@ -190,7 +192,7 @@ class JointParts:
         noun = names.part_of(self.body.joints[number].name)
         return number in own or word in _WITH_ALL_BELOW or noun is None or names.noun_part(word) is None
 
-    def _above(self, number: int, last: int | None = None) -> list[int]:
+    def _joints_above(self, number: int, last: int | None = None) -> list[int]:
         """Return the joints above one; with `last`, itself and those below that one."""
         joints, at = [], number if last is not None else self.body.joints[number].parent
         while at >= 0 and at != last:

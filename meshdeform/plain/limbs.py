@@ -1,6 +1,6 @@
 """Move limbs and other parts that hang on something, each piece in its own axes.
 
-With x a vertex, w its weight in the piece, A the growth along the axes that were asked for about the place p that
+With x a vertex, w its weight in the piece, A the growth along the axes that were asked for about the point p that
 stays, and c what hangs on the piece at r::
 
     x' = x + w (A - I)(x - p),    c' = c + (A - I)(r - p)
@@ -52,27 +52,27 @@ def grown(limb: Limb, direction: str, factor: float, *, from_root: bool) -> Move
 
 
 def _axes_field(piece: Piece, axes: Floats, *, from_root: bool) -> Callable[[Floats], Floats]:
-    """Return the displacements of places when a piece doubles along axes (A, 3)."""
+    """Return the displacements of points when a piece doubles along axes (A, 3)."""
     anchors = [piece.pivot if from_root else piece.anchor(axis) for axis in axes]
 
-    def field(places: Floats) -> Floats:
-        moved = np.zeros_like(places)
+    def field(points: Floats) -> Floats:
+        moved = np.zeros_like(points)
         for axis, anchor in zip(axes, anchors, strict=True):
-            moved += ((places - anchor) @ axis)[:, None] * axis
+            moved += ((points - anchor) @ axis)[:, None] * axis
         return moved
 
     return field
 
 
 def _girth_field(body: Body, piece: Piece) -> tuple[Callable[[Floats], Floats], Callable[[Floats], float]]:
-    """Return the displacements of places when a piece's girth doubles, and the measure of its girth."""
+    """Return the displacements of points when a piece's girth doubles, and the measure of its girth."""
     axis = piece.axes[0]
     along = body.points @ axis
     own = along[piece.rows]
     line = centre_line(along, body.points, piece.weight, (float(own.min()), float(own.max())), degree=2)
 
-    def field(places: Floats) -> Floats:
-        over = places - line(places @ axis)
+    def field(points: Floats) -> Floats:
+        over = points - line(points @ axis)
         return np.asarray(over - (over @ axis)[:, None] * axis)
 
     centre = line(along)[piece.rows]
@@ -88,7 +88,7 @@ def _girth_field(body: Body, piece: Piece) -> tuple[Callable[[Floats], Floats], 
 def centre_line(
     along: Floats, across: Floats, weight: Floats, ends: tuple[float, float], degree: int = 4, bins: int = 12
 ) -> Line:
-    """Return the middles of a part's extent (.., K) by the place along it, as polynomials of bins."""
+    """Return the middles of a part's extent (.., K) by the position along it, as polynomials of bins."""
     low, high = ends
     edges = np.linspace(low, high, bins + 1)
     middles, values = [], []

@@ -185,8 +185,8 @@ def _slab(parts: BodyParts, word: str, direction: str, factor: float) -> Moved:
     axes, asked = (np.eye(3), _along(parts)) if direction == "along" else frame(direction, body)
     middle = body.low + body.size / 2
 
-    def field(places: Floats) -> Floats:
-        return (factor - 1) * np.where(asked, places - middle, 0.0)
+    def field(points: Floats) -> Floats:
+        return (factor - 1) * np.where(asked, points - middle, 0.0)
 
     shift = field(body.points)
     for piece in parts.leg_pieces().pieces:  # legs keep their girth

@@ -32,7 +32,7 @@ class Moved:
 
     points: Floats  # (V, 3) float64
     weight: Floats  # (V,) float64: how much each vertex belongs to the part
-    length: Callable[[Floats], float]  # measures what was to grow, on any places (V, 3) of the vertices
+    length: Callable[[Floats], float]  # measures what was to grow, on any positions (V, 3) of the vertices
     found_by: str = ""  # how the part was found; empty for the whole
     measured: Sequence[MeasuredPiece] = ()  # the pieces of the part
     shift: Floats | None = None  # (V, 3) float64: how the change asks the rest to move; None if it is to stay

@@ -94,9 +94,9 @@ def sides_of(name: str) -> tuple[str, ...]:
 def part_of(name: str) -> str | None:
     """Return the part that everybody knows and that a name says it is; None if it says another thing, or nothing."""
     words = tokens(name)
-    nouns = [place for place, word in enumerate(words) if word not in _WHICH and noun_part(word)]
+    nouns = [index for index, word in enumerate(words) if word not in _WHICH and noun_part(word)]
     if not nouns and all(word in _WHICH for word in words):  # a "Back" that is nothing else is one, and no "HatTop"
-        nouns = [place for place, word in enumerate(words) if PART_OF.get(word)]
+        nouns = [index for index, word in enumerate(words) if PART_OF.get(word)]
     if not nouns or any(word in _OF_ANOTHER and noun_part(word) is None for word in words[nouns[-1] + 1 :]):
         return None
     return noun_part(words[nouns[-1]])

@@ -89,7 +89,7 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
         each = _find_part(parts, part, name, read)
         if each is not None and not any(np.array_equal(each.inside, other.inside) for other in results):
             results.append(each)
-    return results if sentence is not None else _apart(body, results)
+    return results if sentence is not None else _disjoint(body, results)
 
 
 def _is_telling(name: str) -> bool:
@@ -111,7 +111,7 @@ def _is_hidden(parts: BodyParts, part: str) -> bool:
     return part == "body" and parts.is_living and not parts.is_told("body")
 
 
-def _apart(body: Body, named: list[NamedPart]) -> list[NamedPart]:
+def _disjoint(body: Body, named: list[NamedPart]) -> list[NamedPart]:
     """Return parts that share no face.
 
     What several have belongs to what people gave, else to the smallest: a nose takes its faces from a head. Names that
@@ -120,7 +120,7 @@ def _apart(body: Body, named: list[NamedPart]) -> list[NamedPart]:
     """
     areas = np.linalg.norm(body.crosses, axis=1)
     sizes = [float(areas[each.inside].sum()) for each in named]
-    ranks = [_rank(each, named, areas) for each in named]
+    ranks = [_precedence(each, named, areas) for each in named]
     taken, own = np.zeros(len(areas), bool), dict[int, NamedPart]()
     for number in sorted(range(len(named)), key=lambda number: (ranks[number], sizes[number])):
         inside = named[number].inside & ~taken
@@ -130,7 +130,7 @@ def _apart(body: Body, named: list[NamedPart]) -> list[NamedPart]:
     return [own[number] for number in sorted(own)]
 
 
-def _rank(part: NamedPart, named: list[NamedPart], areas: Floats) -> int:
+def _precedence(part: NamedPart, named: list[NamedPart], areas: Floats) -> int:
     """Return which parts take their faces before others do."""
     if part.found_by == GIVEN:
         return 0

@@ -8,7 +8,7 @@ does not tell. What nobody knows is missing: `PartMissingError` says why.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -23,7 +23,7 @@ from meshdeform.plain.names import is_word, tokens
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece, attachment
 from meshdeform.plain.read_parts import TOLD_APART, ReadParts
 from meshdeform.plain.vocabulary import PART_NAMES, PART_OF
-from meshdeform.plain.wording import one_off
+from meshdeform.plain.wording import is_one_edit_apart
 from meshdeform.plain.words import part_and_sides
 from meshdeform.vocabulary.nouns import NOUN_GROUPS
 
@@ -33,7 +33,7 @@ _FEWEST = 6
 _FOOT, _JOINT_FOOT = 0.08, 0.22
 """Height of the feet, which keep their shape, as a share of that of the hips: of a reading, and of joints."""
 _HIP = 10.0
-"""Of the places where legs meet the body, the share in percent that may be below the hips."""
+"""Of the points where legs meet the body, the share in percent that may be below the hips."""
 _ENDS = (2.0, 98.0)
 """Percentiles of the heights of a slab or a neck that are its ends: a few faces may be taken for it."""
 LIVING = frozenset({*NOUN_GROUPS["animals"], *NOUN_GROUPS["figures"]})
@@ -375,7 +375,7 @@ class BodyParts:
         if word in PART_NAMES or self.is_told(word):
             return word
         known = [*self.own_names(), *(part for part in PART_OF if self.is_told(PART_OF[part]))]
-        near = {PART_OF.get(each, each) for each in known if one_off(word, each)}
+        near = {PART_OF.get(each, each) for each in known if is_one_edit_apart(word, each)}
         return near.pop() if len(near) == 1 else word
 
     def _pieces_of_names(self, word: str) -> list[Piece]:
@@ -391,9 +391,13 @@ class BodyParts:
             # Components that belong to it in whole are not blended with what they merely touch.
             whole = np.bincount(body.components, ~flags)[body.components] == 0
             weight = np.where(whole & flags, 1.0, np.where(flags, np.maximum(smoothed, _HALF), smoothed * ~whole))
-            limb = Limb.of_weight(body, weight, "names", attachment(body, flags.astype(float)))
-            pieces += [replace(piece, name=name) for piece in limb.pieces if len(piece.rows)]
-        return pieces
+            groups = body.groups(weight > _INSIDE)
+            nearest = body.nearest(groups)
+            for number in range(len(groups)):
+                own = np.where(nearest == number, weight, 0)
+                pivot = attachment(body, flags.astype(float) if len(groups) == 1 else own)
+                pieces.append(Piece(body, own, pivot, name))
+        return [piece for piece in pieces if len(piece.rows)]
 
     # ---------------------------------------------------------------- front
 

@@ -81,7 +81,7 @@ class Piece:
         return np.asarray(np.eye(3)[self.body.front if lies else int(np.argmax(size))])
 
     def anchor(self, axis: Floats) -> Floats:
-        """Return a place (3,) that stays when it grows along an axis (3,): an end that is attached, or its middle."""
+        """Return a point (3,) that stays when it grows along an axis (3,): an end that is attached, or its middle."""
         own = self.body.points[self.rows]
         along = own @ axis
         low, high = float(along.min()), float(along.max())
@@ -92,23 +92,11 @@ class Piece:
 
 @dataclass(frozen=True)
 class Limb:
-    """A part as its pieces."""
+    """A part of an asset, as the pieces that it consists of: each leg, each wheel."""
 
     body: Body
     pieces: Sequence[Piece]
     found_by: str  # `given`, `joints`, `names` or `shapes`
-
-    @classmethod
-    def of_weight(cls, body: Body, weight: Floats, found_by: str, pivot: Floats | None = None) -> Limb:
-        """Return a part of one weight (V,), with a piece for each group of vertices."""
-        groups = body.groups(weight > _INSIDE)
-        numbers = body.nearest(groups)
-        pieces = []
-        for number in range(len(groups)):
-            own = np.where(numbers == number, weight, 0)
-            alone = pivot is not None and len(groups) == 1
-            pieces.append(Piece(body, own, pivot if alone and pivot is not None else attachment(body, own)))
-        return cls(body, pieces, found_by)
 
     @cached_property
     def weight(self) -> Floats:

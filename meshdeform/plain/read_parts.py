@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
 from meshdeform.plain.body import UP, Body, Flags, Floats, Index, step
@@ -20,6 +18,7 @@ from meshdeform.plain.carried import NEAR, carried_by, contacts, on_ground, touc
 from meshdeform.plain.pieces import Limb, PartMissingError, Piece
 from meshdeform.plain.vocabulary import PART_OF, singular
 from meshdeform.plain.words import part_and_sides
+from meshdeform.reading.cells import connected
 from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES, parts_of
 
 __all__ = ["GIVEN", "READ", "TOLD_APART", "ReadParts"]
@@ -36,7 +35,7 @@ _ALSO = {
 TOLD_APART = frozenset({*PART_NAMES, *_ALSO})
 """The parts that readings can find."""
 _BAND = 0.25
-_INSIDE, _WHOLLY = 0.5, 0.999
+_INSIDE = 0.5
 _LEAST_PIECE = 0.3
 """Extent of a piece of a part, as a share of that of its largest, at least."""
 _LONG, _ROUND = 1.5, 1.15
@@ -44,9 +43,9 @@ _LONG, _ROUND = 1.5, 1.15
 _FEW = 0.4
 """Share of a part's vertices that is far from its border, below which it has too few for a band."""
 _APART = 0.4
-"""Distance between places where a piece touches the rest, as a share of its extent, from which it hangs at both."""
+"""Distance between points where a piece touches the rest, as a share of its extent, from which it hangs at both."""
 _END = 0.35
-"""Extent of such a place, likewise, up to which it is an end: a cushion lies along what it touches."""
+"""Extent of such a contact, likewise, up to which it is an end: a cushion lies along what it touches."""
 _HARDLY = 0.01
 """Share of a piece's vertices beside the rest, below which it only touches it."""
 _UNREAD = -2
@@ -94,14 +93,14 @@ class ReadParts:
         old = codes.copy()
         for found, called in self._renamed.items():
             if found in names:
-                codes[old == names.index(found)] = _number(names, called)
+                codes[old == names.index(found)] = _index_in(names, called)
         for called, faces in self._painted.items():
-            codes[faces] = _number(names, called)
+            codes[faces] = _index_in(names, called)
         return codes, tuple(names)
 
     @property
     def labels(self) -> Index:
-        """The part of each face (F,): a place in `PART_NAMES`, `GROUND`, or `NO_PART`, also for names of no noun."""
+        """The part of each face (F,): an index into `PART_NAMES`, `GROUND`, or `NO_PART`, also for names of no noun."""
         codes, _ = self._coded
         return np.where(codes < len(PART_NAMES), codes, _UNREAD)
 
@@ -215,7 +214,7 @@ class ReadParts:
         return [rows[flags] for flags in apart if flags.any()]
 
     def _piece(self, part: str, rows: Index, share: Floats) -> Piece:
-        """Return a piece with its weights, the place where it hangs, and what it carries."""
+        """Return a piece with its weights, the point where it hangs, and what it carries."""
         body, inside = self.body, np.zeros(len(share), bool)
         inside[rows] = True
         carried = carried_by(body, inside)
@@ -261,17 +260,16 @@ class ReadParts:
         return banded
 
     def _hangs_at_both_ends(self, rows: Index, hangs_at: Floats) -> bool:
-        """Return whether a piece of its own touches the rest at places far apart, as a handle does."""
+        """Return whether a piece of its own touches the rest at points far apart, as a handle does."""
         if len(hangs_at) < 2:
             return False
         reach = NEAR * self.body.diagonal
         near = cKDTree(hangs_at).query_pairs(4 * reach, output_type="ndarray")
-        graph = sparse.csr_matrix((np.ones(len(near)), tuple(near.T)), shape=(len(hangs_at),) * 2)
-        count, label = csgraph.connected_components(graph, directed=False)
-        if count < 2:
+        label = connected(len(hangs_at), near)
+        if not label.any():
             return False
         extent = float(np.ptp(self.body.points[rows], axis=0).max())
-        ends = [hangs_at[label == k] for k in range(count)]
+        ends = [hangs_at[label == k] for k in range(label.max() + 1)]
         if max(float(np.ptp(end, axis=0).max()) for end in ends) > _END * extent:
             return False
         middles = np.array([end.mean(0) for end in ends])
@@ -284,8 +282,8 @@ def _in_a_sentence(name: str) -> str:
     return part_and_sides(words)[1] or name.lower()
 
 
-def _number(names: list[str], name: str) -> int:
-    """Return the place of a name in a list, which gets it if it lacks it."""
+def _index_in(names: list[str], name: str) -> int:
+    """Return the index of a name in a list, which gets it if it lacks it."""
     if name not in names:
         names.append(name)
     return names.index(name)

@@ -27,3 +27,8 @@ class Reader:
         if not self._answers:
             self._answers.append(self._read())
         return self._answers[0]
+
+    @property
+    def made(self) -> Reading | None:
+        """What was found, if somebody has asked; None if nobody has, or the body cannot be read."""
+        return self._answers[0] if self._answers else None

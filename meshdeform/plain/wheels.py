@@ -81,9 +81,9 @@ def _is_loose(body: Body, piece: Piece) -> bool:
 
 
 def _surface_of(body: Body, chosen: Flags) -> Floats:
-    """Return places (N, 3) of the faces whose vertices are all chosen."""
-    places, _, faces = body.sampled(_SAMPLES)
-    return places[chosen[body.faces[faces]].all(1)]
+    """Return points (N, 3) of the faces whose vertices are all chosen."""
+    points, _, faces = body.sampled(_SAMPLES)
+    return points[chosen[body.faces[faces]].all(1)]
 
 
 def _crosses_rim(body: Body, piece: Piece, around: Floats) -> bool:

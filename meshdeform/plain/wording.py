@@ -100,7 +100,7 @@ def _correction(word: str) -> str | None:
     """Return the one word for a change that is a letter off from a misspelt one."""
     if len(word) < _LETTERS or is_noun(word) or is_noun(singular(word)):
         return None
-    near = [each for each in _words_for_changes() if one_off(word, each)]
+    near = [each for each in _words_for_changes() if is_one_edit_apart(word, each)]
     meanings = {adjective(each) for each in near}
     return near[0] if len({meaning and meaning[:2] for meaning in meanings}) == 1 else None
 
@@ -114,8 +114,8 @@ def _words_for_changes() -> tuple[str, ...]:
     return tuple(dict.fromkeys([*compared, *VERBS, *ADJECTIVES]))
 
 
-def one_off(one: str, other: str) -> bool:
-    """Return whether two words differ by a letter more, less or another, or by two that changed places."""
+def is_one_edit_apart(one: str, other: str) -> bool:
+    """Return whether two words differ by a letter more, less or another, or by two that are swapped."""
     if abs(len(one) - len(other)) > 1 or one == other:
         return False
     start = 0

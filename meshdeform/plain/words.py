@@ -84,7 +84,7 @@ class Sentence:
     notes: tuple[str, ...] = ()  # how words were read that are misspelt, or mean the noun
 
     @property
-    def known(self) -> bool:
+    def names_known_parts(self) -> bool:
         """Whether all its parts are words for parts, and none a name that only the file can know."""
         return all(change.part in (WHOLE, *PART_NAMES) for change in self.changes)
 
@@ -273,13 +273,13 @@ def _read_clause(
     clause = _Clause(after=after, determined=bool(words) and words[0] in DETERMINERS)
     named: list[str] = []
     less = flipped = False
-    for place, written in enumerate(words):
+    for index, written in enumerate(words):
         word = written if written in FILLERS else written.removesuffix("'s")  # the horse's legs
         found = adjective(word)
         if word.startswith("§"):
             clause.times = amounts[int(word[1:])]
         elif word in SLIGHT or (
-            word == "little" and place and words[place - 1] == "a" and _compares(words[place + 1 :])
+            word == "little" and index and words[index - 1] == "a" and _compares(words[index + 1 :])
         ):
             clause.strength = _SLIGHTLY
         elif word in STRONG:
@@ -295,8 +295,8 @@ def _read_clause(
         elif word in MEASURES and (clause.times or clause.compared):
             clause.asked.append(_Asked(MEASURES[word], less, clause.compared))
             less = False
-        elif _is_of_name(words, place):
-            named.append(word if singular(words[place + 1]) in _LIMBS else f"§{word}")
+        elif _is_of_name(words, index):
+            named.append(word if singular(words[index + 1]) in _LIMBS else f"§{word}")
         elif found is not None:
             operation, negative, compares = found
             clause.asked.append(_Asked(operation, negative != (less != flipped), compares or less))
@@ -313,13 +313,13 @@ def _read_clause(
     return clause
 
 
-def _is_of_name(words: list[str], place: int) -> bool:
+def _is_of_name(words: list[str], index: int) -> bool:
     """Return whether "upper" or "lower" belongs to the name of a part: in "thicker lower legs", not in "lower legs"."""
-    following = singular(words[place + 1]) if place + 1 < len(words) else ""
-    if words[place] not in ("upper", "lower") or (following not in _LIMBS and following not in PART_OF):
+    following = singular(words[index + 1]) if index + 1 < len(words) else ""
+    if words[index] not in ("upper", "lower") or (following not in _LIMBS and following not in PART_OF):
         return False
-    others = (word for number, word in enumerate(words) if number != place)
-    return words[place] == "upper" or any(adjective(word) is not None for word in others)
+    others = (word for number, word in enumerate(words) if number != index)
+    return words[index] == "upper" or any(adjective(word) is not None for word in others)
 
 
 def part_and_sides(named: list[str]) -> tuple[tuple[str, ...], str | None]:
@@ -381,8 +381,8 @@ def _check_kept(clause: _Clause, changes: list[Change], text: str) -> None:
 def _without_opposites(changes: list[Change], text: str) -> tuple[Change, ...]:
     """Return the changes once each; refuse those that undo each other."""
     distinct = list(dict.fromkeys(changes))
-    for place, change in enumerate(distinct):
-        for other in distinct[:place]:
+    for index, change in enumerate(distinct):
+        for other in distinct[:index]:
             same = (change.operation, change.name) == (other.operation, other.name)
             if same and (change.factor - 1) * (other.factor - 1) < 0 and change.operation not in SHAPES:
                 raise PromptError(

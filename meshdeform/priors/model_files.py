@@ -42,7 +42,7 @@ _LAYOUT_ADVICE = (
 
 
 @dataclass(frozen=True)
-class PartFiles:
+class NetworkFiles:
     """Weights of one network of a checkpoint: its files, and the variant in their names ("" for none)."""
 
     variant: str
@@ -56,14 +56,14 @@ class ModelFiles:
     model: str  # the requested hub id or folder
     revision: str  # the commit if the files are in the Hugging Face cache, otherwise the requested revision
     folder: Path
-    parts: dict[str, PartFiles]  # `text_encoder`, `unet` and `vae`
+    networks: dict[str, NetworkFiles]  # `text_encoder`, `unet` and `vae`
 
     def sha256(self) -> str:
         """Return the SHA-256 of the weights: text encoder, U-Net and VAE, files in the order of their names.
 
         The same as ``cat text_encoder/*.safetensors unet/*.safetensors vae/*.safetensors | sha256sum``.
         """
-        return _sha256(path for part in sorted(self.parts) for path in self.parts[part].files)
+        return _sha256(path for name in sorted(self.networks) for path in self.networks[name].files)
 
 
 def check(model: str, revision: str = "") -> None:
@@ -109,7 +109,7 @@ def find(model: str, revision: str = "", *, half: bool = False) -> ModelFiles:
     _refuse_distilled(index, _read_json(folder / "unet" / "config.json", model), scheduler, model)
     if not any(all((folder / "tokenizer" / name).is_file() for name in names) for names in _TOKENIZER_FILES):
         raise ModelError(f"The model {model!r} has no tokenizer.", advice=_LAYOUT_ADVICE)
-    return ModelFiles(model, commit, folder, {part: _find_part(folder, part, model, half=half) for part in _STEMS})
+    return ModelFiles(model, commit, folder, {name: _find_network(folder, name, model, half=half) for name in _STEMS})
 
 
 def _check_scheduler(config: dict[str, Any], model: str) -> None:
@@ -155,26 +155,26 @@ def _cached_snapshot(model: str, revision: str) -> Path:
     )
 
 
-def _find_part(folder: Path, part: str, model: str, *, half: bool) -> PartFiles:
-    stem = _STEMS[part]
-    _read_json(folder / part / "config.json", model)
+def _find_network(folder: Path, name: str, model: str, *, half: bool) -> NetworkFiles:
+    stem = _STEMS[name]
+    _read_json(folder / name / "config.json", model)
     for variant in reversed(_VARIANTS) if half else _VARIANTS:
         suffix = f".{variant}" if variant else ""
-        single = folder / part / f"{stem}{suffix}.safetensors"
-        index = folder / part / f"{stem}.safetensors.index{suffix}.json"
+        single = folder / name / f"{stem}{suffix}.safetensors"
+        index = folder / name / f"{stem}.safetensors.index{suffix}.json"
         if single.is_file():
             files: tuple[Path, ...] = (single,)
         elif index.is_file():
             shards = _read_json(index, model).get("weight_map", {})
-            files = tuple(folder / part / name for name in sorted(set(shards.values())))
+            files = tuple(folder / name / shard for shard in sorted(set(shards.values())))
         else:
             continue
         for path in files:
             _check_weights(path, model)
-        return PartFiles(variant, files)
-    pickled = [path.name for pattern in ("*.bin", "*.ckpt", "*.pt") for path in (folder / part).glob(pattern)]
+        return NetworkFiles(variant, files)
+    pickled = [path.name for pattern in ("*.bin", "*.ckpt", "*.pt") for path in (folder / name).glob(pattern)]
     reason = f"only {', '.join(pickled)}, which Meshdeform does not open" if pickled else "no weights"
-    raise ModelError(f"The model {model!r} has {reason} in {part}/; it needs safetensors.", advice=_LAYOUT_ADVICE)
+    raise ModelError(f"The model {model!r} has {reason} in {name}/; it needs safetensors.", advice=_LAYOUT_ADVICE)
 
 
 def _sha256(paths: Iterable[Path]) -> str:

@@ -115,10 +115,10 @@ class StableDiffusionPrior:
                 advice="Download it again; its text_encoder and its unet are of different models.",
             )
 
-    def _network(self, kind: Any, files: ModelFiles, part: str) -> Any:
+    def _network(self, kind: Any, files: ModelFiles, name: str) -> Any:
         network, report = kind.from_pretrained(
-            files.folder / part,
-            variant=files.parts[part].variant or None,
+            files.folder / name,
+            variant=files.networks[name].variant or None,
             use_safetensors=True,
             local_files_only=True,
             dtype=self.dtype,
@@ -127,7 +127,7 @@ class StableDiffusionPrior:
         # diffusers and transformers only log this, and continue with random numbers for missing tensors.
         if lacking := [*report["missing_keys"], *(str(entry) for entry in report["mismatched_keys"])]:
             raise ModelError(
-                f"The weights in {part}/ of {files.model!r} lack {len(lacking)} tensors, such as {min(lacking)}.",
+                f"The weights in {name}/ of {files.model!r} lack {len(lacking)} tensors, such as {min(lacking)}.",
                 advice="Download it again; its config.json and its weights do not belong together.",
             )
         return network.to(self.device).eval().requires_grad_(requires_grad=False)

@@ -5,10 +5,9 @@ grades them, `articulated` fits the best, `votes` carries their parts over, `evi
 `smoothing` makes areas of it. A `Reading` can be kept in bytes (`result`), as long as `VERSION` stays.
 """
 
-from meshdeform.reading.banks import prepare
 from meshdeform.reading.evidence import Evidence
 from meshdeform.reading.read import FITTED, read_asset
 from meshdeform.reading.result import GROUND, NO_PART, Reading
 from meshdeform.reading.version import VERSION
 
-__all__ = ["FITTED", "GROUND", "NO_PART", "VERSION", "Evidence", "Reading", "prepare", "read_asset"]
+__all__ = ["FITTED", "GROUND", "NO_PART", "VERSION", "Evidence", "Reading", "read_asset"]

@@ -1,12 +1,12 @@
 """Fit a member to an asset by one affine map for each group of its solids: articulated iterated closest points.
 
 A point x of group g goes to A_g h, h = ((x - c_g) / r_g, 1). With samples paired by their features both ways, y and n
-the asset's place and normal, each round solves the linear least squares
+the asset's point and normal, each round solves the linear least squares
 
     sum w [ (n . (A_g h - y))^2 + 0.15 |A_g h - y|^2 ]       pairs, w = 1 / (1 + (2 |A_g h - y| / limit)^2)
     + l m_g |A_g - L_g|^2                                     near a similarity: L_g = half of A_g with stretches in
                                                               0.5 to 2, half of its closest similarity; m_g its mass
-    + min(m_i, m_j) |A_i h_i(c) - A_j h_j(c)|^2               ties at places c where groups touch
+    + min(m_i, m_j) |A_i h_i(c) - A_j h_j(c)|^2               ties at points c where groups touch
     + 0.3 (1 - 0.8 s) min(m_i, m_j) |A_i - M A_j M|^2         mirror images alike, M = diag(-1, 1, 1)
 
 while l falls from 0.6 to 0.05 and the limit from 0.25 to 0.06 of the diagonal. The residual of a fit is the mean of
@@ -27,7 +27,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from meshdeform.nouns.labels import Floats, LabelledMember
-from meshdeform.reading.affine_systems import AffineSystem, carried, mirror_matrix, tie_matrix, turned_normals
+from meshdeform.reading.affine_systems import AffineSystem, mapped, mirror_matrix, tie_matrix, turned_normals
 from meshdeform.reading.banks import candidate_member
 from meshdeform.reading.choice import Candidate, FrontFrame, box_scale, placed
 from meshdeform.reading.groups import Groups, groups_of
@@ -71,14 +71,14 @@ class AssetSamples:
     def __init__(self, frame: FrontFrame) -> None:
         mixed = np.random.default_rng(7).permutation(_SAMPLES)
         self.all = spread(frame.verts, frame.faces, _SAMPLES, 3).rows(mixed)
-        self.features = features(self.all.places, self.all.normals)
+        self.features = features(self.all.positions, self.all.normals)
         self.tree, self.rough_tree = cKDTree(self.features), cKDTree(self.features[:_ROUGH])
 
-    def at(self, rough: bool) -> tuple[Floats, Floats, Floats, cKDTree]:
-        """Return places, normals, features and their tree."""
+    def of_round(self, rough: bool) -> tuple[Floats, Floats, Floats, cKDTree]:
+        """Return points, normals, features and their tree."""
         count = _ROUGH if rough else _SAMPLES
         tree = self.rough_tree if rough else self.tree
-        return self.all.places[:count], self.all.normals[:count], self.features[:count], tree
+        return self.all.positions[:count], self.all.normals[:count], self.features[:count], tree
 
 
 def fit_candidate(asset: AssetSamples, frame: FrontFrame, candidate: Candidate) -> MemberFit:
@@ -93,11 +93,11 @@ def fit_candidate(asset: AssetSamples, frame: FrontFrame, candidate: Candidate) 
     system = _Articulated(groups_of(member), member, shown)
     for number in range(_ROUNDS):
         system.step(asset, number / (_ROUNDS - 1), rough=number < _ROUGH_ROUNDS)
-    return MemberFit(candidate, member.moved(system.carried(member.verts)), system.residual(asset), system.strain())
+    return MemberFit(candidate, member.moved(system.mapped(member.verts)), system.residual(asset), system.strain())
 
 
 def _surface_distance(x: Floats, normals: Floats, y: Floats, other_normals: Floats) -> Floats:
-    """Return the distance (N,) of places to the planes of the places y, which are samples some way apart."""
+    """Return the distance (N,) of points to the planes of the points y, which are samples some way apart."""
     apart = x - y
     across = (apart * other_normals).sum(1)
     along = np.sqrt(np.maximum(np.square(apart).sum(1) - across**2, 0))
@@ -110,33 +110,35 @@ class _Articulated:
 
     def __init__(self, groups: Groups, member: LabelledMember, samples: Samples) -> None:
         self.groups, count = groups, len(groups)
-        order = np.arange(len(samples.places))
-        self.own = groups.of_vert[member.faces[samples.faces, 0]][order]
-        self.h = groups.homogeneous(samples.places, self.own)
+        order = np.arange(len(samples.positions))
+        self.group_of = groups.of_vert[member.faces[samples.faces, 0]][order]
+        self.h = groups.homogeneous(samples.positions, self.group_of)
         self.rest_normals = samples.normals
         self.maps = np.zeros((count, 3, 4))
         self.maps[:, :, :3] = np.eye(3) * groups.radii[:, None, None]
         self.maps[:, :, 3] = groups.centres
-        self.mass = np.bincount(self.own, minlength=count) / max(len(self.own), 1)
+        self.mass = np.bincount(self.group_of, minlength=count) / max(len(self.group_of), 1)
         self.ties, self.mirror = self._ties(), mirror_matrix(count, groups.mirrored, self.mass)
         self.first = True
         self._move()
 
     def _move(self) -> None:
-        self.places = carried(self.maps, self.own, self.h)
-        self.normals = turned_normals(self.maps, self.own, self.rest_normals)
+        self.positions = mapped(self.maps, self.group_of, self.h)
+        self.normals = turned_normals(self.maps, self.group_of, self.rest_normals)
 
-    def carried(self, verts: Floats) -> Floats:
+    def mapped(self, verts: Floats) -> Floats:
         """Return the vertices of the member where the maps take them."""
         groups = self.groups.of_vert
-        return carried(self.maps, groups, self.groups.homogeneous(verts, groups))
+        return mapped(self.maps, groups, self.groups.homogeneous(verts, groups))
 
     def residual(self, asset: AssetSamples) -> float:
         """Return the mean distance of samples to the other surface, both ways, by the equation at the head."""
-        own = features(self.places, self.normals)
+        own = features(self.positions, self.normals)
         nearest, back = asset.tree.query(own)[1], cKDTree(own).query(asset.features)[1]
-        there = _surface_distance(self.places, self.normals, asset.all.places[nearest], asset.all.normals[nearest])
-        here = _surface_distance(asset.all.places, asset.all.normals, self.places[back], self.normals[back])
+        there = _surface_distance(
+            self.positions, self.normals, asset.all.positions[nearest], asset.all.normals[nearest]
+        )
+        here = _surface_distance(asset.all.positions, asset.all.normals, self.positions[back], self.normals[back])
         return float(there.mean() + here.mean()) / 2
 
     def strain(self) -> float:
@@ -156,14 +158,14 @@ class _Articulated:
         self._move()
 
     def _add_pairs(self, system: AffineSystem, asset: AssetSamples, limit: float, rough: bool) -> None:
-        y, n, asset_features, tree = asset.at(rough)
+        y, n, asset_features, tree = asset.of_round(rough)
         few = slice(None, _ROUGH) if rough else slice(None)
-        places, normals, own, h = self.places[few], self.normals[few], self.own[few], self.h[few]
-        mine = features(places, normals)
+        positions, normals, own, h = self.positions[few], self.normals[few], self.group_of[few], self.h[few]
+        mine = features(positions, normals)
         to_asset, to_member = tree.query(mine)[1], cKDTree(mine).query(asset_features)[1]
         source = np.concatenate([np.arange(len(mine)), to_member])
         target, normal = np.concatenate([y[to_asset], y]), np.concatenate([n[to_asset], n])
-        distance = np.linalg.norm(target - places[source], axis=1)
+        distance = np.linalg.norm(target - positions[source], axis=1)
         near = ((normal * normals[source]).sum(1) > 0.1) & (distance < 1.5 * limit)
         weight = near / (1 + (2 * distance / limit) ** 2)
         weight[: len(mine)] /= len(mine)
@@ -189,7 +191,7 @@ class _Articulated:
         """Return the matrix of the ties, which is the same in every round."""
         groups = self.groups
         ties = []
-        for i, j, place in groups.ties:
-            one, other = groups.homogeneous(np.stack([place, place]), np.array([i, j]))
+        for i, j, position in groups.ties:
+            one, other = groups.homogeneous(np.stack([position, position]), np.array([i, j]))
             ties.append((i, j, one, other, min(self.mass[i], self.mass[j]) + 0.02))
         return tie_matrix(len(groups), ties)

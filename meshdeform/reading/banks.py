@@ -48,7 +48,6 @@ __all__ = [
     "is_general",
     "members_with_parts",
     "pose_of",
-    "prepare",
 ]
 
 MEMBERS, SAMPLES = 110, 700
@@ -68,20 +67,20 @@ Attributes = tuple[Attribute, ...] | None
 """Those that members are to have; None where they have random ones."""
 _SMALL = ("labels", "limbs")
 _SHAPES = {
-    "places": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,),
+    "positions": (SAMPLES, 3), "normals": (SAMPLES, 3), "low": (3,), "high": (3,), "labels": (SAMPLES,),
     "limbs": (SAMPLES,),
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Bank:
-    """Samples of all M members of a noun, of N places each.
+    """Samples of all M members of a noun, of N points each.
 
-    `places` and `normals` (M, N, 3) float32, of the precision of float16 so that a file changes nothing; boxes `low`
-    and `high` (M, 3) float32. `labels` and `limbs` (M, N) uint8: the part and the limb (`nouns.limbs`) of each place.
+    `positions` and `normals` (M, N, 3) float32, of the precision of float16 so that a file changes nothing; boxes `low`
+    and `high` (M, 3) float32. `labels` and `limbs` (M, N) uint8: the part and the limb (`nouns.limbs`) of each point.
     """
 
-    places: Singles
+    positions: Singles
     normals: Singles
     low: Singles
     high: Singles
@@ -89,7 +88,7 @@ class Bank:
     limbs: Bytes
 
     def __len__(self) -> int:
-        return len(self.places)
+        return len(self.positions)
 
 
 def members_of(noun: str, attributes: Attributes) -> int:
@@ -138,7 +137,7 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
         return word_member(word, number, attributes or ())
     form, seed = form_of(noun, number, attributes), number // len(FORMS[noun]) + 1
     if attributes is not None:
-        return _wished(form, pose_of(noun, number, attributes), number, attributes)
+        return _member_of_form(form, pose_of(noun, number, attributes), number, attributes)
     if number >= MEMBERS:
         return drawn(form, (), np.random.default_rng([number, 74]))
     rng = np.random.default_rng([seed, 71])
@@ -158,7 +157,7 @@ def candidate_member(noun: str, number: int, attributes: Attributes = None) -> L
     return member
 
 
-def _wished(form: str, pose: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:
+def _member_of_form(form: str, pose: str, number: int, attributes: tuple[Attribute, ...]) -> LabelledMember:
     member = drawn(form, attributes, np.random.default_rng([number, 72]))
     return posed(member, pose, np.random.default_rng([number, 73])) if pose else member
 
@@ -172,36 +171,31 @@ def bank_of(noun: str, folder: Path | None = None, attributes: Attributes = None
 @lru_cache(maxsize=_IN_MEMORY)
 def _bank_of(noun: str, called: str, folder: Path | None, attributes: Attributes) -> Bank:
     """Return the bank of a noun; `called` tells it from others of the same noun."""
-    path = None if folder is None else folder / f"{_name(called, attributes)}-{MEMBERS_VERSION}.npz"
-    kept = None if path is None else _kept(path, members_of(noun, attributes))
-    if kept is not None:
-        return kept
-    bank = _drawn(noun, attributes)
+    path = None if folder is None else folder / f"{_file_stem(called, attributes)}-{MEMBERS_VERSION}.npz"
+    found = None if path is None else _read_bank(path, members_of(noun, attributes))
+    if found is not None:
+        return found
+    bank = _draw_bank(noun, attributes)
     if path is not None:
-        _keep(bank, path)
+        _write_bank(bank, path)
     return bank
 
 
-def prepare(noun: str, folder: Path | None = None) -> None:
-    """Draw the members of a noun, so that a later reading does not wait for it."""
-    bank_of(noun, folder)
-
-
-def _name(called: str, attributes: Attributes) -> str:
+def _file_stem(called: str, attributes: Attributes) -> str:
     """Return the name of the bank of a noun with attributes: `dog`, `dog+`, `dog+long_tail`; without hyphens."""
     if attributes is None:
         return called
     return f"{called}+" + "+".join(sorted(f"{each.degree}_{each.part}" for each in attributes))
 
 
-def _drawn(noun: str, attributes: Attributes) -> Bank:
+def _draw_bank(noun: str, attributes: Attributes) -> Bank:
     members = []
     for number in range(members_of(noun, attributes)):
         give_way()
         members.append(candidate_member(noun, number, attributes))
     samples = [spread(member.verts, member.faces, SAMPLES, 2) for member in members]
     mixed = np.random.default_rng(5).permutation(SAMPLES)  # so that the first few are spread as all are
-    places = np.stack([one.places[mixed] for one in samples])
+    positions = np.stack([one.positions[mixed] for one in samples])
     normals = np.stack([one.normals[mixed] for one in samples])
     low, high = (np.stack([bound(member.verts, axis=0) for member in members]) for bound in (np.min, np.max))
     labels, limbs = (
@@ -209,7 +203,7 @@ def _drawn(noun: str, attributes: Attributes) -> Bank:
         for of_faces in (lambda member: member.labels, limb_codes)
     )
     return Bank(
-        _single(places),
+        _single(positions),
         _single(normals),
         _single(low),
         _single(high),
@@ -223,7 +217,7 @@ def _single(array: Floats) -> Singles:
     return array.astype(np.float16).astype(np.float32)
 
 
-def _kept(path: Path, members: int) -> Bank | None:
+def _read_bank(path: Path, members: int) -> Bank | None:
     """Return the bank of a file; None if there is none, or it is damaged."""
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
@@ -240,7 +234,7 @@ def _kept(path: Path, members: int) -> Bank | None:
     return Bank(**{name: array if name in _SMALL else array.astype(np.float32) for name, array in arrays.items()})
 
 
-def _keep(bank: Bank, path: Path) -> None:
+def _write_bank(bank: Bank, path: Path) -> None:
     """Write a bank, and remove what is of other versions or too much; without room or leave, it is drawn again."""
     packed = io.BytesIO()
     arrays = {field.name: getattr(bank, field.name) for field in fields(Bank)}

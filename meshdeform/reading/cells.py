@@ -1,6 +1,6 @@
 """The faces of an asset as cells with areas, normals and neighbours; of a large mesh, groups of near faces.
 
-Up to `MOST_CELLS` faces, each is a cell. Of more, faces of one component and one place of a grid that face the same
+Up to `MOST_CELLS` faces, each is a cell. Of more, faces of one component and one cell of a grid that face the same
 way (the largest of six) are one; the grid is as fine as that number allows.
 """
 
@@ -14,8 +14,9 @@ from scipy.sparse import csgraph
 
 from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Flags, Floats, Index, solids_of
+from meshdeform.reading.samples import area_vectors
 
-__all__ = ["MOST_CELLS", "Cells", "cells_of", "ground_plate"]
+__all__ = ["MOST_CELLS", "Cells", "cells_of", "connected", "ground_plate", "neighbouring_faces"]
 
 MOST_CELLS = 30_000
 _COARSEST = 0.2
@@ -52,10 +53,9 @@ class Cells:
 
 def cells_of(verts: Floats, faces: Index) -> Cells:
     """Return the cells of a mesh whose box has a diagonal of about 1."""
-    corners = verts[faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses = area_vectors(verts, faces)
     areas = np.linalg.norm(crosses, axis=1) / 2
-    centres = corners.mean(1)
+    centres = verts[faces].mean(1)
     components = solids_of(Part(verts, faces))[faces[:, 0]]
     of_face = _clusters(centres, crosses, components, float(areas.sum()))
     count = int(of_face.max()) + 1
@@ -77,8 +77,8 @@ def _clusters(centres: Floats, crosses: Floats, components: Index, area: float) 
     side = np.sqrt(area / MOST_CELLS)
     while True:
         grid = np.floor((centres - centres.min(0)) / side).astype(np.int64)
-        place = np.ravel_multi_index(tuple(grid.T), tuple(grid.max(0) + 1))
-        key = (components * (int(place.max()) + 1) + place) * 6 + facing
+        cell = np.ravel_multi_index(tuple(grid.T), tuple(grid.max(0) + 1))
+        key = (components * (int(cell.max()) + 1) + cell) * 6 + facing
         number = np.unique(key, return_inverse=True)[1]
         if number.max() < MOST_CELLS or side > _COARSEST:
             return np.asarray(number, np.int64)
@@ -87,19 +87,27 @@ def _clusters(centres: Floats, crosses: Floats, components: Index, area: float) 
 
 def _links(verts: Floats, faces: Index, of_face: Index) -> tuple[Index, Floats]:
     """Return the pairs (E, 2) of neighbouring cells and the lengths (E,) of the edges between them."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
-    owner = np.tile(np.arange(len(faces)), 3)
-    key = edges[:, 0] * len(verts) + edges[:, 1]
-    order = np.argsort(key, kind="stable")
-    same = np.flatnonzero(np.diff(key[order]) == 0)
-    one, two, edge = owner[order[same]], owner[order[same + 1]], edges[order[same]]
-    pairs = np.sort(of_face[np.stack([one, two], 1)], 1)
+    neighbours, edge = neighbouring_faces(faces, len(verts))
+    pairs = np.sort(of_face[neighbours], 1)
     length = np.linalg.norm(verts[edge[:, 0]] - verts[edge[:, 1]], axis=1)
     across = pairs[:, 0] != pairs[:, 1]
     count = int(of_face.max()) + 1
     number, where = np.unique(pairs[across, 0] * count + pairs[across, 1], return_inverse=True)
     joined = np.bincount(where, length[across], len(number)).astype(float)
     return np.asarray(np.stack([number // count, number % count], 1), np.int64), joined
+
+
+def neighbouring_faces(faces: Index, verts: int) -> tuple[Index, Index]:
+    """Return the pairs (E, 2) of faces that share an edge, and the edges (E, 2), of a mesh of so many vertices.
+
+    Of more than two faces at one edge, each is a pair with the next.
+    """
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
+    owner = np.tile(np.arange(len(faces)), 3)
+    key = edges[:, 0] * verts + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = np.flatnonzero(np.diff(key[order]) == 0)
+    return np.stack([owner[order[same]], owner[order[same + 1]]], 1), edges[order[same]]
 
 
 def ground_plate(verts: Floats, faces: Index) -> Flags:
@@ -125,8 +133,7 @@ def ground_plate(verts: Floats, faces: Index) -> Flags:
     return flat[faces[:, 0]] if wider and standing[1] > _LEAST_HEIGHT * size[1] else np.zeros(len(faces), bool)
 
 
-def connected(count: int, links: Index, kept: Flags) -> Index:
-    """Return the number (C,) of the connected piece of each cell, by some of the links."""
-    rows = links[kept]
-    graph = sparse.csr_matrix((np.ones(len(rows)), (rows[:, 0], rows[:, 1])), shape=(count, count))
+def connected(count: int, pairs: Index) -> Index:
+    """Return the number (C,) of the connected group of each of `count` things, by the pairs (P, 2) that are joined."""
+    graph = sparse.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)

@@ -21,7 +21,7 @@ import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.banks import SAMPLES, Bank, Singles, bank_of, is_general, members_with_parts
-from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, features, spread
+from meshdeform.reading.samples import NORMAL_WEIGHT, Samples, area_vectors, features, spread
 
 __all__ = ["AssetMesh", "Candidate", "FrontFrame", "candidates", "facing", "nearness"]
 
@@ -33,14 +33,14 @@ _ENLARGED = 0.01
 
 
 class AssetMesh:
-    """An asset of any place, size and turn: `verts` (V, 3) float64 and `faces` (F, 3) int64, at least one."""
+    """An asset of any position, size and turn: `verts` (V, 3) float64 and `faces` (F, 3) int64, at least one."""
 
     def __init__(self, verts: Floats, faces: Index) -> None:
         self.verts, self.faces = verts, faces
 
     @cached_property
     def used(self) -> Floats:
-        """The places (U, 3) of the vertices that faces use."""
+        """The points (U, 3) of the vertices that faces use."""
         used = np.zeros(len(self.verts), bool)
         used[self.faces] = True
         return self.verts[used]
@@ -48,8 +48,7 @@ class AssetMesh:
     @cached_property
     def areas(self) -> Floats:
         """The areas (F,) of the faces."""
-        a, b, c = self.verts[self.faces].transpose(1, 0, 2)
-        return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+        return np.asarray(np.linalg.norm(area_vectors(self.verts, self.faces), axis=1) / 2)
 
     @cached_property
     def samples(self) -> Samples:
@@ -83,7 +82,7 @@ class FrontFrame:
     def features(self) -> Singles:
         """Features (N, 6) float32 of samples of the surface."""
         samples = self.surface.samples
-        return features(self._entered(samples.places), samples.normals @ self.turn.T).astype(np.float32)
+        return features(self._entered(samples.positions), samples.normals @ self.turn.T).astype(np.float32)
 
 
 def facing(azimuth_deg: float) -> Floats:
@@ -131,7 +130,7 @@ def candidates(frame: FrontFrame, noun: str, count: int, folder: Path | None = N
 def nearness(
     frames: Sequence[FrontFrame], noun: str, dearer: Sequence[float], folder: Path | None = None
 ) -> list[tuple[int, float, float]]:
-    """Return, for the two frames in which members of a noun are nearest, their place in `frames` and two grades.
+    """Return, for the two frames in which members of a noun are nearest, their index in `frames` and two grades.
 
     They are the grades of the nearest member, and of the nearest whose form no other noun has; `dearer`: what the
     grades of each frame are multiplied by when the two are chosen.
@@ -165,7 +164,7 @@ def _grade(frame: FrontFrame, bank: Bank, number: int, asset: Singles) -> float:
     normals = bank.normals[number, :few] / scale.astype(np.float32)
     normals *= NORMAL_WEIGHT / np.maximum(np.sqrt(np.einsum("nk,nk->n", normals, normals)), 1e-12)[:, None]
     own = np.empty((few, 6), np.float32)
-    own[:, :3], own[:, 3:] = placed(bank.places[number, :few].astype(float), low, high, scale, frame), normals
+    own[:, :3], own[:, 3:] = placed(bank.positions[number, :few].astype(float), low, high, scale, frame), normals
     squares = own @ (-2 * asset.T)  # all pairs: quicker than a tree for so few
     squares += np.einsum("nk,nk->n", asset, asset)
     squares += np.einsum("nk,nk->n", own, own)[:, None]

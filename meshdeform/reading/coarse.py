@@ -1,4 +1,4 @@
-"""Read a large mesh by a coarser one: vertices of a component in one place of a grid are one.
+"""Read a large mesh by a coarser one: vertices of a component in one cell of a grid are one.
 
 Source: Rossignac and Borrel 1993, Multi-resolution 3D approximations for rendering complex scenes.
 """
@@ -14,6 +14,7 @@ from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.labels import Floats, Index, solids_of
 from meshdeform.reading.evidence import Evidence
 from meshdeform.reading.result import NO_PART
+from meshdeform.reading.samples import area_vectors
 
 __all__ = ["MOST_FACES", "Coarse", "coarse"]
 
@@ -25,7 +26,7 @@ _MOST_JOINED = 2_000_000
 """Faces up to which components are told apart: that takes 200 bytes a face."""
 _MEASURED = 200_000
 _FINEST = 500
-"""Most places of the grid along the longest axis."""
+"""Most cells of the grid along the longest axis."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def coarse(body: Part, fewer: int = _FEWER) -> Coarse:
     low, longest = body.verts[used].min(0), float(np.ptp(body.verts[used], axis=0).max())
     side = max(float(np.sqrt(2 * _area(body.verts, faces) / fewer)), longest / _FINEST)
     while True:
-        of_vert = _places(body.verts, low, side, components)
+        of_vert = _cell_numbers(body.verts, low, side, components)
         corners = of_vert[faces]
         kept = np.flatnonzero(
             (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
@@ -87,12 +88,11 @@ def coarse(body: Part, fewer: int = _FEWER) -> Coarse:
 def _area(verts: Floats, faces: Index) -> float:
     """Return the area of a mesh, by some of its faces."""
     few = faces[:: max(len(faces) // _MEASURED, 1)]
-    a, b, c = verts[few].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).mean() / 2) * len(faces)
+    return float(np.linalg.norm(area_vectors(verts, few), axis=1).mean() / 2) * len(faces)
 
 
-def _places(verts: Floats, low: Floats, side: float, components: Index) -> NDArray[np.int32]:
-    """Return a number (V,) for each vertex that those of one component in one place of the grid have in common."""
+def _cell_numbers(verts: Floats, low: Floats, side: float, components: Index) -> NDArray[np.int32]:
+    """Return a number (V,) for each vertex that those of one component in one cell of the grid have in common."""
     grid = ((verts - low) / side).astype(np.int64).clip(0, 2 * _FINEST)
     key = ((components * (2 * _FINEST + 1) + grid[:, 0]) * (2 * _FINEST + 1) + grid[:, 1]) * (2 * _FINEST + 1) + grid[
         :, 2

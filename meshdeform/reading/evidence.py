@@ -135,7 +135,7 @@ def part_meant(name: str) -> str | None:
 
 
 def parts_told(evidence: Evidence, faces: Index, noun: str, present: Index) -> Index:
-    """Return the parts, places in `PART_NAMES`, that names tell, and joints where no part of their class is present.
+    """Return the parts, indices in `PART_NAMES`, that names tell, and joints where no part of their class is present.
 
     They are parts that nouns of its group have; `present`: the parts of the members.
     """

@@ -32,7 +32,7 @@ _RIGID = frozenset(_RIGID_NAMES.split())
 class Groups:
     """G groups of the solids of a member, which was placed in the asset's frame.
 
-    `of_vert` (V,) int64; `centres` (G, 3) and `radii` (G,) float64; `ties`: pairs of groups with the place (3,) where
+    `of_vert` (V,) int64; `centres` (G, 3) and `radii` (G,) float64; `ties`: pairs of groups with the point (3,) where
     they touch; `mirrored`: pairs of groups that are mirror images in the plane x = 0, a group may be its own.
     """
 
@@ -105,7 +105,7 @@ def _joined(member: LabelledMember, family: Index) -> Index:
 
 
 def _ties(points: list[Floats]) -> list[tuple[int, int, Floats]]:
-    """Return the pairs of groups that touch, with the middle of the places of the first that are near the second."""
+    """Return the pairs of groups that touch, with the middle of the points of the first that are near the second."""
     trees = [cKDTree(own) for own in points]
     ties = []
     for i, one in enumerate(trees):

@@ -38,14 +38,14 @@ _TEMPERATURE = 0.25
 Singles = NDArray[np.float32]
 
 
-def described(places: Floats, normals: Floats, low: Floats, high: Floats) -> Floats:
+def described(positions: Floats, normals: Floats, low: Floats, high: Floats) -> Floats:
     """Return the description (D,) of what faces +Z: samples (N, 3) with their normals, and the bounds of its box."""
     size = np.maximum(high - low, 1e-9)
     sides = np.sqrt(size * size.max())
-    at = ((places - (low + high) / 2) / sides + 0.5).clip(0, 1) * _GRID - 0.5
+    at = ((positions - (low + high) / 2) / sides + 0.5).clip(0, 1) * _GRID - 0.5
     first = np.floor(at).astype(np.int64)
     share = at - first
-    facing = np.square(normals) / np.maximum(np.square(normals).sum(1, keepdims=True), 1e-12) / len(places)
+    facing = np.square(normals) / np.maximum(np.square(normals).sum(1, keepdims=True), 1e-12) / len(positions)
     cells = np.zeros((int(np.prod(_GRID)), 3))
     for corner in np.ndindex(2, 2, 2):
         weight = np.where(corner, share, 1 - share).prod(1)
@@ -105,8 +105,8 @@ def nouns_alike(verts: Floats, faces: Index) -> Mapping[str, float]:
 
 
 def _of_frame(frame: FrontFrame) -> Floats:
-    places, normals = np.split(frame.features.astype(float), 2, axis=1)
-    return described(places, normals, frame.low, frame.high)
+    positions, normals = np.split(frame.features.astype(float), 2, axis=1)
+    return described(positions, normals, frame.low, frame.high)
 
 
 @cache

@@ -33,7 +33,7 @@ _DIGEST = 32
 class Reading:
     """What an asset was found to be.
 
-    `labels` (F,) int64: the part of each face, a place in `PART_NAMES`, or `GROUND`, or `NO_PART`. `confidence`: the
+    `labels` (F,) int64: the part of each face, an index in `PART_NAMES`, or `GROUND`, or `NO_PART`. `confidence`: the
     probability that each part is right, if the noun and the front are (`trust`). `turn` (3, 3) float64: the rotation
     from the asset's axes to those of its noun, +Y up and +Z the front; `front_margin`: by which share the second
     front's grade is larger, None where the front was given or the noun has none. `probabilities` are those of the nouns

@@ -69,7 +69,7 @@ def settled(soft: Floats, cells: Cells, codes: Index, single: Flags) -> Index:
     """
     best = soft.argmax(1)
     i, j = cells.links.T
-    segments = connected(len(cells), cells.links, codes[i] == codes[j])
+    segments = connected(len(cells), cells.links[codes[i] == codes[j]])
     parts = soft.shape[1]
     total = np.bincount(best, cells.areas, parts)
     votes = np.bincount(segments * parts + best, cells.areas, (int(segments.max()) + 1) * parts).reshape(-1, parts)
@@ -89,7 +89,7 @@ def _without_islands(best: Index, cells: Cells, single: Flags) -> Index:
     parts = len(single)
     i, j = cells.links.T
     same = best[i] == best[j]
-    pieces = connected(len(cells), cells.links, same)
+    pieces = connected(len(cells), cells.links[same])
     size = np.bincount(pieces, cells.areas)
     part = np.zeros(len(size), np.int64)
     part[pieces] = best

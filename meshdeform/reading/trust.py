@@ -33,7 +33,7 @@ def part_measures(
 ) -> dict[str, tuple[float, float]]:
     """Return c and a of each part that was found.
 
-    `soft` (C, P): smoothed probabilities of the parts, places in `PART_NAMES`; `each`: those of every fit alone;
+    `soft` (C, P): smoothed probabilities of the parts, indices in `PART_NAMES`; `each`: those of every fit alone;
     `best` (C,): the column of the part of each cell.
     """
     alone = [one.argmax(1) for one in each]

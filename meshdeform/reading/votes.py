@@ -1,12 +1,12 @@
 """Carry the parts of fitted members over to the cells of an asset.
 
-The cost of a part at a place is the distance of features to the nearest sample of that part on the fitted member's
-outside, with normals weighed 0.04; at a place inside another component of the asset, also to what is inside. The
+The cost of a part at a point is the distance of features to the nearest sample of that part on the fitted member's
+outside, with normals weighed 0.04; at a point inside another component of the asset, also to what is inside. The
 probability of a part is
 
     p = exp(-(cost - least cost) / 0.012), normalised,
 
-the mean over places of the cell, and over members, weighed exp(-(score - best score) / 0.003).
+the mean over points of the cell, and over members, weighed exp(-(score - best score) / 0.003).
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _NORMALS = 0.04
 TRUST = 0.003
 """Difference of scores, shares of the diagonal, that makes a member count less by e."""
 _SAMPLES, _NEAREST = 4000, 24
-_PLACES, _MOST_PLACES = 3000, 40
+_POINTS, _MOST_POINTS = 3000, 40
 
 
 def part_votes(verts: Floats, faces: Index, cells: Cells, fits: Sequence[MemberFit], parts: Index) -> Floats:
-    """Return the probability (M, C, P) of each of the parts, places in `PART_NAMES`, on each cell, by each fit."""
-    places, normals, of_cell = _places(verts, faces, cells)
-    asked = features(places, normals, _NORMALS)
-    inside = hidden(Samples(places, normals, of_cell, places), cells.components[of_cell])
+    """Return the probability (M, C, P) of each of the parts, indices in `PART_NAMES`, on each cell, by each fit."""
+    positions, normals, of_cell = _points_on(verts, faces, cells)
+    asked = features(positions, normals, _NORMALS)
+    inside = hidden(Samples(positions, normals, of_cell, positions), cells.components[of_cell])
     each = np.bincount(of_cell, minlength=len(cells))[:, None]
     votes = []
     for fit in fits:
@@ -51,7 +51,7 @@ def counted(votes: Floats, fits: Sequence[MemberFit]) -> Floats:
 
 
 def _likely(fit: MemberFit, asked: Floats, inside: Flags, parts: Index) -> Floats:
-    """Return the probability (N, P) of the parts at places, by one member; `inside`: those inside another component."""
+    """Return the probability (N, P) of the parts at points, by one member; `inside`: those inside another component."""
     member = fit.member
     samples = spread(member.verts, member.faces, _SAMPLES, 5)
     shown = ~hidden(samples, member.solid_of_face[samples.faces])
@@ -60,7 +60,7 @@ def _likely(fit: MemberFit, asked: Floats, inside: Flags, parts: Index) -> Float
     for rows, kept in ((~inside, np.flatnonzero(shown)), (inside, np.arange(len(shown)))):
         if not rows.any():
             continue
-        tree = cKDTree(features(samples.places[kept], samples.normals[kept], _NORMALS))
+        tree = cKDTree(features(samples.positions[kept], samples.normals[kept], _NORMALS))
         distance, near = tree.query(asked[rows], k=min(_NEAREST, len(kept)))
         own = np.full((len(near), len(parts)), np.inf)
         for k in range(near.shape[1] - 1, -1, -1):  # the nearest last, so that it stays
@@ -70,14 +70,14 @@ def _likely(fit: MemberFit, asked: Floats, inside: Flags, parts: Index) -> Float
     return np.asarray(likely / likely.sum(1, keepdims=True))
 
 
-def _places(verts: Floats, faces: Index, cells: Cells) -> tuple[Floats, Floats, Index]:
-    """Return places (N, 3) on the cells, more on large ones, their normals (N, 3) and the cell (N,) of each."""
+def _points_on(verts: Floats, faces: Index, cells: Cells) -> tuple[Floats, Floats, Index]:
+    """Return points (N, 3) on the cells, more on large ones, their normals (N, 3) and the cell (N,) of each."""
     share = cells.areas / cells.areas.sum()
-    count = np.clip(np.ceil(share * _PLACES), 1, _MOST_PLACES).astype(int)
+    count = np.clip(np.ceil(share * _POINTS), 1, _MOST_POINTS).astype(int)
     of_cell = np.repeat(np.arange(len(cells)), count)
     random = np.random.default_rng(0).random((len(of_cell), 2))
     random = np.where(random.sum(1, keepdims=True) > 1, 1 - random, random)
     shares = np.column_stack([1 - random.sum(1), random])
     shares[np.concatenate([[0], np.cumsum(count)[:-1]])] = 1 / 3
-    places = np.einsum("nk,nkj->nj", shares, verts[faces[cells.face[of_cell]]])
-    return places, cells.normals[of_cell], of_cell
+    positions = np.einsum("nk,nkj->nj", shares, verts[faces[cells.face[of_cell]]])
+    return positions, cells.normals[of_cell], of_cell

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from meshdeform.exemplar.clay import is_clay
 from meshdeform.exemplar.shapes import Shape
 from meshdeform.plain.body import Body
+from meshdeform.plain.reader import Reader
 from meshdeform.requests.choices import OrientationMode
 from meshdeform.requests.parameters import TARGET_PARTS
 from meshdeform.runs.base import RunInput
 from meshdeform.runs.facts import AssetFacts
 from meshdeform.runs.plain_change import source_body
-from meshdeform.runs.reading import SourceReader
 from meshdeform.vocabulary.grammar import ParsedPrompt, parse
 from meshdeform.vocabulary.solids import part_label
 
@@ -48,7 +48,7 @@ def believed_source(facts: AssetFacts, job_input: RunInput, verts: NDArray[np.fl
     parts = {part_label(each.part) for each in asked.attributes if each.part != "whole"}
     if described is None or not parts <= set(described.parts):
         return body
-    return replace(other, reader=SourceReader(lambda: replace(described, probabilities=reading.probabilities)))
+    return replace(other, reader=Reader(lambda: replace(described, probabilities=reading.probabilities)))
 
 
 def is_described(body: Body, noun: str | None) -> bool:

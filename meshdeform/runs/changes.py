@@ -63,7 +63,9 @@ def asked_changes(prompt: str, params: ResolvedParams) -> Sentence | None:
         of_part = changes is not None and changes.noun is None and not is_thing
         return changes if reading is None or of_part else _described(reading, changes)
     # Other models read free text: theirs is every prompt that names a thing.
-    return changes if changes is not None and changes.noun is None and changes.known and not is_thing else None
+    return (
+        changes if changes is not None and changes.noun is None and changes.names_known_parts and not is_thing else None
+    )
 
 
 def _names_thing(prompt: str) -> bool:
@@ -212,26 +214,26 @@ def parts_of(
 def find_parts_asked(task: dict[str, Any]) -> dict[str, Any]:
     """Return which part is missing, or all parts and what becomes of them, in the child."""
     with with_words(task):
-        return _found(task)
+        return _answer(task)
 
 
-def _found(task: dict[str, Any]) -> dict[str, Any]:
+def _answer(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.plain.change import missing_part
 
     asset, body, params = loaded(task)
     if "only_check" not in task:
-        return _parts(asset, body, task["prompt"], params, task["glb"])
+        return _parts_answer(asset, body, task["prompt"], params, task["glb"])
     sentence = asked_changes(task["prompt"], params)
     missing = None if sentence is None else missing_part(body, sentence)
     return {"missing": missing, "parts": [] if missing is None else part_names(body, params)}
 
 
-def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams, glb: PartsAs | None) -> dict[str, Any]:
+def _parts_answer(asset: Asset, body: Body, prompt: str, params: ResolvedParams, glb: PartsAs | None) -> dict[str, Any]:
     from meshdeform.plain.change import apply_changes, meant
     from meshdeform.plain.naming import find_parts
     from meshdeform.plain.pieces import PartMissingError
     from meshdeform.runs.parted import result_with_parts
-    from meshdeform.runs.reading import made, reading_document
+    from meshdeform.runs.reading import reading_document
 
     corners, read = body.vertex_map[asset.surface.triangles], partial(asked_changes, params=params)
     sentence = read(prompt)
@@ -265,6 +267,6 @@ def _parts(asset: Asset, body: Body, prompt: str, params: ResolvedParams, glb: P
     if glb is not None:
         document["result"] = result_with_parts(asset, document["result"], PartsAs(glb), body, found)
     # Parts that the file names need no reading.
-    reading = body.reader.reading if not prompt else made(body)
+    reading = body.reader.reading if not prompt else body.reader.made
     document["reading"] = reading_document(reading, params)
     return document

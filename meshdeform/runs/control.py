@@ -43,7 +43,7 @@ from meshdeform.runs.changes import parts_found
 from meshdeform.runs.reading import ReadingSource, reading_document, welded_body
 from meshdeform.runs.selectable import SelectableSurface
 from meshdeform.runs.surfaces import welded_surface
-from meshdeform.runs.text_deform_check import check_places
+from meshdeform.runs.text_deform_check import check_points
 
 _Flags = NDArray[np.bool_]
 _Floats = NDArray[np.float64]
@@ -148,8 +148,8 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: CameraFr
     `surface`: in the file's units; `mesh`: the welded mesh in the cameras' frame.
     """
     verts = surface.mesh.verts
-    check_places(params, {"asset": (verts.min(0).tolist(), verts.max(0).tolist())})
-    kept, regions = _kept(params.regions, surface)
+    check_points(params, {"asset": (verts.min(0).tolist(), verts.max(0).tolist())})
+    kept, regions = _kept_verts(params.regions, surface)
     bodies = select_bodies(params.rigid, surface)
     partners = _partners(params.symmetry, surface.mesh)
     kept = _completed(kept, bodies, partners, surface.mesh)
@@ -168,7 +168,9 @@ def read_control(params: ResolvedParams, surface: WeldedSurface, frame: CameraFr
     return AssetControl(constraints, bodies, regions, partners)
 
 
-def _kept(regions: Sequence[selection.RegionParams], surface: WeldedSurface) -> tuple[_Flags, list[dict[str, Any]]]:
+def _kept_verts(
+    regions: Sequence[selection.RegionParams], surface: WeldedSurface
+) -> tuple[_Flags, list[dict[str, Any]]]:
     """Return flags (V,) of the vertices that the regions keep, and what each region selects."""
     faces = surface.mesh.faces
     kept, allowed = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
@@ -256,12 +258,12 @@ def _held_point(
             detail = f"handle {number}: no triangle has the vertex {item.vertex}."
             raise _refusal("handles", detail, f"The asset's vertices are 0 to {len(sources) - 1}.", number)
         return (int(sources[item.vertex]),), (1.0,)
-    places = NearestPlaces(surface.mesh, np.array([item.position], np.float64), np.zeros((1, 3)))
-    return tuple(int(corner) for corner in places.corners[0]), tuple(float(share) for share in places.weights[0])
+    nearest = NearestPlaces(surface.mesh, np.array([item.position], np.float64), np.zeros((1, 3)))
+    return tuple(int(corner) for corner in nearest.corners[0]), tuple(float(share) for share in nearest.weights[0])
 
 
-def _refusal(name: str, detail: str, advice: str, *place: int) -> ParameterError:
-    return ParameterError.at(["params", "control", name, *place], f"params.control.{name}: {detail}", advice)
+def _refusal(name: str, detail: str, advice: str, *index: int) -> ParameterError:
+    return ParameterError.at(["params", "control", name, *index], f"params.control.{name}: {detail}", advice)
 
 
 def control_report(
@@ -273,9 +275,9 @@ def control_report(
     """
     before, after = source.surface.positions, result.surface.positions
     diagonal = float(np.linalg.norm(np.ptp(welded.mesh.verts, axis=0)))
-    places = welded.mesh.verts.copy()
+    positions = welded.mesh.verts.copy()
     used = np.flatnonzero(welded.vertex_map >= 0)
-    places[welded.vertex_map[used]] = after[used]
+    positions[welded.vertex_map[used]] = after[used]
     report: dict[str, Any] = {}
     kept = control.constraints.kept
     if kept is not None:
@@ -287,15 +289,17 @@ def control_report(
             "max_moved": float(np.abs(after[rows] - before[rows]).max(initial=0.0)) / diagonal,
         }
     if control.constraints.handles:
-        report["handles"] = _handles(control, frame, places, diagonal)
+        report["handles"] = _handles_report(control, frame, positions, diagonal)
     if params.symmetry != "none":
-        report["symmetry"] = _symmetry(control, welded.mesh, places, diagonal)
+        report["symmetry"] = _symmetry_report(control, welded.mesh, positions, diagonal)
     return report
 
 
-def _handles(control: AssetControl, frame: CameraFrame, places: _Floats, diagonal: float) -> list[dict[str, Any]]:
+def _handles_report(
+    control: AssetControl, frame: CameraFrame, positions: _Floats, diagonal: float
+) -> list[dict[str, Any]]:
     handles = control.constraints.handles
-    reached = handle_rows(handles, len(places)) @ places
+    reached = handle_rows(handles, len(positions)) @ positions
     goals = np.stack([handle.goal for handle in handles]) / frame.scale + frame.centre
     missing = np.linalg.norm(reached - goals, axis=1) / diagonal
     return [
@@ -304,12 +308,12 @@ def _handles(control: AssetControl, frame: CameraFrame, places: _Floats, diagona
     ]
 
 
-def _symmetry(control: AssetControl, mesh: RestMesh, places: _Floats, diagonal: float) -> dict[str, Any]:
+def _symmetry_report(control: AssetControl, mesh: RestMesh, positions: _Floats, diagonal: float) -> dict[str, Any]:
     if control.partners is None:
         closest = min((find_partners(mesh, axis) for axis in range(3)), key=lambda partners: partners.unmatched)
         return {"axis": None, "closest": "xyz"[closest.axis], "unmatched_vertices": closest.unmatched}
     axis, partner = control.partners.axis, control.partners.partner
-    moved = places - mesh.verts
+    moved = positions - mesh.verts
     mirrored = moved[partner]
     mirrored[:, axis] *= -1
     return {

@@ -47,22 +47,21 @@ class Costs:
     # Seconds of start and end, and those that each 100,000 faces add
     once: float = 1.0
     faces: float = 0.0
-    # Seconds of a step; those that a safeguard adds on 10,000 faces, by the root of their number; those that it adds if
-    # the asset has several meshes; and those that each 100,000 faces add where none of them is simplified
+    # Seconds of a step; those that a safeguard adds on 10,000 faces, by the root of their number; and those that it
+    # adds if the asset has several meshes
     step: float = 1.0
     guard: float = 0.0
     parts: float = 0.0
-    step_faces: float = 0.0
 
     def seconds(self, faces: int | None, parts: int | None, safeguard: str | None) -> Seconds:
         """Return the cost of a job with a mesh of so many faces and parts, None where unknown."""
         large, guarded, several = features(faces, parts, safeguard)
-        of_step = self.step + guarded * self.guard + several * self.parts + large * self.step_faces
+        of_step = self.step + guarded * self.guard + several * self.parts
         return Seconds(self.once + large * self.faces, of_step)
 
 
 def features(faces: int | None, parts: int | None, safeguard: str | None) -> tuple[float, float, float]:
-    """Return the factors of `Costs.faces` (and of `step_faces`), `guard` and `parts`."""
+    """Return the factors of `Costs.faces`, `guard` and `parts`."""
     count = _USUAL_FACES if faces is None else faces
     guarded = safeguard not in (None, Safeguard.NONE)
     deformed = _DEFORMED_FACES if count > _LARGE else count

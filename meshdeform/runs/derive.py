@@ -93,7 +93,7 @@ class DerivedInput:
 
     @property
     def size(self) -> int:
-        """The bytes of both files."""
+        """The number of bytes of both files."""
         return self.source.stat().st_size + self.result.stat().st_size
 
 

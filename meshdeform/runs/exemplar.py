@@ -28,11 +28,10 @@ from meshdeform.assets import load_asset
 from meshdeform.deformation.checkpoint import Checkpoint, dump_checkpoint, fingerprint, load_checkpoint, load_shape
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.mending import Mended
-from meshdeform.exemplar.outlines import Outlines, outlines_of
+from meshdeform.exemplar.outlines import outlined, outlines_of
 from meshdeform.exemplar.outlook import FitOutlook, outlook
 from meshdeform.exemplar.shapes import FitFrame as ExemplarFrame
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
-from meshdeform.exemplar.smooth_fit import CodedSurface, smooth_fit
 from meshdeform.exemplar.symmetry import symmetry_axes
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
@@ -163,14 +162,14 @@ class ExemplarRun(ShapeRun):
                 seconds[stage.name] = seconds.get(stage.name, 0.0) + time.perf_counter() - began
                 if stage.verts is not None and (own.binding is None or stage.share == 1):
                     self._moves[number] = own.followed(stage.verts) - self._body.points
-                yield from self._until(int((number + stage.share) * STEPS))
+                yield from self._steps_until(int((number + stage.share) * STEPS))
                 began = time.perf_counter()
             self._fits.append(Fit(prompt, fit.result, seconds))
         self._result = self._whole()
         while self.step < self.total_steps:
             yield {}
 
-    def _until(self, step: int) -> Iterator[dict[str, float]]:
+    def _steps_until(self, step: int) -> Iterator[dict[str, float]]:
         """Yield until so many steps are done, but for the last one, before which all is mended."""
         while self.step < min(step, self.total_steps - 1):
             yield {}
@@ -238,8 +237,7 @@ class ExemplarRun(ShapeRun):
         now = frame.enter(verts)
         outlines = outlines_of(views, frame.enter(body.points), body.faces, frame.turn)
         planes = symmetry_axes((now, body.faces), (now, body.faces))
-        surface, pulls = CodedSurface.alike(now, body.faces), [Outlines(now, body.faces, outlines)]
-        return frame.leave(smooth_fit(surface, CodedSurface.nothing(), planes=planes, pulls=pulls))
+        return frame.leave(outlined(now, body.faces, outlines, planes=planes))
 
     def _blended(self) -> _Floats:
         """Return the vertices (V, 3) that the fits have moved so far, each prompt by its share, within the controls."""

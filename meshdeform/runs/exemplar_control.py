@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.deformation.constraints import handle_rows
 from meshdeform.exemplar.faults import Faults
-from meshdeform.exemplar.mending import MOST_CUTTING, Mended, mended
+from meshdeform.exemplar.mending import Mended, mended
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.rendering.cameras import CameraFrame
@@ -71,9 +71,9 @@ class FitControls:
         for number in range(_TRIES):
             tried = self._rigid(self._rest + kept[:, None] * (within - self._rest))
             found = faults.find(tried)
-            if found.clean(MOST_CUTTING):
+            if found.is_clean:
                 break
-            kept = kept * self._taken_back(np.unique(self._faces[found.to_mend(MOST_CUTTING)]), number)
+            kept = kept * self._taken_back(np.unique(self._faces[found.to_mend]), number)
         whole = float(np.linalg.norm(verts - self._rest, axis=1).sum())
         lost = float(np.linalg.norm(verts - tried, axis=1).sum())
         left = 1 - lost / whole if whole > 0 else 1.0

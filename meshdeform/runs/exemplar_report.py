@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from meshdeform.exemplar.mending import Mended
@@ -12,7 +11,6 @@ from meshdeform.exemplar.outlook import FitOutlook
 from meshdeform.exemplar.shapes import ExemplarResult
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.runs.base import RunLog
-from meshdeform.runs.control import control_report
 from meshdeform.runs.facts import GuidedFacts, Held, Outcome
 from meshdeform.runs.fits import TargetFit
 from meshdeform.runs.kept_structure import kept_structure
@@ -21,7 +19,7 @@ from meshdeform.runs.reading import reading_report
 from meshdeform.runs.recognition import Recognition
 from meshdeform.runs.text_report import (
     common_members,
-    kept_shapes,
+    guided_report,
     measure_movement,
     measured_result,
     rig_warnings,
@@ -110,7 +108,7 @@ def exemplar_report(
             moved=movement.rms,
             distortion=quality["symmetric_dirichlet_mean"] or 1.0,
         )
-        taken = _taken(facts, fits)
+        taken = _target_part(facts, fits)
         compared = _comparisons(facts, fits, outcome, shape, min(kept), taken)
         if compared["verdict"]["value"] != Verdict.GOOD:
             compared["verdict"] = as_foreseen(compared["verdict"], foresee())
@@ -135,15 +133,10 @@ def exemplar_report(
         "resumed_from_step": 0,
         "seconds": {name: round(seconds, 4) for name, seconds in log.seconds.items()},
     }
-    if asset.rig():
-        report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
-    if facts.control.bodies:
-        report["rigid"] = kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
-    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
-    return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+    return guided_report(report, facts, outcome.written, compared)
 
 
-def _taken(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:
+def _target_part(facts: ExemplarFacts, fits: Sequence[Fit]) -> str | None:
     """Return the part of the target to which the asset was fitted; None if there was none."""
     return list(facts.targets)[int(str(fits[0].result.member["target"]))] if facts.targets else None
 
@@ -175,11 +168,11 @@ def _comparisons(
         else:
             result = fits[0].result
             verdicts.append(of_shape_alone(result.distance / max(result.distance_before, 1e-9), shape))
-    verdicts.append(of_exemplars(kept, shape, _left(fits)))
+    verdicts.append(of_exemplars(kept, shape, _distance_left(fits)))
     return {**compared, "verdict": worst(verdicts)}
 
 
-def _left(fits: Sequence[Fit]) -> float | None:
+def _distance_left(fits: Sequence[Fit]) -> float | None:
     """Return the share of the distance that is left of a single fit of parts; None of others."""
     result = fits[0].result
     if len(fits) > 1 or result.member.get("way") in ("mould", "target") or not result.distance_before:

@@ -25,7 +25,7 @@ from meshdeform.requests.choices import AlignMode
 from meshdeform.requests.document import ResolvedParams
 from meshdeform.requests.parameters import SILHOUETTE_PARTS
 from meshdeform.requests.selection import Place
-from meshdeform.runs.text_deform_check import check_places, check_vertex
+from meshdeform.runs.text_deform_check import check_points, check_vertex
 
 __all__ = ["SilhouetteFit", "TargetFit"]
 
@@ -91,11 +91,11 @@ class TargetFit:
         """
         surface = target.surface
         goal = weld(surface.positions, surface.triangles).mesh
-        check_places(params, {"target": target.summary.bounds})
+        check_points(params, {"target": target.summary.bounds})
         landmarks = tuple(
             Landmark(
-                _place(pair.source, asset.surface.positions, number, "source"),
-                _place(pair.target, surface.positions, number, "target"),
+                _point_of(pair.source, asset.surface.positions, number, "source"),
+                _point_of(pair.target, surface.positions, number, "target"),
             )
             for number, pair in enumerate(params.landmarks)
         )
@@ -141,11 +141,11 @@ def _silhouette_overlap(mesh: TriangleMesh, target: TriangleMesh) -> float:
     return float((ours & theirs).sum() / max((ours | theirs).sum(), 1))
 
 
-def _place(place: Place, positions: _Floats, number: int, name: str) -> _Floats:
-    if not isinstance(place, int):
-        return np.array(place, np.float64)
-    check_vertex(("guidance", "landmarks", number, name), place, len(positions))
-    return np.asarray(positions[place])
+def _point_of(given: Place, positions: _Floats, number: int, name: str) -> _Floats:
+    if not isinstance(given, int):
+        return np.array(given, np.float64)
+    check_vertex(("guidance", "landmarks", number, name), given, len(positions))
+    return np.asarray(positions[given])
 
 
 def _entered(frame: CameraFrame, point: _Floats) -> _Floats:

@@ -52,7 +52,7 @@ def score_distillation(
 
 @dataclass(frozen=True)
 class Goal:
-    """Goal of a run."""
+    """What an optimised run works towards: a guidance, and what its result is compared with."""
 
     prompt: str  # with which the result is compared; empty for a target, and if each prompt has a region
     guidance: Guidance
@@ -63,7 +63,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class GoalSource:
-    """Ingredients of a goal."""
+    """What a goal is made of: the asset, its mesh and the request."""
 
     asset: Asset
     world: TriangleMesh  # the asset's welded mesh in its world
@@ -102,9 +102,9 @@ def _pictured(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, jo
     """Return the guidance of prompts, of pictures, or of both."""
     pictures = job_input.silhouettes
     if params.guidance is GuidanceKind.SILHOUETTES and pictures is not None:
-        return _alone(pictures, job_input.device)
+        return _by_pictures_alone(pictures, job_input.device)
     guidance = _prompted(prompt, params, job_input.prior)
-    return guidance if pictures is None else _beside(guidance, pictures, job_input.device)
+    return guidance if pictures is None else _with_pictures(guidance, pictures, job_input.device)
 
 
 def _prompted(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, prior: Prior | None) -> Guidance:
@@ -115,14 +115,14 @@ def _prompted(prompt: str | Sequence[WeightedPrompt], params: ResolvedParams, pr
     return score_distillation(prior, prompt, params)
 
 
-def _beside(guidance: Guidance, pictures: SilhouetteFit, device: str) -> Guidance:
+def _with_pictures(guidance: Guidance, pictures: SilhouetteFit, device: str) -> Guidance:
     """Return a guidance by pictures beside another one."""
     identity = {**guidance.identity, "silhouettes_sha256": pictures.sha256}
     term = SilhouetteTerm(pictures.views, device=device)
     return BesideSilhouettes(guidance, term, pictures.params.silhouette_weight, identity)
 
 
-def _alone(pictures: SilhouetteFit, device: str) -> Guidance:
+def _by_pictures_alone(pictures: SilhouetteFit, device: str) -> Guidance:
     """Return the guidance by pictures alone."""
     identity = {"id": "silhouettes", "revision": "", "sha256": pictures.sha256}
     term = SilhouetteTerm(pictures.views, device=device)

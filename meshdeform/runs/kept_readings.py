@@ -73,29 +73,29 @@ class Unkept:
 
 
 class Several:
-    """Several places: the first that has a reading counts, and all get what is new."""
+    """Several of these: the first that has a reading counts, and all get what is new."""
 
-    def __init__(self, *places: Readings) -> None:
-        self._places = places
+    def __init__(self, *stores: Readings) -> None:
+        self._stores = stores
 
     @property
     def samples(self) -> Path | None:
-        """The folder of the first place that has one."""
-        return next((place.samples for place in self._places if place.samples is not None), None)
+        """The folder of the first that has one."""
+        return next((store.samples for store in self._stores if store.samples is not None), None)
 
     def get(self, key: str) -> bytes | None:
-        """Return what the first place has, and keep it in those before."""
-        for number, place in enumerate(self._places):
-            if (data := place.get(key)) is not None:
-                for before in self._places[:number]:
+        """Return what the first has that has it, and keep it in those before."""
+        for number, store in enumerate(self._stores):
+            if (data := store.get(key)) is not None:
+                for before in self._stores[:number]:
                     before.put(key, data)
                 return data
         return None
 
     def put(self, key: str, data: bytes) -> None:
-        """Keep bytes in all places."""
-        for place in self._places:
-            place.put(key, data)
+        """Keep bytes in all of them."""
+        for store in self._stores:
+            store.put(key, data)
 
 
 class FolderReadings:

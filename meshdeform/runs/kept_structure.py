@@ -59,16 +59,9 @@ def broken(
 
     `excused`: figures that do not count; `tolerated`: by which factor a figure may exceed its limit.
     """
-    return [_SENTENCES[name].format(structure[name]) for name in _beyond(structure, excused, tolerated)]
-
-
-def _beyond(
-    structure: Mapping[str, Any], excused: Collection[str] = (), tolerated: Mapping[str, float] | None = None
-) -> list[str]:
-    """Return the figures that are beyond their limits."""
     factors = tolerated or {}
     return [
-        name
+        _SENTENCES[name].format(structure[name])
         for name, limit in LIMITS.items()
         if name not in excused and (structure.get(name) or 0.0) > limit * factors.get(name, 1.0)
     ]

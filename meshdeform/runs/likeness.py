@@ -46,9 +46,9 @@ def prompt_reports(
             within[corners[faces].ravel()] = True
             report["moved"] = {"inside": _rms(moved[within]), "outside": _rms(moved[~within])}
         if compare is not None:
-            report["likeness"] = likeness = compare(mesh if faces is None else _part(mesh, faces), each.prompt)
+            report["likeness"] = likeness = compare(mesh if faces is None else _submesh(mesh, faces), each.prompt)
             if faces is not None and likeness is not None:
-                likeness["before"] = before(compare(_part(rest, faces), each.prompt))
+                likeness["before"] = before(compare(_submesh(rest, faces), each.prompt))
         reports.append(report)
     return reports
 
@@ -57,7 +57,7 @@ def _rms(squares: _Floats) -> float:
     return float(np.sqrt(squares.mean())) if len(squares) else 0.0
 
 
-def _part(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
+def _submesh(mesh: TriangleMesh, faces: _Flags) -> TriangleMesh:
     """Return some faces of a mesh as a mesh of their own."""
     used, corners = np.unique(mesh.faces[faces], return_inverse=True)
     return TriangleMesh(mesh.verts[used], corners.reshape(-1, 3).astype(np.int64))

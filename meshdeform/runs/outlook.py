@@ -42,10 +42,10 @@ def outlook_of(
 def find_outlook(task: dict[str, Any]) -> dict[str, Any]:
     """Return the outlook of a task of `ask_about`, in the child."""
     with with_words(task):
-        return _found(task)
+        return _answer(task)
 
 
-def _found(task: dict[str, Any]) -> dict[str, Any]:
+def _answer(task: dict[str, Any]) -> dict[str, Any]:
     from meshdeform.exemplar.outlook import outlook
     from meshdeform.exemplar.shapes import Shape, Wish, frame_of
     from meshdeform.plain.read_parts import ReadParts

@@ -19,7 +19,7 @@ from meshdeform.runs.changes import check_change, is_change, part_names, part_no
 from meshdeform.runs.delivery import NewShape
 from meshdeform.runs.facts import AssetFacts, Outcome
 from meshdeform.runs.kept_readings import Readings
-from meshdeform.runs.reading import ReadingSource, made, reshaped, welded_body
+from meshdeform.runs.reading import ReadingSource, reshaped, welded_body
 from meshdeform.runs.shape_run import ShapeRun
 from meshdeform.runs.surfaces import DeformedSurface, affine_surface, deformed_surface, vertex_jacobians
 from meshdeform.runs.text_report import change_report
@@ -48,11 +48,11 @@ def start_change(facts: AssetFacts, body: Body, sentence: Sentence, log: RunLog)
         try:
             changed, done = apply_changes(body, meant(body, sentence))
         except PartMissingError as missing:
-            reading = made(body) if facts.params.source_noun is None else None
+            reading = body.reader.made if facts.params.source_noun is None else None
             taken_for = "" if reading is None else reading.noun
             raise part_not_found(str(missing), part_names(body, facts.params), taken_for) from missing
         verts = facts.welded.mesh.verts + (changed.points - body.points)
-    return PlainChangeRun(facts, verts, done, made(body), sentence, log)
+    return PlainChangeRun(facts, verts, done, body.reader.made, sentence, log)
 
 
 class PlainChangeRun(ShapeRun):
@@ -108,10 +108,10 @@ class PlainChangeRun(ShapeRun):
         )
 
     def _new_shape(self) -> NewShape:
-        return self._made
+        return self._shape
 
     @cached_property
-    def _made(self) -> NewShape:
+    def _shape(self) -> NewShape:
         jacobians = None
         if self._follows and self._affine is not None:
             _, jacobians = self._moved_as_one

@@ -24,18 +24,18 @@ from meshdeform.runs.base import InputFile, JobRun, RunInput
 from meshdeform.runs.kept_readings import FolderReadings
 from meshdeform.runs.reading import reading_document
 from meshdeform.runs.shape_run import ShapeRun
-from meshdeform.runs.word_pins import KnowingRun
+from meshdeform.runs.word_pins import RunWithWords
 from meshdeform.support.giving_way import stopped_by
 from meshdeform.support.recent import Recent
 
 __all__ = ["make_preview", "positions_of"]
 
 _MOST, _MOST_BYTES = 64, 128 * 2**20
-_recent: Recent[_Made] = Recent(_MOST, _MOST_BYTES)
+_recent: Recent[_Preview] = Recent(_MOST, _MOST_BYTES)
 
 
 @dataclass(frozen=True)
-class _Made:
+class _Preview:
     """A result: its GLB, whether it is a change in plain words or a draft, its exemplar, losses, and the reading."""
 
     glb: bytes
@@ -59,20 +59,20 @@ def make_preview(task: dict[str, Any], stopped: Callable[[], bool]) -> dict[str,
             raise StoppedError
 
     with stopped_by(check):
-        return _answered(task, check)
+        return _write_previews(task, check)
 
 
-def _answered(task: dict[str, Any], check: Callable[[], None]) -> dict[str, bool]:
+def _write_previews(task: dict[str, Any], check: Callable[[], None]) -> dict[str, bool]:
     files = {
         name: InputFile(Path(each["path"]).read_bytes(), each["filename"], each["sha256"])
         for name, each in task["files"].items()
     }
     readings = FolderReadings(Path(task["readings"]))
     readings.samples = None if task["samples"] is None else Path(task["samples"])
-    made: list[_Made] = []
+    made: list[_Preview] = []
     for seed in task["seeds"]:
         same = made and made[0].change and task["as"] != "glb"  # seeds are nothing to a change
-        made.append(made[0] if same else _made(task, seed, files, readings, check))
+        made.append(made[0] if same else _preview(task, seed, files, readings, check))
     target = Path(task["result"])
     if task["as"] == "glb":
         target.write_bytes(made[0].glb)
@@ -86,9 +86,9 @@ def _answered(task: dict[str, Any], check: Callable[[], None]) -> dict[str, bool
     return {"draft": draft}
 
 
-def _made(
+def _preview(
     task: dict[str, Any], seed: int, files: dict[str, InputFile], readings: FolderReadings, check: Callable[[], None]
-) -> _Made:
+) -> _Preview:
     request, resolved = (json.loads(json.dumps(task[name])) for name in ("request", "resolved"))
     request.setdefault("params", {})["seed"] = resolved["seed"] = seed
     digests = {name: [file.digest, file.filename] for name, file in files.items()}
@@ -109,18 +109,18 @@ def _made(
     run = text_deform.start(given)
     for _ in run:
         check()
-    made = _as_made(run, resolved)
+    made = _preview_of(run, resolved)
     _recent.put((key, made.draft), made, len(made.glb))
     return made
 
 
-def _as_made(run: JobRun, resolved: dict[str, Any]) -> _Made:
+def _preview_of(run: JobRun, resolved: dict[str, Any]) -> _Preview:
     """Return the result of a run."""
-    own = run.run if isinstance(run, KnowingRun) else run
+    own = run.run if isinstance(run, RunWithWords) else run
     assert isinstance(own, ShapeRun)
     reading = reading_document(own.reading, ResolvedParams.model_validate(resolved))
     member = own.members[0] if own.members else {}
-    return _Made(run.snapshot().data, run.total_steps == 0, own.is_draft, member, own.warnings, reading)
+    return _Preview(run.snapshot().data, run.total_steps == 0, own.is_draft, member, own.warnings, reading)
 
 
 def positions_of(glb: bytes) -> list[PrimitivePositions]:

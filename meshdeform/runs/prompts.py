@@ -74,26 +74,26 @@ def read_prompts(
     # Their numbers in the request, for errors.
     numbers = [None] * bool(prompt) + [n for n, each in enumerate(params.prompts) if each.weight > 0]
     faces = [
-        None if number is None or not each.regions else _pulled(number, each, surface, control)
+        None if number is None or not each.regions else _faces_pulled(number, each, surface, control)
         for number, each in zip(numbers, active, strict=True)
     ]
     faces = [None if flags is not None and flags.all() else flags for flags in faces]
     if all(flags is None for flags in faces):
         scale = max(1.0, sum(each.weight for each in active))
         return Prompts(active, faces, [WeightedPrompt(each.prompt, each.weight / scale) for each in active])
-    masks, groups = _grouped(faces)
+    masks, groups = _distinct_regions(faces)
     falloff = params.falloff * float(np.linalg.norm(np.ptp(mesh.verts, axis=0)))
-    pulls = [np.ones(len(mesh.faces)) if mask is None else _pull(mesh, mask, falloff) for mask in masks]
+    pulls = [np.ones(len(mesh.faces)) if mask is None else _pull_of_faces(mesh, mask, falloff) for mask in masks]
     total = sum(each.weight * pulls[group] for each, group in zip(active, groups, strict=True))
     shares = [pull / np.maximum(1.0, total) for pull in pulls]
     texts = [WeightedPrompt(each.prompt, each.weight, group) for each, group in zip(active, groups, strict=True)]
     return Prompts(active, faces, texts, shares)
 
 
-def _pulled(number: int, prompt: WeightedPromptParams, surface: WeldedSurface, control: AssetControl) -> _Flags:
+def _faces_pulled(number: int, prompt: WeightedPromptParams, surface: WeldedSurface, control: AssetControl) -> _Flags:
     """Return flags (F,) of the faces that a prompt with regions pulls at."""
-    place = ("guidance", "prompts", number, "regions")
-    pulled = np.any([surface.faces(place, at, region) for at, region in enumerate(prompt.regions)], axis=0)
+    path = ("guidance", "prompts", number, "regions")
+    pulled = np.any([surface.faces(path, index, region) for index, region in enumerate(prompt.regions)], axis=0)
     flags = np.asarray(~pulled if prompt.outside else pulled)
     if control.partners is not None:
         flags = flags | _mirrored(flags, surface.mesh, control.partners.axis)
@@ -114,25 +114,23 @@ def _mirrored(flags: _Flags, mesh: RestMesh, axis: int) -> _Flags:
     return np.asarray(flags[cKDTree(middles).query(images)[1]])
 
 
-def _grouped(faces: Sequence[_Flags | None]) -> tuple[list[_Flags | None], list[int]]:
+def _distinct_regions(faces: Sequence[_Flags | None]) -> tuple[list[_Flags | None], list[int]]:
     """Return the different regions, and the number of each prompt's among them."""
     grouped: list[_Flags | None] = []
     groups = []
     for flags in faces:
-        group = next((n for n, other in enumerate(grouped) if _same(flags, other)), len(grouped))
+        group = next((n for n, other in enumerate(grouped) if _same_region(flags, other)), len(grouped))
         if group == len(grouped):
             grouped.append(flags)
         groups.append(group)
     return grouped, groups
 
 
-def _same(one: _Flags | None, other: _Flags | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return bool(np.array_equal(one, other))
+def _same_region(one: _Flags | None, other: _Flags | None) -> bool:
+    return one is other if one is None or other is None else np.array_equal(one, other)
 
 
-def _pull(mesh: RestMesh, flags: _Flags, falloff: float) -> _Floats:
+def _pull_of_faces(mesh: RestMesh, flags: _Flags, falloff: float) -> _Floats:
     """Return how much of each face (F,) a prompt pulls at."""
     faces = mesh.faces
     outside = np.zeros(len(mesh.verts), bool)

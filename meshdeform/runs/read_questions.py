@@ -112,9 +112,9 @@ class _File:
     samples: Path | None
 
     def get(self, _key: str) -> bytes | None:
-        """Return it, if there is one."""
+        """Return the reading that the parent handed over; None if it handed over none."""
         return self.path.read_bytes() if self.path.is_file() else None
 
     def put(self, _key: str, data: bytes) -> None:
-        """Hand it over."""
+        """Write a reading for the parent to take back."""
         self.path.write_bytes(data)

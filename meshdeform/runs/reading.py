@@ -43,9 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ReadingSource",
-    "SourceReader",
     "corrected",
-    "made",
     "read_source",
     "reading_document",
     "reading_report",
@@ -92,20 +90,6 @@ class ReadingSource:
         return key_of(self.digest, suffix, params, subdivided=self.subdivided)
 
 
-class SourceReader(Reader):
-    """Reads the source of a job."""
-
-    @property
-    def made(self) -> Reading | None:
-        """What was found, if somebody has asked."""
-        return self._answers[0] if self._answers else None
-
-
-def made(body: Body) -> Reading | None:
-    """Return the reading of a body that `corrected` returned, if somebody has asked for it."""
-    return body.reader.made if isinstance(body.reader, SourceReader) else None
-
-
 def corrected(body: Body, asset: Asset, params: ResolvedParams, source: ReadingSource | None = None) -> Body:
     """Return a body with a reader of it, and with the axis, the unit and the parts that its file and the request say.
 
@@ -115,7 +99,7 @@ def corrected(body: Body, asset: Asset, params: ResolvedParams, source: ReadingS
     unit = body.unit if params.unit is LengthUnit.AUTO else METRES[params.unit]
     body = replace(body, up=up, unit=unit)
     painted, renamed = _corrections(body, asset, params.parts)
-    found = SourceReader(lambda: read_source(body, params, source))
+    found = Reader(lambda: read_source(body, params, source))
     return replace(body, reader=found, painted=painted, renamed=renamed)
 
 
@@ -130,7 +114,7 @@ def welded_body(asset: Asset, welded: WeldedMesh, params: ResolvedParams, source
 def reshaped(body: Body, points: Floats, params: ResolvedParams, source: ReadingSource) -> Body:
     """Return a body with its vertices at other places (V, 3), which is read as it is there; the reading is not kept."""
     moved = body.moved(points)
-    found = SourceReader(lambda: read_source(moved, params, replace(source, digest="")))
+    found = Reader(lambda: read_source(moved, params, replace(source, digest="")))
     return replace(moved, reader=found)
 
 

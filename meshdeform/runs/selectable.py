@@ -65,10 +65,10 @@ class SelectableSurface:
         labels = csgraph.connected_components(graph, directed=False)[1]
         return np.asarray(labels.astype(np.int64)[corners.reshape(-1, 3)[:, 0]])
 
-    def faces(self, place: List, number: int, selection: SelectionParams) -> _Flags:
+    def faces(self, path: List, number: int, selection: SelectionParams) -> _Flags:
         """Return flags (F,) of the faces that a selection selects.
 
-        `place`: name of the list in `params`, or the path to it there, for errors; `number`: place of the selection in
+        `path`: name of the list in `params`, or the path to it there, for errors; `number`: index of the selection in
         the list.
         """
         what, reference = selection.where
@@ -78,12 +78,12 @@ class SelectableSurface:
             corners = self._verts[self._faces]
             flags = _inside(reference, corners.reshape(-1, 3)).reshape(-1, 3).all(1)
         else:
-            flags = self._triangles(place, number, selection)[self._sources]
+            flags = self._triangles(path, number, selection)[self._sources]
         if not flags.any():
-            raise self._nothing(place, number, what, reference)
+            raise self._nothing(path, number, what, reference)
         return np.asarray(flags)
 
-    def _triangles(self, place: List, number: int, selection: SelectionParams) -> _Flags:
+    def _triangles(self, path: List, number: int, selection: SelectionParams) -> _Flags:
         """Return flags (T,) of the source's triangles that a selection by name, colour or number selects."""
         what, reference = selection.where
         parts = self.parts
@@ -91,44 +91,44 @@ class SelectableSurface:
             distance = np.linalg.norm(self._asset.vertex_colors() - np.array(reference.rgb), axis=2)
             return np.asarray((distance <= reference.within + 1e-6).all(1))
         if what == "faces":
-            return self._numbered(place, number, reference)
+            return self._numbered(path, number, reference)
         known = {"node": parts.nodes, "mesh": parts.meshes, "material": parts.materials, "joint": parts.joints}
-        matches = find_parts(place, number, selection, known[what])
+        matches = find_parts(path, number, selection, known[what])
         if isinstance(reference, JointParams):
             return np.asarray((self._asset.joint_weights(matches) > reference.above).all(1))
         flags_of = {"node": parts.in_node, "mesh": parts.of_mesh, "material": parts.of_material}[what]
         return np.asarray(np.any([flags_of(at) for at in matches], axis=0))
 
-    def _numbered(self, place: List, number: int, reference: tuple[int | tuple[int, int], ...]) -> _Flags:
+    def _numbered(self, path: List, number: int, reference: tuple[int | tuple[int, int], ...]) -> _Flags:
         count = len(self._asset.surface.triangles)
-        check_faces(place, number, reference, count)
+        check_faces(path, number, reference, count)
         flags = np.zeros(count, bool)
         for item in reference:
             first, last = item if isinstance(item, tuple) else (item, item)
             flags[first : last + 1] = True
         return flags
 
-    def _nothing(self, place: List, number: int, what: str, reference: Any) -> ParameterError:
+    def _nothing(self, path: List, number: int, what: str, reference: Any) -> ParameterError:
         """Return the error about a selection of no faces, with what there is."""
         if what == "component":
             advice = f"Its components are 0 to {self.components.max()}; `meshdeform inspect` lists them."
-            return refuse_selection(place, number, what, f"the asset has no component {reference}.", advice)
+            return refuse_selection(path, number, what, f"the asset has no component {reference}.", advice)
         if what in {"box", "sphere", "capsule"}:
             low, high = (np.round(bound(self._verts, axis=0), 4).tolist() for bound in (np.min, np.max))
             detail = f"no triangle has all its corners in the {what}."
-            return refuse_selection(place, number, what, detail, f"The asset is between {low} and {high}.")
+            return refuse_selection(path, number, what, detail, f"The asset is between {low} and {high}.")
         if what == "color":
             detail = "no triangle has this vertex colour at all its corners."
-            return refuse_selection(place, number, what, detail, "Increase `within`, or select otherwise.")
+            return refuse_selection(path, number, what, detail, "Increase `within`, or select otherwise.")
         if what == "joint":
             detail = (
                 f"no triangle follows the joint {reference.name!r} by more than {reference.above:g} at all its corners."
             )
-            return refuse_selection(place, number, what, detail, "Set a lower `above`.")
+            return refuse_selection(path, number, what, detail, "Set a lower `above`.")
         detail = f"the {what} {reference!r} has no triangle with an area."
         if what == "faces":
             detail = "these triangles have no area."
-        return refuse_selection(place, number, what, detail, "Leave it out.")
+        return refuse_selection(path, number, what, detail, "Leave it out.")
 
 
 def _inside(shape: BoxParams | SphereParams | CapsuleParams, points: _Floats) -> _Flags:

@@ -70,7 +70,7 @@ class ShapeRun(JobRun):
 
     @property
     def _held(self) -> Held:
-        """What a safeguard held back."""
+        """What a safeguard held back: nothing, unless a subclass has one."""
         return Held()
 
     @property

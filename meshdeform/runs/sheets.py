@@ -73,22 +73,22 @@ def _drawn(shape: Shown) -> Image.Image:
 
 def assets_png(assets: Iterable[Asset], titles: Sequence[str]) -> bytes:
     """Draw assets in rows as their materials show them, each above its title."""
-    sheet, places = _in_rows([_photograph(asset) for asset in assets], between=_MARGIN)
+    sheet, corners = _in_rows([_photograph(asset) for asset in assets], between=_MARGIN)
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
-    for (x, y), title in zip(places, titles, strict=True):
+    for (x, y), title in zip(corners, titles, strict=True):
         draw.text((x + 6, y + _SIZE + 4), title[-20:], fill=_INK, font=font)
     return _png(sheet)
 
 
 def _in_rows(pictures: Sequence[Image.Image], *, between: int = 0) -> tuple[Image.Image, list[tuple[int, int]]]:
-    """Return a sheet of pictures, with pixels left under each row, and the place of each."""
+    """Return a sheet of pictures, with pixels left under each row, and the upper left corner of each."""
     columns = min(max(math.ceil(math.sqrt(len(pictures) * 1.5)), 3), len(pictures))
     rows, height = -(-len(pictures) // columns), _SIZE + between
     sheet = Image.new("RGB", (columns * _SIZE, rows * height), (255, 255, 255))
-    places = [(number % columns * _SIZE, number // columns * height) for number in range(len(pictures))]
-    for picture, place in zip(pictures, places, strict=True):
-        sheet.paste(picture, place)
-    return sheet, places
+    corners = [(number % columns * _SIZE, number // columns * height) for number in range(len(pictures))]
+    for picture, corner in zip(pictures, corners, strict=True):
+        sheet.paste(picture, corner)
+    return sheet, corners
 
 
 def _png(sheet: Image.Image) -> bytes:

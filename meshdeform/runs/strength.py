@@ -58,7 +58,7 @@ class AssetPath:
         surface, verts = self._source.surface, self._path.at(share)
         deformed = deformed_surface(surface, self._welded, verts)
         # Vertices that welding merges may differ in the last bits, and no face uses some vertices.
-        ends = self._welded.scatter(self._ends, surface.positions)
+        ends = self._welded.scatter(self._result_verts, surface.positions)
         positions = deformed.positions + share * (self._result - ends)
         if share in (0, 1):
             positions = self._result if share else surface.positions
@@ -70,7 +70,7 @@ class AssetPath:
         if with_rig:
             moves = self._source.joint_moves(self.at(share).positions, self.jacobians(share))
             joints = {name: np.array([*each.place, *each.shift, each.growth]) for name, each in moves.values() if name}
-        verts = self._ends if share == 1 else self._path.at(share)
+        verts = self._result_verts if share == 1 else self._path.at(share)
         return EditMap.between(self._welded.mesh, verts, joints)
 
     def jacobians(self, share: float) -> _Floats:
@@ -78,12 +78,12 @@ class AssetPath:
         return vertex_jacobians(self._welded, self._path.at(share))
 
     @property
-    def _ends(self) -> _Floats:
+    def _result_verts(self) -> _Floats:
         return np.asarray(self._welded.mesh.verts + self._moved)
 
     @cached_property
     def _path(self) -> ShapePath:
-        return ShapePath(self._welded.mesh, self._ends)
+        return ShapePath(self._welded.mesh, self._result_verts)
 
 
 def _welded(source: Asset, positions: _Floats) -> WeldedMesh:

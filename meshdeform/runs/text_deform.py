@@ -22,7 +22,7 @@ from meshdeform.runs.facts import AssetFacts
 from meshdeform.runs.opened import opened
 from meshdeform.runs.plain_change import source_body, start_change
 from meshdeform.runs.text_deform_kind import resolved_params
-from meshdeform.runs.word_pins import KnowingRun, words_of
+from meshdeform.runs.word_pins import RunWithWords, words_of
 from meshdeform.words import in_use
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def start(job_input: RunInput) -> JobRun:
     words = words_of(params.words, None if sent is None else sent.data)
     with in_use(words):
         run = _started(job_input, params)
-    return KnowingRun(run, words) if words else run
+    return RunWithWords(run, words) if words else run
 
 
 def _started(job_input: RunInput, params: ResolvedParams) -> JobRun:

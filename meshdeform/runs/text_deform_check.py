@@ -33,15 +33,15 @@ if TYPE_CHECKING:
     from meshdeform.settings import Settings
     from meshdeform.vocabulary.grammar import Words
 
-__all__ = ["check", "check_places", "check_vertex", "is_plain_change"]
+__all__ = ["check", "check_points", "check_vertex", "is_plain_change"]
 
-_PlacedPrompt = tuple[list[str | int], str]
-"""A prompt after its place in the document."""
+_LocatedPrompt = tuple[list[str | int], str]
+"""A prompt after its path in the document."""
 
 _MAX_REACH = 1_000_000
 """How far from an asset a point may be, in lengths of its bounding box."""
 
-_Place = tuple[str, int, str, Sequence[float]]
+_LocatedPoint = tuple[str, int, str, Sequence[float]]
 
 _SAME_DEG = 1.0
 """Directions of pictures that differ by less are the same."""
@@ -98,7 +98,7 @@ def _checked_params(request: JobRequest, settings: Settings, files: Collection[s
 
 def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
-    from meshdeform.vocabulary.grammar import known_here
+    from meshdeform.vocabulary.grammar import current_words
 
     check_exemplar(request, params, targets)
     if targets:
@@ -109,7 +109,7 @@ def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collec
         _check_given(params)
         return
     try:
-        _check_vocabulary(_filled(_prompts(request)), params, known_here())
+        _check_vocabulary(_filled(_prompts(request)), params, current_words())
     except VocabularyError as error:
         refuse_unread_change(request.prompt, error)
         raise
@@ -121,11 +121,11 @@ def _check_start(request: JobRequest, params: ResolvedParams) -> None:
         return
     from meshdeform.vocabulary.grammar import parse
 
-    place = ["params", "guidance", "start"]
+    path = ["params", "guidance", "start"]
     if params.silhouettes:
         detail = "The fit from which the run would start takes no pictures beside `sds`."
         raise ParameterError.at(
-            place, detail, "Leave start or the pictures out, or set params.guidance.kind to exemplar."
+            path, detail, "Leave start or the pictures out, or set params.guidance.kind to exemplar."
         )
     _check_given(params)
     for _, prompt in _filled(_prompts(request)):
@@ -134,7 +134,7 @@ def _check_start(request: JobRequest, params: ResolvedParams) -> None:
         except (PromptError, VocabularyError) as error:
             near = "".join(f", such as {text!r}" for text in error.extra.get("suggestions", [])[:1])
             raise ParameterError.at(
-                place,
+                path,
                 f"The run would start from the exemplar of {prompt!r}, and there is none: {error}",
                 f"Leave start out, or use only words that `meshdeform models builtin` lists{near}.",
             ) from error
@@ -168,21 +168,21 @@ def _check_targets(params: ResolvedParams, targets: Collection[str]) -> None:
         )
 
 
-def _prompts(request: JobRequest) -> list[_PlacedPrompt]:
-    """Return the prompts of a request, each with its place in the document."""
+def _prompts(request: JobRequest) -> list[_LocatedPrompt]:
+    """Return the prompts of a request, each with its path in the document."""
     params = request.params
     if not params.prompts:
         return [(["prompt"], request.prompt)]
     if not active_prompts(request.prompt, params.prompts):
         advice = "Give one of them a weight, or set prompt."
         raise ParameterError.at(["params", "guidance", "prompts"], "All prompts have the weight 0.", advice)
-    prompts: list[_PlacedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
+    prompts: list[_LocatedPrompt] = [(["prompt"], request.prompt)] if request.prompt else []
     for number, each in enumerate(params.prompts):
         prompts.append((["params", "guidance", "prompts", number, "prompt"], each.prompt))
     return prompts
 
 
-def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> None:
+def _check_prompts(prompts: Sequence[_LocatedPrompt], params: ResolvedParams) -> None:
     """Refuse prompts that are empty, or that the builtin model cannot read."""
     _filled(prompts)
     if is_builtin(params.model) and prompts:
@@ -191,7 +191,7 @@ def _check_prompts(prompts: Sequence[_PlacedPrompt], params: ResolvedParams) -> 
         _check_vocabulary(prompts, params, BUILTIN_WORDS)
 
 
-def _filled(prompts: Sequence[_PlacedPrompt]) -> Sequence[_PlacedPrompt]:
+def _filled(prompts: Sequence[_LocatedPrompt]) -> Sequence[_LocatedPrompt]:
     """Return the prompts; refuse empty ones."""
     if not all(prompt for _, prompt in prompts):
         raise PromptError("The prompt is empty.")
@@ -241,7 +241,7 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
         raise ParameterError.at(["params", "guidance", "silhouettes"], detail, advice)
     for number, view in enumerate(views):
         for other in range(number):
-            if _same(view, views[other]):
+            if _same_direction(view, views[other]):
                 detail = f"`{parts[other]}` and `{parts[number]}` have the same azimuth and elevation."
                 raise ParameterError.at(
                     ["params", "guidance", "silhouettes", number],
@@ -250,17 +250,17 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
                 )
 
 
-def _same(one: ViewParams, other: ViewParams) -> bool:
+def _same_direction(one: ViewParams, other: ViewParams) -> bool:
     apart = abs((one.azimuth - other.azimuth + 180.0) % 360.0 - 180.0)
     return apart < _SAME_DEG and abs(one.elevation - other.elevation) < _SAME_DEG
 
 
-def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, known: Words) -> None:
+def _check_vocabulary(prompts: Sequence[_LocatedPrompt], params: ResolvedParams, known: Words) -> None:
     """Refuse prompts that cannot be read with these words."""
     from meshdeform.vocabulary.grammar import parse_negative
 
-    for place, prompt in prompts:
-        _check_known(prompt, known, place if len(prompts) > 1 else None)  # of several, say which
+    for path, prompt in prompts:
+        _check_known(prompt, known, path if len(prompts) > 1 else None)  # of several, say which
         if params.negative_prompt.strip():
             try:
                 parse_negative(params.negative_prompt, prompt, known)
@@ -273,43 +273,43 @@ def _check_vocabulary(prompts: Sequence[_PlacedPrompt], params: ResolvedParams, 
 
 def _check_given(params: ResolvedParams) -> None:
     """Refuse a noun of the source that has no shapes."""
-    from meshdeform.vocabulary.grammar import WORDS, known_here
+    from meshdeform.vocabulary.grammar import WORDS, current_words
 
-    known = known_here() if params.guidance is GuidanceKind.EXEMPLAR else WORDS
+    known = current_words() if params.guidance is GuidanceKind.EXEMPLAR else WORDS
     if params.source_noun is not None:
         _check_known(f"a {params.source_noun}", known, ["params", "guidance", "source_noun"])
 
 
-def _check_known(text: str, known: Words, place: Sequence[str | int] | None) -> None:
-    """Refuse a text that cannot be read with these words, at its place in the request."""
+def _check_known(text: str, known: Words, path: Sequence[str | int] | None) -> None:
+    """Refuse a text that cannot be read with these words, at its path in the request."""
     from meshdeform.vocabulary.grammar import parse
 
     try:
         parse(text, known)
     except (PromptError, VocabularyError) as error:
-        raise (error if place is None else error.located(place)) from None
+        raise (error if path is None else error.located(path)) from None
 
 
-def check_places(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:
+def check_points(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[float]]]) -> None:
     """Refuse points of handles and landmarks that are absurdly far from the file in whose world they are.
 
     `bounds`: the least and the greatest coordinates (2, 3) of the `asset` and the `target`, as far as they are known.
     """
-    for part, places in (("asset", _places_on_asset(params)), ("target", _places_on_target(params))):
-        if not bounds.get(part):
+    for file, points in (("asset", _points_on_asset(params)), ("target", _points_on_target(params))):
+        if not bounds.get(file):
             continue
-        low, high = bounds[part]
+        low, high = bounds[file]
         size = max(end - begin for begin, end in zip(low, high, strict=True))
-        for name, number, member, point in places:
+        for name, number, member, point in points:
             away = max(max(a - x, x - b) for a, x, b in zip(low, point, high, strict=True))
             if away > _MAX_REACH * size:
                 path = f"{PLACES[name][0]}.{name}"
-                detail = f"params.{path}: the point is {away / size:.1g} times as far from the {part} as that is long."
-                advice = f"Give a point within {_MAX_REACH:,} lengths of the {part}."
+                detail = f"params.{path}: the point is {away / size:.1g} times as far from the {file} as that is long."
+                advice = f"Give a point within {_MAX_REACH:,} lengths of the {file}."
                 raise ParameterError.at(["params", *path.split("."), number, member], detail, advice)
 
 
-def _places_on_asset(params: ResolvedParams) -> Iterator[_Place]:
+def _points_on_asset(params: ResolvedParams) -> Iterator[_LocatedPoint]:
     for number, handle in enumerate(params.handles):
         if handle.position is not None:
             yield "handles", number, "position", handle.position
@@ -319,7 +319,7 @@ def _places_on_asset(params: ResolvedParams) -> Iterator[_Place]:
             yield "landmarks", number, "source", pair.source
 
 
-def _places_on_target(params: ResolvedParams) -> Iterator[_Place]:
+def _points_on_target(params: ResolvedParams) -> Iterator[_LocatedPoint]:
     for number, pair in enumerate(params.landmarks):
         if not isinstance(pair.target, int):
             yield "landmarks", number, "target", pair.target
@@ -340,14 +340,14 @@ def _check_contents(request: JobRequest, params: ResolvedParams, files: Mapping[
     check_selections(("control", "parts"), params.parts, complete, triangles)
     for number, prompt in enumerate(params.prompts):
         check_selections(("guidance", "prompts", number, "regions"), prompt.regions, complete, triangles)
-    check_places(params, {part: file.bounds for part, file in files.items()})
+    check_points(params, {part: file.bounds for part, file in files.items()})
     if not request.output.subdivide:
         for number, handle in enumerate(params.handles):
             check_vertex(("control", "handles", number, "vertex"), handle.vertex, asset.vertices)
     for number, pair in enumerate(params.landmarks):
-        for name, place, part in (("source", pair.source, "asset"), ("target", pair.target, _TARGET)):
-            if isinstance(place, int) and part in files and not (name == "source" and request.output.subdivide):
-                check_vertex(("guidance", "landmarks", number, name), place, files[part].vertices)
+        for name, vertex, file in (("source", pair.source, "asset"), ("target", pair.target, _TARGET)):
+            if isinstance(vertex, int) and file in files and not (name == "source" and request.output.subdivide):
+                check_vertex(("guidance", "landmarks", number, name), vertex, files[file].vertices)
 
 
 def check_vertex(path: Sequence[str | int], vertex: int | None, count: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -160,12 +160,21 @@ def build_report(facts: RunFacts, deformation: Deformation, outcome: Outcome, fi
         "seconds": {name: round(seconds, 4) for name, seconds in log.seconds.items()},
     }
     report["mesh"] |= {"optimized_faces": deformation.optimized_faces}
+    return guided_report(report, facts, outcome.written, compared)
+
+
+def guided_report(report: dict[str, Any], facts: GuidedFacts, written: Asset, compared: Mapping[str, Any]) -> bytes:
+    """Return `report.json`: its members, what became of the rig, the rigid parts and the controls, and comparisons.
+
+    `written`: `result.glb`, read back.
+    """
+    params, asset = facts.params, facts.asset
     if asset.rig():
         report["rig"] = {"mode": facts.request.output.rig.value, **asdict(asset.rig())}
     if facts.control.bodies:
-        report["rigid"] = kept_shapes(facts.control.bodies, asset, facts.welded, outcome.written)
-    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, outcome.written) | compared
-    return json.dumps(report, indent=2, allow_nan=False, default=str).encode()
+        report["rigid"] = kept_shapes(facts.control.bodies, asset, facts.welded, written)
+    report |= control_report(facts.control, params, facts.welded, facts.frame, asset, written)
+    return json.dumps(report | dict(compared), indent=2, allow_nan=False, default=str).encode()
 
 
 def change_report(

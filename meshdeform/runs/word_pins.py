@@ -16,10 +16,10 @@ from meshdeform.runs.base import ArtifactData, JobRun, StepReport
 from meshdeform.vocabulary.grammar import named_nouns
 from meshdeform.words import Word, in_use, joined, read_words
 
-__all__ = ["KnowingRun", "about_own", "pinned", "pins_of", "words_named", "words_of"]
+__all__ = ["RunWithWords", "about_own", "pinned", "pins_of", "words_named", "words_of"]
 
 R = TypeVar("R", bound=JobRequest)
-_PLACE = ["params", "guidance", "words"]
+_PATH = ["params", "guidance", "words"]
 
 
 def pins_of(request: JobRequest) -> dict[str, str]:
@@ -74,13 +74,11 @@ def pinned(request: R, words: Iterable[Word]) -> tuple[R, bytes | None]:
     for noun, sha256 in pins.items():
         word = next((each for each in available if each.noun == noun and each.sha256 == sha256), None)
         if word is None:
-            raise ParameterError.at(
-                _PLACE, f"You have no word {noun!r} of that hash.", "Leave words out: it is filled."
-            )
+            raise ParameterError.at(_PATH, f"You have no word {noun!r} of that hash.", "Leave words out: it is filled.")
         chosen[noun] = word
     if len(chosen) > MAX_WORDS:
         detail = f"The prompts name {len(chosen)} words of your own, and a job has at most {MAX_WORDS}."
-        raise ParameterError.at(_PLACE, detail, "Name fewer.")
+        raise ParameterError.at(_PATH, detail, "Name fewer.")
     if not chosen:
         return request, None
     params = request.params
@@ -106,13 +104,13 @@ def words_of(pins: Mapping[str, str], data: bytes | None) -> list[Word]:
         wrong = sorted(noun for noun in {*found, *pins} if found.get(noun) != pins.get(noun))
         detail = f"The content of {', '.join(map(repr, wrong))} is not what the request pins."
         raise ParameterError.at(
-            _PLACE, detail, f"Send all words that it pins as the part `{WORDS_PART}`, and no others."
+            _PATH, detail, f"Send all words that it pins as the part `{WORDS_PART}`, and no others."
         )
     return words
 
 
-class KnowingRun(JobRun):
-    """A run that knows words of somebody's own at each of its steps, and no other code does in between."""
+class RunWithWords(JobRun):
+    """A run that has words of somebody's own at each of its steps, and no other code does in between."""
 
     def __init__(self, run: JobRun, words: Sequence[Word]) -> None:
         super().__init__(run.total_steps, run.first_step, run.log)

@@ -135,13 +135,13 @@ def of_noun(
     faults = shape.faults(excused)
     shown, why = _shown(reading, likeness)
     if shown and not faults:
-        return _said(Verdict.GOOD, [why], shape)
+        return _verdict(Verdict.GOOD, [why], shape)
     advice = _advice(reading, likeness, known, shown=shown, whole=not faults)
     damage = broken(shape.structure, excused)
     unlike = fitted and likeness["rank"] >= _UNLIKE
     if likeness["rank"] > 1 and (unlike or shape.swollen or (damage and not _gained(reading, likeness))):
-        return _said(Verdict.KEEP_SOURCE, dict.fromkeys([why, *faults, *damage]), shape, advice)
-    return _said(Verdict.DOUBTFUL, [*([] if shown else [why]), *faults], shape, advice)
+        return _verdict(Verdict.KEEP_SOURCE, dict.fromkeys([why, *faults, *damage]), shape, advice)
+    return _verdict(Verdict.DOUBTFUL, [*([] if shown else [why]), *faults], shape, advice)
 
 
 def _excused(reading: ParsedPrompt, source: SourceAsset) -> set[str]:
@@ -157,8 +157,8 @@ def _shown(reading: ParsedPrompt, likeness: Mapping[str, Any]) -> tuple[bool, st
     if rank > 1:
         other = ParsedPrompt(likeness["next"]["noun"])
         gained = "more" if _gained(reading, likeness) else "hardly more" if rank < before["rank"] else "no more"
-        place = f"number {rank} of {likeness['nouns']} nouns, where the source was {before['rank']}"
-        return False, f"It looks {gained} like {what} than before ({place}), and most like {other}."
+        standing = f"number {rank} of {likeness['nouns']} nouns, where the source was {before['rank']}"
+        return False, f"It looks {gained} like {what} than before ({standing}), and most like {other}."
     if before["probability"] >= _SHOWN:
         asked = " and ".join(str(attribute) for attribute in reading.attributes)
         unseen = f"; the judge does not see whether it is {asked}" if asked else ""
@@ -258,7 +258,7 @@ def of_exemplars(kept: float, shape: ShapeFigures, left: float | None = None) ->
         reasons.append(f"It came hardly nearer to that shape: {left:.0%} of the distance is left.")
     if left is not None and shape.distortion > _TORN:
         reasons.append(f"It was stretched and squeezed much: {shape.distortion:.1f} on average, where 1 is not at all.")
-    return _said(Verdict.DOUBTFUL if reasons else Verdict.GOOD, reasons, shape, [_NEARER] if reasons else [])
+    return _verdict(Verdict.DOUBTFUL if reasons else Verdict.GOOD, reasons, shape, [_NEARER] if reasons else [])
 
 
 def of_shape_alone(left: float, shape: ShapeFigures) -> dict[str, Any]:
@@ -300,9 +300,9 @@ def of_pictures(silhouettes: Sequence[Mapping[str, Any]], shape: ShapeFigures) -
 def _by_distance(met: bool, found: str, shape: ShapeFigures, advice: Sequence[str]) -> dict[str, Any]:
     faults = shape.faults()
     if met and not faults:
-        return _said(Verdict.GOOD, [found], shape)
+        return _verdict(Verdict.GOOD, [found], shape)
     value = Verdict.KEEP_SOURCE if shape.swollen and not met else Verdict.DOUBTFUL
-    return _said(value, [found, *faults], shape, [*([] if met else advice), *([_WEAKER] if faults else [])])
+    return _verdict(value, [found, *faults], shape, [*([] if met else advice), *([_WEAKER] if faults else [])])
 
 
 def of_shape(shape: ShapeFigures) -> dict[str, Any]:
@@ -315,8 +315,8 @@ def _by_faults(faults: Sequence[str], shape: ShapeFigures) -> dict[str, Any]:
     if shape.moved < UNMOVED:
         faults = [*faults, f"It hardly moved: {shape.moved:.1%} of its size."]
     if not faults:
-        return _said(Verdict.GOOD, ["Nothing broke. Whether it looks as you meant, you see best."], shape)
-    return _said(Verdict.DOUBTFUL, faults, shape, [_ANOTHER, *([_WEAKER] if shape.faults() else [])])
+        return _verdict(Verdict.GOOD, ["Nothing broke. Whether it looks as you meant, you see best."], shape)
+    return _verdict(Verdict.DOUBTFUL, faults, shape, [_ANOTHER, *([_WEAKER] if shape.faults() else [])])
 
 
 def verdict_of_change(
@@ -346,7 +346,7 @@ def worst(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {**last, **gathered}
 
 
-def _said(value: Verdict, reasons: Iterable[str], shape: ShapeFigures, advice: Iterable[str] = ()) -> dict[str, Any]:
+def _verdict(value: Verdict, reasons: Iterable[str], shape: ShapeFigures, advice: Iterable[str] = ()) -> dict[str, Any]:
     return {
         "value": value.value,
         "reasons": list(reasons),

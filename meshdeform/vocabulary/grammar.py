@@ -109,22 +109,22 @@ class Words:
 WORDS = Words(NOUNS, SYNONYMS, ())
 """The words of all nouns that have shapes."""
 
-_known: ContextVar[Words] = ContextVar("known", default=WORDS)
+_current: ContextVar[Words] = ContextVar("words", default=WORDS)
 
 
 @contextmanager
-def knowing(words: Words) -> Iterator[None]:
+def using_words(words: Words) -> Iterator[None]:
     """Let prompts within the block have these words, in place of `WORDS` (`meshdeform.words.in_use`)."""
-    token = _known.set(words)
+    token = _current.set(words)
     try:
         yield
     finally:
-        _known.reset(token)
+        _current.reset(token)
 
 
-def known_here() -> Words:
-    """Return the words that prompts have here: those of the package, or of the block around."""
-    return _known.get()
+def current_words() -> Words:
+    """Return the words that prompts may have: those of the package, or of the `using_words` block around."""
+    return _current.get()
 
 
 class Borrowed(NamedTuple):
@@ -185,7 +185,7 @@ def singular_forms(word: str) -> list[str]:
 
 def noun_of(word: str, words: Words | None = None) -> str | None:
     """Return the canonical noun of a word, its plural or a synonym, or None; by default of what is known here."""
-    words = words or known_here()
+    words = words or current_words()
     for form in singular_forms(word):
         canonical = form if form in words.nouns else words.synonyms.get(form, form)
         if canonical in words.nouns:
@@ -222,7 +222,7 @@ def is_known(word: str, words: Words | None = None) -> bool:
 
 @dataclass(frozen=True)
 class Suggestions:
-    """Return a prompt to use in place of a refused one."""
+    """Prompts to use in place of a refused one."""
 
     prompts: list[str]  # one to three prompts that are accepted and keep what was understood
     corrections: dict[str, str]  # the known word in place of each misspelt one
@@ -236,20 +236,20 @@ def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = WORDS) -
 
     `with_nouns`: whether nouns count: a prompt that has one needs no second; `words`: the words that the model knows.
     """
-    known = [*ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *PART_SYNONYMS, *DEGREE_SYNONYMS]
+    vocabulary = [*ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *PART_SYNONYMS, *DEGREE_SYNONYMS]
     if with_nouns:
-        known += [*words.nouns, *words.synonyms]
+        vocabulary += [*words.nouns, *words.synonyms]
     return {
         word: match[0]
         for word in unknown
-        if len(word) >= _MIN_LENGTH and not _is_word(word) and (match := _closest(word, tuple(known)))
+        if len(word) >= _MIN_LENGTH and not _is_word(word) and (match := _closest(word, tuple(vocabulary)))
     }
 
 
 @lru_cache(maxsize=256)
-def _closest(word: str, known: tuple[str, ...]) -> list[str]:
+def _closest(word: str, vocabulary: tuple[str, ...]) -> list[str]:
     """Return the known word that a word looks like, if any: sought for a millisecond, and often for the same word."""
-    return difflib.get_close_matches(word, known, 1, _SIMILARITY)
+    return difflib.get_close_matches(word, vocabulary, 1, _SIMILARITY)
 
 
 def _is_word(word: str) -> bool:
@@ -266,7 +266,7 @@ def nearest_nouns(word: str, words: Words = WORDS) -> list[str]:
 class _Reading:
     """The words of a prompt by their role, in order, and the words that the model knows."""
 
-    known: Words
+    vocabulary: Words
     words: list[str]
     nouns: list[str]
     whole: list[str]
@@ -284,33 +284,33 @@ class _Reading:
         )
         return VocabularyError(
             detail,
-            advice=f"{offer} {_ADVICE if self.known.tokens else f'{_OWN_WORDS} {_FREE_TEXT}'}",
+            advice=f"{offer} {_ADVICE if self.vocabulary.tokens else f'{_OWN_WORDS} {_FREE_TEXT}'}",
             unknown=unknown,
             suggestions=suggestion.prompts,
             corrections=suggestion.corrections,
             nearest=suggestion.nearest,
-            nouns=sorted(self.known.nouns),
+            nouns=sorted(self.vocabulary.nouns),
             attributes=[*ADJECTIVES, *(f"{low}/{high} {part}" for part, (low, high) in PARTS.items())],
         )
 
 
 def _suggest(reading: _Reading) -> Suggestions:
     """Return prompts in place of a refused one, with what was understood of it and its misspelt words corrected."""
-    known = reading.known
-    corrections = correct(reading.unknown, with_nouns=not reading.nouns, words=known)
+    vocabulary = reading.vocabulary
+    corrections = correct(reading.unknown, with_nouns=not reading.nouns, words=vocabulary)
     if corrections:
         words = [corrections.get(word, word) for word in reading.words]
-        reading = _by_role(words, reading.borrowed, known)
+        reading = _by_role(words, reading.borrowed, vocabulary)
     chosen, near = reading.nouns, dict[str, list[str]]()
     if not chosen:
         looks = [word for word in reading.whole if word in LOOKS]
         told = [*reading.unknown, *(part for part, _ in reading.parts), *looks]
-        near = {word: nouns for word in told if (nouns := nearest_nouns(word, known))}
+        near = {word: nouns for word in told if (nouns := nearest_nouns(word, vocabulary))}
         chosen = [noun for nouns in near.values() for noun in nouns]
     prompts: list[str] = []
-    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in known.nouns] or known.nouns):
+    for noun in dict.fromkeys(chosen or [noun for noun in _POPULAR if noun in vocabulary.nouns] or vocabulary.nouns):
         candidates = [*_of_whole(noun, reading), *_of_parts(noun, reading)]
-        borrowed = tuple(each for each in reading.borrowed if _refused(each, noun, known) is None)
+        borrowed = tuple(each for each in reading.borrowed if _refused(each, noun, vocabulary) is None)
         # The first of two attributes that contradict each other, or the last.
         prompts += [str(_fitted(noun, order, borrowed)) for order in (candidates, candidates[::-1])]
     meant = bool((near or corrections or reading.unknown) and chosen)
@@ -323,22 +323,22 @@ def _of_whole(noun: str, reading: _Reading) -> list[Attribute]:
         degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
         if degree is not None:
             attributes.append(Attribute("whole", degree))
-        elif word in LOOKS and not reading.known.tokens:
-            attributes += _of_look(word, noun, attributes, reading.known)
+        elif word in LOOKS and not reading.vocabulary.tokens:
+            attributes += _of_look(word, noun, attributes, reading.vocabulary)
     return attributes
 
 
 def _of_parts(noun: str, reading: _Reading) -> list[Attribute]:
     attributes = []
     for part, sizes in reading.parts:
-        if part in reading.known.nouns[noun]:
+        if part in reading.vocabulary.nouns[noun]:
             degrees = [degree for size in sizes if (degree := degree_of(size, part))]
             attributes += [Attribute(part, degree) for degree in degrees or PARTS[part]]
     return attributes
 
 
 def _fitted(noun: str, candidates: Iterable[Attribute], borrowed: tuple[Borrowed, ...]) -> ParsedPrompt:
-    """Take each attribute that does not contradict those before it."""
+    """Return a prompt with each attribute that does not contradict those before it."""
     fitted: list[Attribute] = []
     for attribute in candidates:
         of_whole = {other.degree for other in [*fitted, attribute] if other.part == "whole"}
@@ -354,31 +354,31 @@ def _listed(items: Iterable[str], conjunction: str) -> str:
     return f" {conjunction} ".join(filter(None, [", ".join(quoted[:-1]), quoted[-1]]))
 
 
-def parse(prompt: str, known: Words | None = None) -> ParsedPrompt:
+def parse(prompt: str, vocabulary: Words | None = None) -> ParsedPrompt:
     """Parse a prompt of the builtin prior.
 
-    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `known`: the words that
-    it may have; by default those that are known here. Returns ParsedPrompt: canonical noun and attributes, equal for
-    prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
+    `prompt`: for example "a tall, thin vase" or "a Giraffe with a long neck and short legs". `vocabulary`: the words
+    that it may have; by default those that are known here. Returns ParsedPrompt: canonical noun and attributes, equal
+    for prompts with the same meaning. Raises PromptError: the prompt is empty or has more than three attributes. Raises
     VocabularyError: a word, a part or a combination is not supported. Its extras: `unknown` (words), `suggestions` (up
     to three prompts that are accepted), `corrections` (of misspelt words), `nearest` (known nouns of similar meaning,
     by unknown word), `nouns` and `attributes`.
     """
-    return _assemble(_read(prompt, known or known_here()))
+    return _assemble(_read(prompt, vocabulary or current_words()))
 
 
-def parse_negative(negative: str, prompt: str, known: Words | None = None) -> ParsedPrompt:
+def parse_negative(negative: str, prompt: str, vocabulary: Words | None = None) -> ParsedPrompt:
     """Parse a negative prompt of the builtin prior.
 
     `negative`: a prompt ("a chair"), or only attributes ("fat", "a long neck"), which apply to the prompt's noun;
-    `prompt`: the prompt that it accompanies; `known`: as in `parse`. Raises PromptError: as `parse`; or the negative
-    prompt means the same as the prompt. Raises VocabularyError: as `parse`, but without suggestions, which are for
-    prompts.
+    `prompt`: the prompt that it accompanies; `vocabulary`: as in `parse`. Raises PromptError: as `parse`; or the
+    negative prompt means the same as the prompt. Raises VocabularyError: as `parse`, but without suggestions, which are
+    for prompts.
     """
-    known = known or known_here()
-    wanted = parse(prompt, known)
+    vocabulary = vocabulary or current_words()
+    wanted = parse(prompt, vocabulary)
     try:
-        reading = _read(negative, known)
+        reading = _read(negative, vocabulary)
         unwanted = _assemble(replace(reading, nouns=reading.nouns or [wanted.noun]))
     except VocabularyError as error:
         extra = {**error.extra, "suggestions": [], "nearest": {}}
@@ -393,30 +393,30 @@ def parse_negative(negative: str, prompt: str, known: Words | None = None) -> Pa
 
 def named_nouns(text: str) -> set[str]:
     """Return the nouns that are known here and that a text names, also one that is no prompt."""
-    return {noun for word in _split(text, known_here()) if (noun := noun_of(word)) is not None}
+    return {noun for word in _split(text, current_words()) if (noun := noun_of(word)) is not None}
 
 
-def _read(prompt: str, known: Words) -> _Reading:
+def _read(prompt: str, vocabulary: Words) -> _Reading:
     """Return the words of a prompt by their role; unknown words are an error."""
-    words = _split(prompt, known)
+    words = _split(prompt, vocabulary)
     if not words:
         raise PromptError("The prompt is empty.", advice="Name an object, for example: a tall vase.")
-    reading = _by_role(*_without_borrowed(words, known), known)
+    reading = _by_role(*_without_borrowed(words, vocabulary), vocabulary)
     if reading.unknown:
         raise reading.refusal(" ".join(_reasons(reading)), reading.unknown)
     return reading
 
 
-def _by_role(words: list[str], borrowed: list[Borrowed], known: Words) -> _Reading:
+def _by_role(words: list[str], borrowed: list[Borrowed], vocabulary: Words) -> _Reading:
     """Return words by their role."""
-    reading = _Reading(known, words, nouns=[], whole=[], parts=[], borrowed=borrowed, unknown=[])
+    reading = _Reading(vocabulary, words, nouns=[], whole=[], parts=[], borrowed=borrowed, unknown=[])
     pending: list[str] = []
     of_parts = False
     for word in words:
         of_parts |= word in ("with", "has", "having")
         if word in FILLERS or word in INTENSIFIERS:
             continue
-        part, noun = part_of(word), noun_of(word, known)
+        part, noun = part_of(word), noun_of(word, vocabulary)
         if part is not None and (reading.nouns or noun is None):
             reading.parts.append((part, pending))
             pending = []
@@ -446,13 +446,13 @@ def _reasons(reading: _Reading) -> Iterator[str]:
         yield f"Colours and materials stay as they are in the asset: leave {_listed(surfaces, 'and')} out."
     if not rest:
         return
-    if reading.known.tokens:
+    if reading.vocabulary.tokens:
         yield from _unknown_to_the_prior(list(rest))
     elif reading.nouns:
         does = "does" if len(rest) == 1 else "do"
         yield f"A prompt says what a thing is and how it is shaped, which {_listed(rest, 'and')} {does} not."
     else:
-        count = len(reading.known.nouns)
+        count = len(reading.vocabulary.nouns)
         yield f"There is no shape for {_listed(rest, 'and')}: {count} nouns are known, with some attributes."
 
 
@@ -465,13 +465,13 @@ def _unknown_to_the_prior(words: Sequence[str]) -> Iterator[str]:
         yield f"The built-in model does not understand {_listed(others, 'and')}."
 
 
-def _without_borrowed(words: list[str], known: Words) -> tuple[list[str], list[Borrowed]]:
+def _without_borrowed(words: list[str], vocabulary: Words) -> tuple[list[str], list[Borrowed]]:
     """Return words without parts of other nouns, and these: "a rabbit's ears", "rabbit ears", "ears of a rabbit"."""
     kept: list[str] = []
     borrowed: list[Borrowed] = []
     rest = list(words)
     while rest:
-        phrase = _borrowed_first(rest, known) if any(noun_of(word, known) for word in kept) else None
+        phrase = _borrowed_first(rest, vocabulary) if any(noun_of(word, vocabulary) for word in kept) else None
         if phrase is None:
             kept.append(rest.pop(0))
         else:
@@ -480,17 +480,17 @@ def _without_borrowed(words: list[str], known: Words) -> tuple[list[str], list[B
     return kept, borrowed
 
 
-def _borrowed_first(words: Sequence[str], known: Words) -> tuple[Borrowed, int] | None:
+def _borrowed_first(words: Sequence[str], vocabulary: Words) -> tuple[Borrowed, int] | None:
     """Return the part of another noun with which words begin, and how many of them say so."""
     phrase = list(takewhile(lambda word: word not in JOINING, words))
-    places = [place for place, word in enumerate(phrase) if word not in FILLERS]
+    indices = [index for index, word in enumerate(phrase) if word not in FILLERS]
     for order in _BORROWED:
         roles = order.split()
-        if len(places) < len(roles):
+        if len(indices) < len(roles):
             continue
-        at = dict(zip(roles, places, strict=False))
+        at = dict(zip(roles, indices, strict=False))
         owner, part = phrase[at["noun"]], part_of(phrase[at["part"]])
-        noun = noun_of(owner.removesuffix("'s").removesuffix("'"), known)
+        noun = noun_of(owner.removesuffix("'s").removesuffix("'"), vocabulary)
         if noun is None or part is None:
             continue
         degree = degree_of(phrase[at["degree"]], part) if "degree" in at else None
@@ -502,16 +502,18 @@ def _borrowed_first(words: Sequence[str], known: Words) -> tuple[Borrowed, int] 
     return None
 
 
-def _split(prompt: str, known: Words) -> list[str]:
+def _split(prompt: str, vocabulary: Words) -> list[str]:
     """Return the words in lower case; a compound with an unknown word stays one: "low-poly" says nothing of height."""
     text = prompt.lower().replace("low poly", "low-poly").replace("\u2019", "'")
-    for compound in sorted((name for name in (*known.nouns, *known.synonyms) if "-" in name), key=len, reverse=True):
+    for compound in sorted(
+        (name for name in (*vocabulary.nouns, *vocabulary.synonyms) if "-" in name), key=len, reverse=True
+    ):
         text = re.sub(rf"\b{compound.replace('-', '[ -]+')}(?=s?\b)", compound, text)
     words: list[str] = []
     for word in re.findall(r"[^\W_]+(?:['-][^\W_]+)*", text):
-        pieces = [word] if noun_of(word, known) else _pieces(word)
-        words += pieces if all(is_known(piece, known) for piece in pieces) else [word]
-    return _in_english(words, known)
+        pieces = [word] if noun_of(word, vocabulary) else _pieces(word)
+        words += pieces if all(is_known(piece, vocabulary) for piece in pieces) else [word]
+    return _in_english(words, vocabulary)
 
 
 def _pieces(word: str) -> list[str]:
@@ -521,20 +523,20 @@ def _pieces(word: str) -> list[str]:
     return [*others, next(parts, last) if others else last]
 
 
-def _in_english(words: list[str], known: Words) -> list[str]:
+def _in_english(words: list[str], vocabulary: Words) -> list[str]:
     """Translate a prompt that has words which are not English: "ein Boot" is a boat, and "a boot" or "bank" are not."""
 
     def is_english(word: str) -> bool:
-        return is_known(word, known) or _is_word(word)
+        return is_known(word, vocabulary) or _is_word(word)
 
     if all(map(is_english, words)):
         return words
     return translated(
         words,
         is_english,
-        lambda word: word not in FILLERS and is_known(word, known),
+        lambda word: word not in FILLERS and is_known(word, vocabulary),
         is_adjective,
-        lambda word: noun_of(word, known) is not None,
+        lambda word: noun_of(word, vocabulary) is not None,
     )
 
 
@@ -544,9 +546,9 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
         sentence = f"{_listed(dict.fromkeys(reading.nouns), 'and')} were found" if reading.nouns else "None was found"
         raise reading.refusal(f"A prompt needs exactly one object, such as 'a mushroom'. {sentence}.", [])
     noun = reading.nouns[0]
-    parts_of_noun = reading.known.nouns[noun]
+    parts_of_noun = reading.vocabulary.nouns[noun]
     found_attributes: list[Attribute] = []
-    looks = [word for word in reading.whole if word in LOOKS and not reading.known.tokens]
+    looks = [word for word in reading.whole if word in LOOKS and not reading.vocabulary.tokens]
     for word in reading.whole:
         degree = word if word in ADJECTIVES else ADJECTIVE_SYNONYMS.get(word)
         if word in looks:
@@ -566,7 +568,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
             raise reading.refusal(f"Use either {low!r} or {high!r} with the {part}.", [*words, part])
         found_attributes += [Attribute(part, degree) for degree in degrees if degree is not None]
     for look in looks:
-        given = _of_look(look, noun, found_attributes, reading.known)
+        given = _of_look(look, noun, found_attributes, reading.vocabulary)
         if not given:
             raise reading.refusal(f"{look!r} changes nothing of a {noun}.", [look])
         found_attributes += given
@@ -579,7 +581,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     if clash:
         raise reading.refusal(f"Nothing can be {' and '.join(sorted(clash))} at once.", [])
     _check_borrowed(reading)
-    if reading.known.tokens and len(unique) > MAX_ATTRIBUTES:
+    if reading.vocabulary.tokens and len(unique) > MAX_ATTRIBUTES:
         raise PromptError(
             f"The built-in model takes at most {MAX_ATTRIBUTES} attributes, and the prompt has {len(unique)}.",
             advice="Remove some of them.",
@@ -587,7 +589,7 @@ def _assemble(reading: _Reading) -> ParsedPrompt:
     return ParsedPrompt(noun, unique, tuple(reading.borrowed), tuple(_notes(noun, reading)))
 
 
-def _of_look(look: str, noun: str, given: Sequence[Attribute], known: Words) -> list[Attribute]:
+def _of_look(look: str, noun: str, given: Sequence[Attribute], vocabulary: Words) -> list[Attribute]:
     """Return what a look gives a noun, without what contradicts the attributes that are given."""
     sized = {attribute.part for attribute in given} - {"whole"}
     whole = {attribute.degree for attribute in given if attribute.part == "whole"}
@@ -597,7 +599,7 @@ def _of_look(look: str, noun: str, given: Sequence[Attribute], known: Words) -> 
             degree, _, part = text.partition(" ")
             if not part and not any({degree, other} in OPPOSITES for other in whole):
                 attributes.append(Attribute("whole", degree))
-            elif part in known.nouns[noun] and part not in sized:
+            elif part in vocabulary.nouns[noun] and part not in sized:
                 attributes.append(Attribute(part, degree))
         if attributes:
             return attributes
@@ -607,7 +609,7 @@ def _of_look(look: str, noun: str, given: Sequence[Attribute], known: Words) -> 
 def _notes(noun: str, reading: _Reading) -> Iterator[str]:
     """Yield a sentence for each word that means the noun and is not its name, or that changes nothing."""
     for word in dict.fromkeys(reading.words):
-        if noun_of(word, reading.known) == noun and noun not in singular_forms(word):
+        if noun_of(word, reading.vocabulary) == noun and noun not in singular_forms(word):
             yield f"{word!r} is read as {noun!r}."
         if word in INTENSIFIERS:
             yield f"{word!r} changes nothing: a prompt cannot say how much."
@@ -616,21 +618,21 @@ def _notes(noun: str, reading: _Reading) -> Iterator[str]:
 def _check_borrowed(reading: _Reading) -> None:
     """Refuse parts that another noun, or the own one, does not have."""
     for each in reading.borrowed:
-        if reading.known.tokens:
+        if reading.vocabulary.tokens:
             raise reading.refusal(f"The built-in model knows no {each.part} of a {each.noun}.", [each.part])
-        if (reason := _refused(each, reading.nouns[0], reading.known)) is not None:
+        if (reason := _refused(each, reading.nouns[0], reading.vocabulary)) is not None:
             raise reading.refusal(reason, [each.part])
 
 
-def _refused(borrowed: Borrowed, noun: str, known: Words) -> str | None:
+def _refused(borrowed: Borrowed, noun: str, vocabulary: Words) -> str | None:
     """Return why a noun cannot have a part of another, or None."""
     part, owner, degree = borrowed
     if part in _NOT_LENT:
         return f"A {part} carries more than itself: it cannot be another's."
     for each in (noun, owner):
-        if part_label(part) not in parts_of(each) and part not in known.nouns[each]:
+        if part_label(part) not in parts_of(each) and part not in vocabulary.nouns[each]:
             return f"The {each} has no {part}, which both must have."
-    if degree is not None and part not in known.nouns[owner]:
+    if degree is not None and part not in vocabulary.nouns[owner]:
         return f"The {part} of a {owner} cannot be {degree}."
     return None
 
@@ -648,14 +650,14 @@ def is_noun(word: str) -> bool:
     return word in _near()
 
 
-def nearest(word: str, nouns: Iterable[str], count: int = 3) -> list[str]:
-    """Return the nouns whose meaning is nearest to that of a word, nearest first.
+def nearest(word: str, nouns: Iterable[str]) -> list[str]:
+    """Return up to three nouns whose meaning is nearest to that of a word, nearest first.
 
     `word`: in small letters, singular. `nouns`: the nouns to choose from. One that is not builtin counts as near if the
-    two have two neighbours in common. `count`: maximum number of nouns. Returns list of str: empty if the word is not
+    two have two neighbours in common. Empty if the word is not
     known, or near to none of the nouns.
     """
     table = _near()
     around = table.get(word, [])
     own = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
-    return [*own, *(noun for noun in around if noun in nouns)][:count]
+    return [*own, *(noun for noun in around if noun in nouns)][:MAX_SUGGESTIONS]

@@ -126,12 +126,12 @@ def _joined(words: Sequence[str], language: int) -> list[str]:
 def _adjectives_first(words: Sequence[str], is_adjective: Callable[[str], bool]) -> list[str]:
     """Put adjectives that follow a noun before it: "perro gordo con cola larga"."""
     ordered: list[str] = []
-    place = 0
+    index = 0
     for word in words:
         if is_adjective(word):
-            ordered.insert(place, word)
-            place += 1
+            ordered.insert(index, word)
+            index += 1
         else:
-            place = len(ordered) if word not in ("and", "a") else place
+            index = len(ordered) if word not in ("and", "a") else index
             ordered.append(word)
     return ordered

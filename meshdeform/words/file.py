@@ -5,7 +5,7 @@ tensor                  shape      type   content
 ======================= ========== ====== ==========================================================
 `counts`                (M, 2)     U16    vertices and faces of each shape
 `faces`                 (F, 3)     U16    of all shapes one after the other, each counted from its own 0
-`labels`                (F,)       U8     part of each face: its place in `parts`, or 255
+`labels`                (F,)       U8     part of each face: its index in `parts`, or 255
 `verts`                 (V, 3)     F32    +Y up, front +Z, the box about the origin with a diagonal of 1
 ======================= ========== ====== ==========================================================
 
@@ -74,7 +74,7 @@ class WordShape:
     """A shape of a word.
 
     `verts` (V, 3) float64: +Y up, the front toward +Z, the box about the origin with a diagonal of 1. `faces` (F, 3)
-    int64. `labels` (F,) int64: the part of each face, a place in the word's `parts`, or -1.
+    int64. `labels` (F,) int64: the part of each face, an index in the word's `parts`, or -1.
     """
 
     verts: NDArray[np.float64]
@@ -123,7 +123,7 @@ class Word:
             )
         header = _header(data)
         try:
-            return _told(header.pop("__metadata__"), header, data)
+            return _word_of(header.pop("__metadata__"), header, data)
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, RecursionError) as error:
             raise AssetError(f"The word is damaged: {str(error)[:120]}.", advice=_AGAIN) from error
 
@@ -210,7 +210,7 @@ def _header(data: bytes) -> dict[str, Any]:
     return dict(header)
 
 
-def _told(metadata: Mapping[str, str], header: Mapping[str, Any], data: bytes) -> Word:
+def _word_of(metadata: Mapping[str, str], header: Mapping[str, Any], data: bytes) -> Word:
     """Return a word by what its header says, which is checked against the limits and the number of bytes."""
     told = json.loads(metadata["word"])
     _check_names(told)

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from types import MappingProxyType
 
-from meshdeform.vocabulary.grammar import knowing
+from meshdeform.vocabulary.grammar import using_words
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from meshdeform.vocabulary.solids import part_label
 from meshdeform.words.file import Word
@@ -29,7 +29,7 @@ def in_use(words: Iterable[Word]) -> Iterator[None]:
     parts = {noun: parts_to_set(word) for noun, word in own.items()}
     token = _words.set(own)
     try:
-        with knowing(vocabulary(own.values(), parts)):
+        with using_words(vocabulary(own.values(), parts)):
             yield
     finally:
         _words.reset(token)

@@ -13,21 +13,21 @@ from meshdeform.words.limits import MAX_NAME, MAX_SYNONYMS
 __all__ = ["check_names", "read_like", "read_name", "vocabulary"]
 
 
-def read_name(text: str, place: str = "noun") -> str:
+def read_name(text: str, member: str = "noun") -> str:
     """Return a noun or a synonym as words have it: "Dragon Fruit" is `dragon-fruit`.
 
     Raises
     ------
     ParameterError
-        At this place of a request: it is no noun, or a word that prompts have for something else.
+        At this member of a request: it is no noun, or a word that prompts have for something else.
     """
     name = "-".join(text.lower().replace("-", " ").replace("_", " ").split())
     if not NAME.fullmatch(name) or len(name) > MAX_NAME:
         raise ParameterError.at(
-            [place], f"{text[:80]!r} is no name for a word.", f"Use letters a to z, at most {MAX_NAME}: dragon-fruit."
+            [member], f"{text[:80]!r} is no name for a word.", f"Use letters a to z, at most {MAX_NAME}: dragon-fruit."
         )
     if name in FILLERS | INTENSIFIERS | NUMBERS or is_adjective(name):
-        raise ParameterError.at([place], f"{name!r} has another meaning in prompts.", "Choose the name of a thing.")
+        raise ParameterError.at([member], f"{name!r} has another meaning in prompts.", "Choose the name of a thing.")
     return name
 
 
@@ -57,10 +57,10 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
         raise ParameterError.at(["synonyms"], f"A word has at most {MAX_SYNONYMS} synonyms.", "Leave some out.")
     if noun_of(noun, WORDS) is not None and not replace:
         advice = "Choose another noun, or replace ours for yourself (--replace; at a service, `replace`)."
-        raise ParameterError.at(["noun"], _ours(noun), advice)
+        raise ParameterError.at(["noun"], _builtin_detail(noun), advice)
     for name in synonyms:
         if noun_of(name, WORDS) not in (None, noun):
-            raise ParameterError.at(["synonyms"], _ours(name), "Leave this synonym out.")
+            raise ParameterError.at(["synonyms"], _builtin_detail(name), "Leave this synonym out.")
     for other in others:
         if other.noun == noun:
             if replace:
@@ -73,7 +73,7 @@ def check_names(noun: str, synonyms: Sequence[str], others: Iterable[Word], *, r
         _check_apart(noun, synonyms, other)
 
 
-def _ours(name: str) -> str:
+def _builtin_detail(name: str) -> str:
     """Return a sentence about a name that is read as a noun of ours."""
     noun = noun_of(name, WORDS)
     return f"{name!r} is a noun of ours." if name == noun else f"{name!r} is read as our {noun!r}."
@@ -86,9 +86,9 @@ def _check_apart(noun: str, synonyms: Sequence[str], other: Word) -> None:
     clash = next((name for name in (noun, *synonyms) if noun_of(name, theirs)), None)
     clash = clash or next((name for name in (other.noun, *other.synonyms) if noun_of(name, own)), None)
     if clash is not None:
-        place = "noun" if noun_of(clash, Words({noun: ()}, {}, ())) else "synonyms"
+        member = "noun" if noun_of(clash, Words({noun: ()}, {}, ())) else "synonyms"
         raise ParameterError.at(
-            [place],
+            [member],
             f"{noun!r} and your word {other.noun!r} would be one: {clash!r} is read as both.",
             f"Choose other names, or remove {other.noun!r} first.",
         )

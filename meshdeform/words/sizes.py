@@ -1,8 +1,8 @@
 """Make a part of a shape longer, shorter, bigger or smaller about where it hangs, so that it stays where it is joined.
 
-A place x of a piece of the part goes to x + w(x) (S - 1) (x - r), with the root r where the piece touches the rest, and
+A point x of a piece of the part goes to x + w(x) (S - 1) (x - r), with the root r where the piece touches the rest, and
 S a scale: along the axis away from the root for lengths, along all axes for sizes. The weight w rises smoothly from 0
-at places that touch the rest to 1 a quarter of the piece's size away from them.
+at points that touch the rest to 1 a quarter of the piece's size away from them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def sized(member: LabelledMember, part: str, degree: str) -> LabelledMember:
 
 
 def _sized(own: Floats, others: Floats, degree: str) -> Floats:
-    """Return the places (N, 3) of a piece beside the places of the rest."""
+    """Return the positions (N, 3) of a piece beside those of the rest."""
     distance = cKDTree(others).query(own)[0]
     diagonal = float(np.linalg.norm(np.ptp(np.concatenate([own, others]), axis=0)))
     rooted: Index = np.flatnonzero(distance <= max(_TOUCHING * diagonal, float(np.quantile(distance, _NEAREST))))

@@ -28,12 +28,13 @@ from meshdeform.geometry.shapes import simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.nouns.deformed import Part, normalised
 from meshdeform.nouns.families import FAMILIES, member
-from meshdeform.priors.builtin.prior import CAMERAS, STYLE
+from meshdeform.priors.builtin.prior import STYLE
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer
 from meshdeform.support.files import write_files
 from training.collections.nouns import noun_of
 from training.collections.sources import MARKET, PRIOR, collection_of, creator_of, pack_of, split_of
+from training.prior.pictures import CAMERAS
 
 _SUFFIXES = frozenset({".glb", ".gltf"})
 _MIN_FACES, _MAX_FACES = 4, 20_000

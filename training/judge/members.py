@@ -24,11 +24,11 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.judge.scoring import VIEW_SIZE, draw_views, judging_cameras, training_cameras
+from meshdeform.judge.scoring import VIEW_SIZE, draw_views, judging_cameras
 from meshdeform.nouns.deformed import normalised
 from meshdeform.nouns.families import Part, member
 from meshdeform.nouns.families.parts import box, ellipsoid, join, limb
-from meshdeform.rendering.cameras import Cameras
+from meshdeform.rendering.cameras import Cameras, fixed_cameras
 from meshdeform.vocabulary.grammar import Attribute
 from meshdeform.vocabulary.nouns import NOUNS
 from meshdeform.vocabulary.words import ADJECTIVES
@@ -36,6 +36,9 @@ from training.collections.members import RealShapes
 from training.judge import shapes
 from training.prior.pictures import drawn_from
 
+_FOV_DEG = (20.0, 28.0)
+_FROM_BELOW_DEG = (-25.0, -8.0)
+_FROM_ABOVE_DEG = (36.0, 58.0)
 _log = logging.getLogger(__name__)
 
 OTHER, REAL, FAMILY, NOTHING = "other", "real", "family", "nothing"
@@ -50,6 +53,14 @@ TRAINING, HELD_OUT = 0, 2
 _WHOLE = [Attribute("whole", word) for word in ADJECTIVES]
 _ATTRIBUTE_COUNT_ODDS = (0.6, 0.32, 0.08)
 """Odds of none, one and two attributes of the whole: a tall vase is a vase."""
+
+
+def training_cameras(rng: np.random.Generator) -> Cameras:
+    """Draw four cameras a quarter turn apart at a random azimuth, two from below and two from above."""
+    elevations = [float(rng.uniform(*band)) for band in (_FROM_BELOW_DEG, _FROM_ABOVE_DEG) * 2]
+    order = rng.permutation(4)
+    azimuth, fov = float(rng.uniform(-180.0, 180.0)), float(rng.uniform(*_FOV_DEG))
+    return fixed_cameras(azimuth, tuple(elevations[k] for k in order), fov)
 
 
 def seeded(split: int, kind: str, number: int) -> np.random.Generator:

@@ -20,12 +20,12 @@ from safetensors.torch import load_file, save_file
 
 from meshdeform.nouns.deformed import Part
 from meshdeform.nouns.families import FAMILIES, member
-from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
+from meshdeform.priors.builtin.prior import STYLE
 from meshdeform.priors.builtin.vocabulary import tokenise
 from meshdeform.vocabulary.grammar import ParsedPrompt
 from training.collections.members import RealShapes
 from training.prior.held_out import attributes_of, is_held_out
-from training.prior.pictures import PictureSet, drawn_from, pictures, single_views
+from training.prior.pictures import CAMERAS, SINGLE_STYLE, PictureSet, drawn_from, pictures, single_views
 
 __all__ = ["SINGLES_EACH", "PictureFolder", "draw_prompt", "draw_set"]
 

@@ -6,18 +6,22 @@ Source of the grid: Xu et al. 2024, FusionDeformer, section 4.2 and eq. 8 (ortho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from meshdeform.nouns.deformed import Part
-from meshdeform.priors.builtin.prior import CAMERAS, SINGLE_STYLE, STYLE
-from meshdeform.rendering.cameras import fixed_cameras
+from meshdeform.priors.builtin.prior import STYLE
+from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer, combine_views, sample_orthogonal_cameras
 from meshdeform.vocabulary.grammar import ATTRIBUTES, Attribute, ParsedPrompt
 from meshdeform.vocabulary.words import OPPOSITES
+
+SINGLE_STYLE = replace(STYLE, view_size=128)
+"""Style of a single view that fills the picture."""
+CAMERAS = CameraRange(elevation_min_deg=0.0, elevation_max_deg=30.0, fov_min_deg=30.0, fov_max_deg=45.0)
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,24 @@ import torch
 from torch import Tensor, nn
 
 from meshdeform.priors.builtin.network import PriorNetwork
-from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, add_noise, cosine_alphas_cumprod, loss_weight
+from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, cosine_alphas_cumprod
 from training.prior.pictures import PictureSet
 
+_LARGEST_WEIGHT = 5.0
 _NOISY_FROM, _NOISY_SHARE = 0.7, 0.75
 """Score distillation uses this prior only at high noise. Uniform timesteps would spend a third of the training there,
 and almost none of it where only the azimuth distinguishes front from back."""
+
+
+def add_noise(clean: Tensor, noise: Tensor, timestep: Tensor, alphas_cumprod: Tensor) -> Tensor:
+    """Return x_t of pictures (B, C, H, W) at timesteps (B,)."""
+    level = alphas_cumprod[timestep][:, None, None, None]
+    return level.sqrt() * clean + (1.0 - level).sqrt() * noise
+
+
+def loss_weight(timestep: Tensor, alphas_cumprod: Tensor) -> Tensor:
+    """Return the weights (B, 1, 1, 1) of the squared error of x0."""
+    return (1.0 / (1.0 - alphas_cumprod[timestep])).clamp_max(_LARGEST_WEIGHT)[:, None, None, None]
 
 
 class Pictures(Protocol):

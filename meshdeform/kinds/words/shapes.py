@@ -113,7 +113,7 @@ def _nearest_faces(body: Body, points: Floats, faces: Index) -> Index:
     a, b, c = points[faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    tree = cKDTree(features(samples.places / body.diagonal, samples.normals, _BY_NORMAL))
+    tree = cKDTree(features(samples.positions / body.diagonal, samples.normals, _BY_NORMAL))
     nearest = tree.query(features((a + b + c) / 3 / body.diagonal, normals, _BY_NORMAL))[1]
     return np.asarray(samples.faces[nearest])
 

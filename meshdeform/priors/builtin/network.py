@@ -252,8 +252,8 @@ class PriorNetwork(nn.Module):
         for name, layer in self.named_children():
             if name not in ("text", "time", "azimuth"):
                 layer.to(dtype)
-        for place in (self.place, self.single_place):
-            place.data = place.data.to(dtype)
+        for position in (self.place, self.single_place):
+            position.data = position.data.to(dtype)
         return self
 
     def _condition(self, timestep: Tensor, text: Tensor, azimuth_deg: Tensor) -> Tensor:

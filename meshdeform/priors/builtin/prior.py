@@ -26,7 +26,6 @@ SNR); Li & He 2025, Back to basics (predict x0 where patches are wide).
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -35,19 +34,15 @@ from torch import Tensor
 from meshdeform.errors import ShapeError
 from meshdeform.priors.builtin.network import WEIGHTS, null_tokens, read_network
 from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS, tokenise
-from meshdeform.rendering.cameras import NUM_VIEWS, CameraRange, Cameras
+from meshdeform.rendering.cameras import NUM_VIEWS, Cameras
 from meshdeform.rendering.shading import RenderStyle
 from meshdeform.support.files import file_sha256
 from meshdeform.vocabulary.grammar import parse, parse_negative
 
 NUM_TIMESTEPS = 1000
-_LARGEST_WEIGHT = 5.0
 
 STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
 """Style of a view in the 2 x 2 grid; four of them fill the picture."""
-SINGLE_STYLE = replace(STYLE, view_size=128)
-"""Style of a single view that fills the picture."""
-CAMERAS = CameraRange(elevation_min_deg=0.0, elevation_max_deg=30.0, fov_min_deg=30.0, fov_max_deg=45.0)
 
 
 def cosine_alphas_cumprod() -> Tensor:
@@ -60,27 +55,10 @@ def cosine_alphas_cumprod() -> Tensor:
     return level.to(torch.float32)
 
 
-def _levels(alphas_cumprod: Tensor, timestep: Tensor) -> tuple[Tensor, Tensor]:
-    """Return sqrt(abar_t) and sqrt(1 - abar_t), each (B, 1, 1, 1)."""
-    level = alphas_cumprod[timestep][:, None, None, None]
-    return level.sqrt(), (1.0 - level).sqrt()
-
-
-def add_noise(clean: Tensor, noise: Tensor, timestep: Tensor, alphas_cumprod: Tensor) -> Tensor:
-    """Return x_t of pictures (B, C, H, W) at timesteps (B,)."""
-    signal, sigma = _levels(alphas_cumprod, timestep)
-    return signal * clean + sigma * noise
-
-
 def noise_from_clean(clean: Tensor, noisy: Tensor, timestep: Tensor, alphas_cumprod: Tensor) -> Tensor:
     """Return eps, given x0 and x_t."""
-    signal, sigma = _levels(alphas_cumprod, timestep)
-    return (noisy - signal * clean) / sigma
-
-
-def loss_weight(timestep: Tensor, alphas_cumprod: Tensor) -> Tensor:
-    """Return the weights (B, 1, 1, 1) of the squared error of x0."""
-    return (1.0 / (1.0 - alphas_cumprod[timestep])).clamp_max(_LARGEST_WEIGHT)[:, None, None, None]
+    level = alphas_cumprod[timestep][:, None, None, None]
+    return (noisy - level.sqrt() * clean) / (1.0 - level).sqrt()
 
 
 class BuiltinPrior:

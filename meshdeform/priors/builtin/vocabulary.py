@@ -175,7 +175,7 @@ SEQUENCE_LENGTH = 1 + 2 * MAX_ATTRIBUTES
 """Tokens of a prompt: the noun, and two for each attribute."""
 
 
-def tokenise(parsed: ParsedPrompt, known: Words = BUILTIN_WORDS) -> list[int]:
+def tokenise(parsed: ParsedPrompt) -> list[int]:
     """Return the `SEQUENCE_LENGTH` token numbers of a parsed prompt, padded with 0."""
-    numbers = [known.tokens.index(word) for word in parsed.tokens]
+    numbers = [VOCABULARY.index(word) for word in parsed.tokens]
     return numbers + [0] * (SEQUENCE_LENGTH - len(numbers))

@@ -18,7 +18,7 @@ from meshdeform.guidance.target import TargetGuide
 from meshdeform.rendering.shading import RenderStyle
 from tests.cases import each_case
 from tests.meshes import mesh_of
-from tests.unit.deformation.test_controls import sled
+from tests.unit.deformation.test_degrees_of_freedom import sled
 from tests.unit.deformation.worlds import params
 
 STYLE = RenderStyle(view_size=32, supersample=2)

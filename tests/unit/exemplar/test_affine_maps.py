@@ -17,7 +17,7 @@ from meshdeform.reading.samples import spread
 def cloud_of(verts: np.ndarray, faces: Index, of_face: Index, seed: int = 1) -> Cloud:
     """Return samples of pieces."""
     samples = spread(verts, faces, 1500, seed)
-    return Cloud(samples.places, samples.normals, of_face[samples.faces]).known()
+    return Cloud(samples.positions, samples.normals, of_face[samples.faces]).in_pieces()
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_mirror_images_have_mirrored_maps(horse: tuple[Shape, Pieces]) -> None:
     flip = np.array([-1.0, 1, 1])
     points = np.random.default_rng(0).normal(size=(20, 3))
     own = pieces.named("body")[0]
-    np.testing.assert_allclose(maps.take(points * flip, own), maps.take(points, own) * flip, atol=2e-3)
+    np.testing.assert_allclose(maps.map_points(points * flip, own), maps.map_points(points, own) * flip, atol=2e-3)
 
 
 def test_wheels_stay_round_and_feet_on_the_ground() -> None:
@@ -78,8 +78,8 @@ def test_wheels_stay_round_and_feet_on_the_ground() -> None:
     stretches = np.diag(maps.linear[1])
     assert abs(stretches[1] / stretches[2] - 1) < 0.02
     assert 1.2 < stretches[1] < 1.6
-    moved = maps.take(wheel.verts, 1)
-    assert abs(moved[:, 1].min() - goal.places[:, 1].min()) < 0.01
+    moved = maps.map_points(wheel.verts, 1)
+    assert abs(moved[:, 1].min() - goal.positions[:, 1].min()) < 0.01
 
 
 def test_touching_components_are_blended_together() -> None:

@@ -54,7 +54,7 @@ def test_two_ears_grow_apart_from_a_plain_head() -> None:
         assert np.abs(ear[:, 0] - side * 0.09).max() < 0.05  # clean: no web to the other ear
     between = moved[(np.abs(moved[:, 0]) < 0.02) & (moved[:, 2] > 0.1)]
     assert between[:, 1].max() < 0.53
-    seen = spread(goal.verts, goal.faces, 4000, 0).places
+    seen = spread(goal.verts, goal.faces, 4000, 0).positions
     assert cKDTree(moved).query(seen)[0].max() < 0.06
     assert _flipped(animal.verts, moved, animal.faces) < 0.002 * len(animal.faces)  # at the creases of the roots
 
@@ -107,9 +107,9 @@ def test_a_bent_limb_knows_its_heights() -> None:
     own = samples.faces < len(arc.faces)
     found = limb_of(samples, own, np.zeros(4000, bool), 1.0)
     assert found is not None
-    bent = np.arctan2(found.places[:, 1], 1 - found.places[:, 2]) / (np.pi / 2)
+    bent = np.arctan2(found.positions[:, 1], 1 - found.positions[:, 2]) / (np.pi / 2)
     assert np.corrcoef(found.heights, bent)[0, 1] > 0.99
-    assert np.linalg.norm(found.at(found.heights, found.turns) - found.places, axis=1).mean() < 0.03
+    assert np.linalg.norm(found.points_at(found.heights, found.turns) - found.positions, axis=1).mean() < 0.03
 
 
 def test_patches_of_two_limbs_are_disjoint() -> None:

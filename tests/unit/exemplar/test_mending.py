@@ -35,13 +35,13 @@ def joined(*bodies: tuple[Floats, Index]) -> tuple[Floats, Index]:
     return np.concatenate([verts for verts, _ in bodies]), faces
 
 
-def promise_kept(rest: Floats, goal: Floats, faces: Index, *, share: float = 0.009) -> float:
-    result = mended(rest, goal, faces, share=share)
+def promise_kept(rest: Floats, goal: Floats, faces: Index) -> float:
+    result = mended(rest, goal, faces)
     found = Faults(rest, faces).find(result.verts)
     assert np.isfinite(result.verts).all()
     assert (result.flipped, result.cut) == (0, int(found.cutting.sum()))
     assert not found.folded.any()
-    assert found.cutting.sum() <= share * len(faces)
+    assert found.is_clean
     return result.kept
 
 

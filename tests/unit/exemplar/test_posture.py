@@ -17,7 +17,7 @@ def posture(member: LabelledMember) -> Posture:
     samples = spread(member.verts, member.faces, 1500, 1)
     codes = limb_codes(member)[samples.faces]
     low, high = member.verts.min(0), member.verts.max(0)
-    return postures(samples.places[None], codes[None], low[None], high[None])[0]
+    return postures(samples.positions[None], codes[None], low[None], high[None])[0]
 
 
 def in_pose(noun: str, pose: str, seed: int = 4) -> LabelledMember:

@@ -60,7 +60,7 @@ def test_a_bonnet_goes_up_into_the_box_of_a_bus() -> None:
     moved = by_side(own, goal, wheels, others)
     assert moved is not None
     body = np.delete(own.faces, np.concatenate(wheels), 0)
-    places = spread(moved, body, 6000, 0).places
+    places = spread(moved, body, 6000, 0).positions
     front = places[places[:, 2] > 0.45]
     assert front[:, 1].max() > 0.45
     assert own.verts[own.verts[:, 2] > 0.35][:, 1].max() < 0.3

@@ -26,7 +26,7 @@ def _bird(beak: float = 0.1, rings: int = 24) -> Shape:
 
 def _distance(shape: Shape, verts: _Array, goal: Shape) -> float:
     """Return the mean distance of the vertices of a shape to a goal, a share of its diagonal."""
-    places = spread(goal.verts, goal.faces, 60_000, 0).places
+    places = spread(goal.verts, goal.faces, 60_000, 0).positions
     return float(cKDTree(places).query(verts)[0].mean() / np.linalg.norm(np.ptp(goal.verts, axis=0)))
 
 

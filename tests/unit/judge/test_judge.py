@@ -16,11 +16,11 @@ from meshdeform.errors import ModelError, PromptError, ShapeError, VocabularyErr
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.judge import WEIGHTS, Judge
-from meshdeform.judge.scoring import draw_views, framed, judging_cameras, training_cameras
-from meshdeform.priors.builtin.prior import CAMERAS
+from meshdeform.judge.scoring import draw_views, framed, judging_cameras
 from meshdeform.vocabulary.nouns import NOUNS
 from tests.cases import each_case
-from training.judge.members import HELD_OUT, NOTHING, draw_shape, seeded
+from training.judge.members import HELD_OUT, NOTHING, draw_shape, seeded, training_cameras
+from training.prior.pictures import CAMERAS
 
 SUITE = ["a vase", "a chair", "a giraffe", "a mushroom", "a car", "a star", "a rabbit", "a table", "a whale", "a lamp"]
 

@@ -17,12 +17,9 @@ from meshdeform.priors.builtin.network import (
 )
 from meshdeform.priors.builtin.prior import (
     NUM_TIMESTEPS,
-    SINGLE_STYLE,
     STYLE,
     BuiltinPrior,
-    add_noise,
     cosine_alphas_cumprod,
-    loss_weight,
     noise_from_clean,
 )
 from meshdeform.priors.builtin.vocabulary import VOCABULARY, tokenise
@@ -33,6 +30,8 @@ from meshdeform.vocabulary.grammar import parse
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.unit.priors.combined import guided, text_rows
+from training.prior.pictures import SINGLE_STYLE
+from training.prior.trainer import add_noise, loss_weight
 
 
 @pytest.fixture

@@ -65,7 +65,7 @@ def hub_cache(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_a_complete_folder_is_found_and_hashed(checkpoint: Path) -> None:
     check_model(str(checkpoint))
     files = find(str(checkpoint))
-    assert {part: [path.name for path in files.parts[part].files] for part in files.parts} == {
+    assert {part: [path.name for path in files.networks[part].files] for part in files.networks} == {
         "text_encoder": ["model.safetensors"],
         "unet": ["diffusion_pytorch_model.safetensors"],
         "vae": ["diffusion_pytorch_model.safetensors"],
@@ -133,11 +133,11 @@ def test_an_incomplete_folder_is_refused(checkpoint: Path, missing: str) -> None
 def test_files_of_half_precision_are_taken_if_asked_for_or_where_there_are_no_others(checkpoint: Path) -> None:
     for name in ("text_encoder/model", "unet/diffusion_pytorch_model", "vae/diffusion_pytorch_model"):
         shutil.copy(checkpoint / f"{name}.safetensors", checkpoint / f"{name}.fp16.safetensors")
-    assert {part.variant for part in find(str(checkpoint)).parts.values()} == {""}
-    assert {part.variant for part in find(str(checkpoint), half=True).parts.values()} == {"fp16"}
+    assert {network.variant for network in find(str(checkpoint)).networks.values()} == {""}
+    assert {network.variant for network in find(str(checkpoint), half=True).networks.values()} == {"fp16"}
     (checkpoint / "vae" / "diffusion_pytorch_model.safetensors").unlink()
-    parts = find(str(checkpoint)).parts
-    assert (parts["vae"].variant, parts["unet"].variant) == ("fp16", "")
+    networks = find(str(checkpoint)).networks
+    assert (networks["vae"].variant, networks["unet"].variant) == ("fp16", "")
 
 
 def test_weights_in_several_files_are_all_needed(checkpoint: Path) -> None:
@@ -148,7 +148,7 @@ def test_weights_in_several_files_are_all_needed(checkpoint: Path) -> None:
     with pytest.raises(ModelError, match="lacks unet/part-2"):
         check_model(str(checkpoint))
     (folder / "part-2.safetensors").write_bytes(b"")
-    names = [path.name for path in find(str(checkpoint)).parts["unet"].files]
+    names = [path.name for path in find(str(checkpoint)).networks["unet"].files]
     assert names == ["part-1.safetensors", "part-2.safetensors"]
 
 

@@ -41,7 +41,7 @@ def _same(one: Bank, other: Bank) -> bool:
 
 def test_a_file_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = _again(None)
-    assert drawn.places.shape == (3, banks.SAMPLES, 3)
+    assert drawn.positions.shape == (3, banks.SAMPLES, 3)
     folder = tmp_path / "new" / "banks"
     assert _same(_again(folder), drawn)
     assert [path.name for path in folder.iterdir()] == [f"{_NOUN}-{MEMBERS_VERSION}.npz"]

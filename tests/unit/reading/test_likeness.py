@@ -53,7 +53,7 @@ def test_a_plate_under_it_does_not_count() -> None:
 def test_a_description_holds_the_whole_area_and_the_sides_of_the_box() -> None:
     verts = np.array([[0.0, 0, 0], [2, 0, 0], [2, 0, 1], [0, 0, 1], [0, 2, 0]])
     samples = spread(verts, np.array([[0, 2, 1], [0, 3, 2], [0, 1, 4]]), 700, 1)
-    found = described(samples.places, samples.normals, verts.min(0), verts.max(0))
+    found = described(samples.positions, samples.normals, verts.min(0), verts.max(0))
     shares = np.square(found[:-3]).reshape(6, 8, 6, 3)
     np.testing.assert_allclose(shares.sum((0, 1, 2)), [0, 0.5, 0.5], atol=2e-3)  # the floor, and the wall behind it
     assert shares[:, 4:, :, 1].sum() == pytest.approx(0)

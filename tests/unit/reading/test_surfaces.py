@@ -68,8 +68,8 @@ def test_segments_vote_islands_go_and_single_parts_are_one_piece() -> None:
 def test_what_is_inside_another_solid_is_hidden() -> None:
     shape = join([ellipsoid([0, 0, 0], 0.5), ellipsoid([0.1, 0, 0], 0.2), ellipsoid([2, 0, 0], 0.2)])
     samples = spread(shape.verts, shape.faces, 1500, 0)
-    solid = (samples.places[:, 0] > 1.5).astype(np.int64) * 2
-    solid[np.linalg.norm(samples.places - [0.1, 0, 0], axis=1) < 0.21] = 1
+    solid = (samples.positions[:, 0] > 1.5).astype(np.int64) * 2
+    solid[np.linalg.norm(samples.positions - [0.1, 0, 0], axis=1) < 0.21] = 1
     inside = hidden(samples, solid)
     assert inside[solid == 1].all()
     assert not inside[solid != 1].any()

@@ -19,7 +19,7 @@ from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.requests.groups import grouped
 from meshdeform.runs import reading
 from meshdeform.runs.kept_readings import FolderReadings, key_of
-from meshdeform.runs.reading import ReadingSource, corrected, made, read_source, reading_document, reading_report
+from meshdeform.runs.reading import ReadingSource, corrected, read_source, reading_document, reading_report
 from meshdeform.support.recent import Recent
 from tests.cases import each_case
 from tests.unit.plain.shapes import dog, plain_glb, rigged_dog
@@ -41,7 +41,7 @@ def read_dog() -> Reading:
 
 @pytest.fixture
 def readings_made(monkeypatch: pytest.MonkeyPatch, read_dog: Reading) -> list[tuple[dict[str, float], float | None]]:
-    """What was asked of each reading that was made, of a process that remembers none."""
+    """What was asked of each reading that was of a process that remembers none."""
     asked: list[tuple[dict[str, float], float | None]] = []
 
     def read(
@@ -60,11 +60,11 @@ def test_nothing_is_read_before_somebody_asks_and_nothing_twice(
 ) -> None:
     source = ReadingSource("ab", "dog.glb", kept=FolderReadings(tmp_path))
     body = corrected(BODY, ASSET, params(), source)
-    assert made(body) is None
+    assert body.reader.made is None
     assert readings_made == []
     assert body.reader.reading is read_dog
     assert body.reader.reading is read_dog
-    assert made(body.moved(body.points + 1)) is read_dog
+    assert body.moved(body.points + 1).reader.made is read_dog
     assert readings_made == [({"dog": 1.0}, 0.0)]
     assert read_source(BODY, params(parts=[{"name": "ears", "faces": [1]}]), source) is read_dog  # remembered
     monkeypatch.setattr(reading, "_last", Recent(8))

@@ -1,4 +1,4 @@
-"""Give the elements of a carrier their Jacobians: each its own, or all by a few controls, from coarse to fine.
+"""Give the elements of a carrier their Jacobians: each its own, or all by few coefficients, from coarse to fine.
 
 As in the paper, every element (a face of the surface, a cell of a lattice) has a Jacobian of its own, `OwnJacobians`.
 That is far more freedom than a prompt has knowledge: thousands of free cells crumple a panel. So what a prompt guides
@@ -6,13 +6,13 @@ has the Jacobians of a hierarchy of bases, `Hierarchy`::
 
     J_e = I + sum_l sum_k B_lk(x_e) P(C_lk)
 
-with x_e the centre of element e and C_l (K_l, 3, 3) the controls of level l, the variables. B_l are the products of
+with x_e the centre of element e and C_l (K_l, 3, 3) the coefficients of level l, the variables. B_l are the products of
 uniform quadratic B-splines over `_SPANS[l]` intervals of the longest side of the mesh's box. The first level has some
-60 controls, the second a few hundred; each is unlocked later in the run. The last level of what is not built, such as
-an animal or a ball, are the elements themselves. Man-made things get a third level of splines if it is one surface,
+60 coefficients, the second a few hundred; each is unlocked later in the run. The last level of what is not built, such
+as an animal or a ball, are the elements themselves. Man-made things get a third level of splines if it is one surface,
 which can bear it: of several parts, more are cut.
 
-P keeps what the asset has (`Structure`). Mirror symmetry: the mean of the controls with their mirror images,
+P keeps what the asset has (`Structure`). Mirror symmetry: the mean of the coefficients with their mirror images,
 C <- (C + R C' R) / 2 with R the reflection, makes the map commute with it. Level and upright: without the terms that
 mix the height with the other axes, what is level stays level, and what is upright upright. Either way the
 antisymmetric part of the mean of all J_e is taken off them, so that the whole does not turn: an animal does not rear.
@@ -47,7 +47,7 @@ _UNLOCKED = 0.4
 """Share of the run over which the levels are unlocked, evenly."""
 
 _REACHED = 0.1
-"""Value of a basis from which its control counts as reaching an element."""
+"""Value of a basis from which its coefficient counts as reaching an element."""
 
 _FACING = 0.05
 """Weight of a normal, as a share of the diagonal, by which a face's mirror image is told from the other side of it."""
@@ -56,7 +56,7 @@ _Index = NDArray[np.int64]
 _LEVEL = torch.tensor([[1.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 1.0]], dtype=torch.float64)
 
 
-class Controls(Protocol):
+class DegreesOfFreedom(Protocol):
     """Variables that give every element a Jacobian."""
 
     tensors: dict[str, Tensor]
@@ -66,7 +66,7 @@ class Controls(Protocol):
     """Whether every element has a Jacobian of its own, so that `correct` does something."""
 
     def begin_step(self, fraction: float) -> None:
-        """Prepare for the next step, at this fraction of the run: some controls may not change before their time."""
+        """Prepare for the next step, at this fraction of the run: some may not change before their time."""
 
     def jacobians(self) -> Tensor:
         """Return the Jacobians (E, 3, 3) float64, the same tensor until the variables change."""
@@ -79,7 +79,7 @@ class Controls(Protocol):
 
 
 class OwnJacobians:
-    """One Jacobian per element, as in the paper. Implements `Controls`.
+    """One Jacobian per element, as in the paper. Implements `DegreesOfFreedom`.
 
     `name`: name of the tensor in checkpoints.
     """
@@ -105,17 +105,17 @@ class OwnJacobians:
         self._jacobians += missing
 
 
-class ControlLevel:
-    """The controls of one level, and what they add to the Jacobians of the elements.
+class BasisLevel:
+    """The coefficients of one level, and what they add to the Jacobians of the elements.
 
     Parameters
     ----------
     basis : sparse (E, K) float64, optional
-        Values of the bases at the elements; None if each element has a control.
+        Values of the bases at the elements; None if each element has a coefficient.
     count : int
         K.
     partners : sequence of (K,) int64
-        For each mirror plane, the control that is each one's mirror image.
+        For each mirror plane, the coefficient that is each one's mirror image.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class ControlLevel:
         partnered = zip(structure.planes, map(torch.from_numpy, partners), strict=True)
         self._mirrors = [(torch.from_numpy(_reflection(plane)), partner) for plane, partner in partnered]
         self._free = _LEVEL if structure.level else torch.ones(3, 3, dtype=torch.float64)
-        self.controls = torch.zeros(count, 3, 3, dtype=torch.float64).requires_grad_()
+        self.coefficients = torch.zeros(count, 3, 3, dtype=torch.float64).requires_grad_()
 
     @classmethod
     def of_splines(cls, centres: _Floats, low: _Floats, high: _Floats, spans: int, structure: Structure) -> Self:
@@ -142,7 +142,7 @@ class ControlLevel:
     def of_elements(
         cls, centres: _Floats, normals: _Floats | None, middle: _Floats, structure: Structure
     ) -> Self | None:
-        """Return the level with a control for each element and its partner, the nearest to its mirror image."""
+        """Return the level with a coefficient for each element and its partner, the nearest to its mirror image."""
         reach = _FACING * float(np.linalg.norm(np.ptp(centres, axis=0)))
         facing = np.zeros_like(centres) if normals is None else reach * normals
         tree = cKDTree(np.hstack([centres, facing]))
@@ -153,16 +153,16 @@ class ControlLevel:
         return cls(None, len(centres), [partner.astype(np.int64) for _, partner in matches], structure)
 
     def least(self, of_element: _Floats) -> _Floats:
-        """Return the least of 1 and the values (E,) of the elements that each control reaches, (K,).
+        """Return the least of 1 and the values (E,) of the elements that each coefficient reaches, (K,).
 
-        Of a control that reaches none with a tenth of its weight, the greatest: else it would never be held, and a step
+        Of one that reaches none with a tenth of its weight, the greatest: else it would never be held, and a step
         that is to be taken back in whole would not be.
         """
         if self._basis is None:
             return of_element
         reached = sparse.coo_matrix(self._basis)
         near = reached.data > _REACHED
-        least = np.ones(len(self.controls))
+        least = np.ones(len(self.coefficients))
         np.minimum.at(least, reached.col[near], of_element[reached.row[near]])
         weak = np.bincount(reached.col[near], minlength=len(least)) == 0
         greatest = np.full(len(least), of_element.min())
@@ -170,13 +170,13 @@ class ControlLevel:
         return np.where(weak, np.minimum(greatest, 1.0), least)
 
     def jacobians(self) -> Tensor:
-        """Return the level's part of the Jacobians, (E, 3, 3), differentiable in `controls`."""
-        controls = self.controls * self._free
+        """Return the level's part of the Jacobians, (E, 3, 3), differentiable in `coefficients`."""
+        coefficients = self.coefficients * self._free
         for signs, partner in self._mirrors:
-            controls = 0.5 * (controls + signs[:, None] * signs * controls[partner])
+            coefficients = 0.5 * (coefficients + signs[:, None] * signs * coefficients[partner])
         if self._basis is None:
-            return controls
-        return sparse_product(self._basis, controls.reshape(-1, 9)).view(-1, 3, 3)
+            return coefficients
+        return sparse_product(self._basis, coefficients.reshape(-1, 9)).view(-1, 3, 3)
 
 
 def _reflection(plane: int) -> _Floats:
@@ -187,7 +187,7 @@ def _reflection(plane: int) -> _Floats:
 
 
 class Hierarchy:
-    """A hierarchy of controls. Implements `Controls`.
+    """Levels of coefficients. Implements `DegreesOfFreedom`.
 
     `name`: of the elements, with which the names of the tensors in checkpoints begin; `centres`, (E, 3) float64: of the
     elements, in object units; `normals`, (E, 3) float64: unit normals of elements that are faces; `box`, pair of (3,)
@@ -203,16 +203,16 @@ class Hierarchy:
         structure: Structure,
     ) -> None:
         low, high = box
-        self._own = None if structure.level else ControlLevel.of_elements(centres, normals, (low + high) / 2, structure)
+        self._own = None if structure.level else BasisLevel.of_elements(centres, normals, (low + high) / 2, structure)
         chosen = _SPANS_OF_SURFACES if self._own is None and normals is not None else _SPANS
-        self._levels = [ControlLevel.of_splines(centres, low, high, spans, structure) for spans in chosen]
+        self._levels = [BasisLevel.of_splines(centres, low, high, spans, structure) for spans in chosen]
         self.local = self._own is not None
         if self._own is not None:
             self._levels.append(self._own)
         self._keeps = structure != Structure()
         self._unlocked = 1
         self._current: tuple[tuple[bool | int, ...], Tensor] | None = None
-        self.tensors = {f"{name}_level_{number}": level.controls for number, level in enumerate(self._levels)}
+        self.tensors = {f"{name}_level_{number}": level.coefficients for number, level in enumerate(self._levels)}
 
     def begin_step(self, fraction: float) -> None:
         """Unlock the levels that are due at this fraction of the run."""
@@ -223,7 +223,7 @@ class Hierarchy:
     def jacobians(self) -> Tensor:
         """Return the Jacobians; levels that are not unlocked count, but get no gradient."""
         # The loss, the penalties and gradients for regions must meet in one tensor.
-        state = (torch.is_grad_enabled(), self._unlocked, *(level.controls._version for level in self._levels))
+        state = (torch.is_grad_enabled(), self._unlocked, *(level.coefficients._version for level in self._levels))
         if self._current is None or self._current[0] != state:
             added = [level.jacobians() for level in self._levels]
             added[self._unlocked :] = [fixed.detach() for fixed in added[self._unlocked :]]
@@ -233,13 +233,13 @@ class Hierarchy:
         return self._current[1]
 
     def rows(self, of_element: _Floats) -> dict[str, _Floats]:
-        """Return, for each control, the least value of the elements that it reaches with a tenth of its weight."""
+        """Return, for each coefficient, the least value of the elements that it reaches with a tenth of its weight."""
         return {name: level.least(of_element) for name, level in zip(self.tensors, self._levels, strict=True)}
 
     def correct(self, missing: Tensor) -> None:
         """Add to the last level, if it is that of the elements: a smooth map cannot give whatever it is asked for."""
         if self._own is not None:
-            self._own.controls += missing
+            self._own.coefficients += missing
 
 
 def _splines(at: _Floats, count: int) -> _Floats:

@@ -1,4 +1,4 @@
-"""Few controls: affine where they are equal, their own mirror image, level, and unlocked level by level."""
+"""Few degrees of freedom: affine where they are equal, their own mirror image, level, and unlocked level by level."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from meshdeform.deformation.controls import ControlLevel
+from meshdeform.deformation.degrees_of_freedom import BasisLevel
 from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation, RegionalGradients
 from meshdeform.deformation.structure import Nature, Structure, is_convex, is_level, mirror_planes, plane_of
@@ -64,7 +64,7 @@ def randomized(field: LatticeField | JacobianField, seed: int = 0, size: float =
 
 
 @each_case("carried", CARRIERS)
-def test_equal_controls_give_an_affine_map(carried: Carrier) -> None:
+def test_equal_coefficients_give_an_affine_map(carried: Carrier) -> None:
     field = carried(structure=Structure())
     linear = 0.3 * torch.randn(3, 3, generator=torch.Generator().manual_seed(1), dtype=F64)
     with torch.no_grad():
@@ -108,14 +108,14 @@ def test_a_face_has_the_nearest_one_that_looks_the_same_way_as_its_mirror_image(
     plate = mesh_of(verts_of(box(5)) * torch.tensor([1.0, 1.0, 1e-3], dtype=F64), faces_of(box(5)))
     rest = RestMesh.of(plate)
     centres, normals = verts_of(rest)[faces_of(rest)].mean(1).numpy(), rest.normals
-    level = ControlLevel.of_elements(centres, normals, np.zeros(3), Structure(planes=(0,)))
+    level = BasisLevel.of_elements(centres, normals, np.zeros(3), Structure(planes=(0,)))
     assert level is not None
     with torch.no_grad():
-        level.controls[:, 2, 2] = torch.from_numpy(rest.normals[:, 2])
+        level.coefficients[:, 2, 2] = torch.from_numpy(rest.normals[:, 2])
     np.testing.assert_allclose(level.jacobians().detach()[:, 2, 2], rest.normals[:, 2], rtol=1e-7)
 
 
-def test_faces_without_mirror_images_across_two_planes_get_no_controls_of_their_own() -> None:
+def test_faces_without_mirror_images_across_two_planes_get_no_coefficients_of_their_own() -> None:
     """Or a shape that is to be round would lean."""
     planes, ball = Structure(planes=(0, 2)), icosphere(3)
     bent = mesh_of(verts_of(ball) + 0.1 * verts_of(ball).roll(1, 1), faces_of(ball))
@@ -140,7 +140,7 @@ def test_a_level_map_keeps_what_is_level() -> None:
 
 
 @each_case("carried", CARRIERS)
-def test_gradients_reach_the_controls(carried: Carrier) -> None:
+def test_gradients_reach_the_coefficients(carried: Carrier) -> None:
     field = randomized(carried(structure=Structure(planes=(0,))), size=0.1)
     field.begin_step(1.0)
     towards = torch.randn(verts_of(field.rest).shape, generator=torch.Generator().manual_seed(3), dtype=F64)
@@ -172,16 +172,16 @@ def test_levels_are_unlocked_one_after_the_other_and_all_count(fraction: float, 
     assert [tensor.grad is not None for tensor in field.tensors.values()] == [True] * free + [False] * (3 - free)
 
 
-def test_what_holds_an_element_holds_every_control_that_reaches_it() -> None:
+def test_what_holds_an_element_holds_every_coefficient_that_reaches_it() -> None:
     field = lattice(structure=Structure())
     held = np.linspace(1.0, 0.5, len(field.elements))
     coarse, *_, own = field.rows(held).values()
     np.testing.assert_array_equal(own, held)
     assert coarse.min() == 0.5
-    assert (coarse < 0.75).mean() > (held < 0.75).mean(), "a control has the least of its elements"
+    assert (coarse < 0.75).mean() > (held < 0.75).mean(), "a coefficient has the least of its elements"
 
 
-def test_all_controls_are_held_if_all_elements_are() -> None:
+def test_all_coefficients_are_held_if_all_elements_are() -> None:
     """Also those that reach each element with less than a tenth of their weight, at the corners of the box."""
     for field in (surface(structure=Structure(planes=(0,))), lattice(structure=Structure())):
         count = len(field.elements)
@@ -191,7 +191,7 @@ def test_all_controls_are_held_if_all_elements_are() -> None:
             assert (rows == 1).all()
 
 
-def test_a_loss_for_a_region_reaches_the_controls_by_its_cells_alone() -> None:
+def test_a_loss_for_a_region_reaches_the_coefficients_by_its_cells_alone() -> None:
     mesh = sled()
     field = LatticeField(mesh, structure=Structure())
     upper = (verts_of(mesh)[faces_of(mesh)].mean(1)[:, 1] > 0.3).double().numpy()
