@@ -132,7 +132,11 @@ class _Reader:
         materials = [_material(p) for block in blocks for p in self._primitives(block)]
         self._materials = {at: self._material(at) for at in set(materials) if at is not None}
         self._pictures.plan([m.texture.image for m in self._materials.values() if m.texture])
-        parts = [part for block in blocks for part in self._block(block)]
+        parts = [
+            self._part(block, primitive, flip=block.placement.mirrors)
+            for block in blocks
+            for primitive in self._primitives(block)
+        ]
         starts = np.cumsum([0, *(len(part.rows) for part in parts)])
         return Appearance(
             np.concatenate([part.rows for part in parts]),
@@ -154,9 +158,6 @@ class _Reader:
         except AssetError:
             self._leave_out("invalid material")
             return Material()
-
-    def _block(self, block: Block) -> list[_Part]:
-        return [self._part(block, primitive, flip=block.placement.mirrors) for primitive in self._primitives(block)]
 
     def _part(self, block: Block, primitive: Json, *, flip: bool) -> _Part:
         count = len(block.positions)

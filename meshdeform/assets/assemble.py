@@ -21,6 +21,7 @@ from meshdeform.assets.container import Json, clone, dump_json
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.inspect import UNSIGNED_BYTE
 from meshdeform.assets.part_attribute import PART, write_names
+from meshdeform.assets.surface import Block, block_primitives
 from meshdeform.errors import AssetError
 
 _KEPT = ("TEXCOORD_", "COLOR_", "_")
@@ -59,8 +60,10 @@ def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None =
         primitives = []
         copied = looks.setdefault(id(piece.asset), _Looks(piece.asset._document, document))
         try:
-            for number, rows in _triangles_of_primitives(piece):
-                primitives.append(_primitive(piece, number, rows, document, copied))
+            for block, _, original, rows in block_primitives(piece.asset._document.root, piece.asset._blocks):
+                corners = piece.asset.surface.triangles[rows][piece.triangles[rows]]
+                if len(corners):
+                    primitives.append(_primitive(piece, block, original, corners, document, copied))
         except (IndexError, KeyError, TypeError, AttributeError) as error:
             raise AssetError(
                 f"A material of the asset cannot be copied: {str(error)[:100]}.", advice="Export the asset again."
@@ -72,7 +75,8 @@ def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None =
         root["meshes"].append({"name": piece.name, "primitives": primitives})
         write_names(root["meshes"][-1], names)
         for primitive in primitives:
-            numbers = np.full((_count(root, primitive), 1), names.index(piece.name) + 1, np.uint8)
+            count = root["accessors"][primitive["attributes"]["POSITION"]]["count"]
+            numbers = np.full((count, 1), names.index(piece.name) + 1, np.uint8)
             like = {"componentType": UNSIGNED_BYTE, "type": "SCALAR"}
             primitive["attributes"][PART] = document.append_stored(numbers, like)
     used = sorted({name for each in looks.values() for name in each.extensions})
@@ -84,28 +88,11 @@ def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None =
     return document.to_bytes()
 
 
-def _count(root: Json, primitive: Json) -> int:
-    return int(root["accessors"][primitive["attributes"]["POSITION"]]["count"])
-
-
-def _triangles_of_primitives(piece: AssetPart) -> list[tuple[tuple[int, int], NDArray[np.int64]]]:
-    """Return (block, primitive) and the corners (F, 3), rows of the surface, of each primitive with triangles left."""
-    triangles, start = [], 0
-    for number, block in enumerate(piece.asset._blocks):
-        for primitive, count in zip(block.primitives, block.triangles, strict=True):
-            rows = slice(start, start + count)
-            chosen = piece.asset.surface.triangles[rows][piece.triangles[rows]]
-            start += count
-            if len(chosen):
-                triangles.append(((number, primitive), chosen))
-    return triangles
-
-
 def _primitive(
-    piece: AssetPart, place: tuple[int, int], corners: NDArray[np.int64], document: Document, looks: _Looks
+    piece: AssetPart, block: Block, original: Json, corners: NDArray[np.int64], document: Document, looks: _Looks
 ) -> Json:
-    source, block = piece.asset._document, piece.asset._blocks[place[0]]
-    original = source.root["meshes"][block.mesh]["primitives"][place[1]]
+    """Append what a primitive has of a piece, `corners` (F, 3) of the surface, and return it."""
+    source = piece.asset._document
     rows, faces = np.unique(corners, return_inverse=True)
     verts = piece.positions[rows].astype(np.float32)
     attributes = {"POSITION": document.append_accessor(verts, bounds=True)}

@@ -34,19 +34,15 @@ from meshdeform.assets.surface import (
     NamedParts,
     Rig,
     Surface,
+    block_primitives,
     read_parts,
     read_rig,
     read_surface,
     rig_accessors,
     turned_parts,
 )
-from meshdeform.assets.writer import (
-    Finish,
-    ShapeChange,
-    embed_data_uris,
-    write_shape,
-    write_targets,
-)
+from meshdeform.assets.unchecked import member_of
+from meshdeform.assets.writer import Finish, ShapeChange, embed_data_uris, write_shape, write_targets
 from meshdeform.errors import AssetFormatError
 
 if TYPE_CHECKING:
@@ -164,13 +160,11 @@ class Asset:
 
     def polygons(self) -> list[dict[str, Any]]:
         """List the polygons that the triangles of each primitive were cut from, where they were."""
-        polygons = []
-        for block in self._blocks:
-            for p in block.primitives:
-                extras = self._document.root["meshes"][block.mesh]["primitives"][p].get("extras")
-                if isinstance(extras, dict) and isinstance(extras.get("polygons"), list):
-                    polygons.append({"node": block.node, "primitive": p, "runs": extras["polygons"]})
-        return polygons
+        return [
+            {"node": block.node, "primitive": number, "runs": runs}
+            for block, number, primitive, _ in block_primitives(self._document.root, self._blocks)
+            if isinstance(runs := member_of(primitive, "extras").get("polygons"), list)
+        ]
 
     def joint_weights(self, joints: Collection[int]) -> NDArray[np.float64]:
         """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
@@ -367,8 +361,7 @@ class Asset:
     @property
     def provenance(self) -> dict[str, Any] | None:
         """The provenance that `output.provenance` stored in the file; None if there is none."""
-        extras = self._document.root["asset"].get("extras")
-        provenance = extras.get("meshdeform") if isinstance(extras, dict) else None
+        provenance = member_of(self._document.root, "asset", "extras").get("meshdeform")
         return provenance if isinstance(provenance, dict) else None
 
 

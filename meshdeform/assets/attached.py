@@ -31,13 +31,14 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import GPU_INSTANCING, shown_nodes
-from meshdeform.assets.moved_nodes import animated_node
-from meshdeform.assets.placement import Floats, world_matrices
+from meshdeform.assets.placement import Floats, parents_of, upwards, world_matrices
 from meshdeform.assets.rig import NodeMove, RigMotion, carried, joint_moves
 from meshdeform.assets.surface import Block, Surface
+from meshdeform.assets.unchecked import animated, channels_of, is_index, member_of, pointer_of
 
 _NEAR = 0.02
 """Distance from the surface, as a share of its diagonal, up to which a node hangs on it."""
+_MOVING = ("translation", "rotation", "scale")
 _MOST = 256
 """Nodes that are compared with the surface; others go with their parents."""
 _ROUNDING = 1e-7
@@ -81,15 +82,14 @@ def node_moves(
     for node in hierarchy.meshes_that_stay(moves):
         moves[node] = _still(hierarchy.place(node))
     least = _ROUNDING * near.diagonal
-    return {node: move if np.abs(move.shift).max() > least else _unmoved(move) for node, move in moves.items()}
+    return {
+        node: move if np.abs(move.shift).max() > least else _still(move.place, move.growth)
+        for node, move in moves.items()
+    }
 
 
-def _still(place: Floats) -> NodeMove:
-    return NodeMove(place, np.zeros(3), 1.0)
-
-
-def _unmoved(move: NodeMove) -> NodeMove:
-    return NodeMove(move.place, np.zeros(3), move.growth)
+def _still(place: Floats, growth: float = 1.0) -> NodeMove:
+    return NodeMove(place, np.zeros(3), growth)
 
 
 class _Hierarchy:
@@ -100,12 +100,13 @@ class _Hierarchy:
         self._nodes: list[Json] = document.root.get("nodes", [])
         self._blocks = blocks
         self._worlds = world_matrices(self._nodes)
-        self._parents = {child: number for number, node in enumerate(self._nodes) for child in node.get("children", [])}
+        self._parents = parents_of(self._nodes)
         self._shown = shown_nodes(document.root)
         self._animated = {
-            animated_node(channel)[0]
-            for animation in document.root.get("animations", [])
-            for channel in (animation.get("channels") if isinstance(animation.get("channels"), list) else [])
+            node
+            for channel, _, _ in channels_of(document.root)
+            for array, node, prop in [animated(channel)]
+            if array == "nodes" and (prop in _MOVING or not pointer_of(channel))
         }
         self._directional = _directional_lights(document.root)
         self._whole = set.intersection(*(set(self._above(block.node)) for block in blocks))
@@ -147,10 +148,7 @@ class _Hierarchy:
 
     def _above(self, node: int) -> list[int]:
         """Return a node and those above it."""
-        path = [node]
-        while path[-1] in self._parents:
-            path.append(self._parents[path[-1]])
-        return path
+        return list(upwards(node, self._parents))
 
     def others(self, moves: Mapping[int, NodeMove]) -> list[int]:
         """Return the shown nodes without a mesh that may hang on the surface."""
@@ -183,15 +181,13 @@ class _Hierarchy:
 
 def _directional_lights(root: Json) -> set[int]:
     """Return the nodes of directional lights, which shine alike everywhere."""
-    extension = root.get("extensions", {}).get("KHR_lights_punctual", {})
-    lights = extension.get("lights") if isinstance(extension, dict) else None
+    lights = member_of(root, "extensions", "KHR_lights_punctual").get("lights")
     if not isinstance(lights, list) or not all(isinstance(light, dict) for light in lights):
         return set()
     nodes = set()
     for number, node in enumerate(root.get("nodes", [])):
-        of_node = node.get("extensions", {}).get("KHR_lights_punctual", {})
-        light = of_node.get("light") if isinstance(of_node, dict) else None
-        if isinstance(light, int) and 0 <= light < len(lights) and lights[light].get("type") == "directional":
+        light = member_of(node, "extensions", "KHR_lights_punctual").get("light")
+        if is_index(light, len(lights)) and lights[light].get("type") == "directional":
             nodes.add(number)
     return nodes
 

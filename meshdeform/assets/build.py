@@ -13,6 +13,7 @@ from meshdeform import __version__
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
 from meshdeform.assets.materials import image_type
+from meshdeform.geometry.srgb import linear_from_srgb
 
 Up = Literal["y", "z"]
 CLAMP_TO_EDGE = 33071
@@ -206,20 +207,9 @@ def _write(document: Document, primitive: Primitive, origin: NDArray[np.float64]
 
 
 def linear_color(color: Sequence[float]) -> tuple[float, float, float]:
-    """Return an sRGB colour, 0 .. 1, as linear numbers (IEC 61966-2-1)."""
-    red, green, blue = _linear(np.array(color, np.float64)).tolist()
+    """Return an sRGB colour, 0 .. 1, as linear numbers."""
+    red, green, blue = linear_from_srgb(np.array(color, np.float64)).tolist()
     return red, green, blue
-
-
-def _linear(values: NDArray[Any]) -> NDArray[Any]:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-def srgb_from_linear(values: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Encode linear values of 0 to 1 as sRGB (IEC 61966-2-1)."""
-    values = np.asarray(values, np.float64)
-    curve = 1.055 * np.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
-    return np.where(values <= 0.0031308, values * 12.92, curve)
 
 
 def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
@@ -227,5 +217,5 @@ def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
     if colors.dtype.kind == "f":
         return colors.astype(np.float32)
     values = colors / 255.0
-    values[:, :3] = _linear(values[:, :3])
+    values[:, :3] = linear_from_srgb(values[:, :3])
     return values.astype(np.float32)

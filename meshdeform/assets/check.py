@@ -51,21 +51,36 @@ def check_asset_subprocess(
     filename: str = "",
     limits: Limits | None = None,
     *,
-    timeout_s: float | None = None,
     content: FileContent = "mesh",
 ) -> AssetSummary | PictureSummary:
     """Check a stored file completely, in a child process.
 
-    `path`: the file. `filename`: the name that the user gave the file. Default: the name in `path`. `limits`: upper
-    bounds on the asset. `timeout_s`: seconds after which the file counts as too large. Default: `limits.max_check_s`.
-    `content`: what the file should be. Returns AssetSummary, or PictureSummary of a silhouette. Raises AssetError: the
-    asset cannot be used, or a decoder crashed on it; the subclass and message say why and what to do. Raises
-    DependencyError: a decoder is not installed. Raises UnavailableError: the machine cannot start a process at the
-    moment.
+    Parameters
+    ----------
+    path : path
+        The file.
+    filename : str
+        The name that the user gave the file. Default: the name in `path`.
+    limits : Limits, optional
+        Upper bounds on the asset; a file whose check takes longer than `max_check_s` counts as too large.
+    content : str
+        What the file should be.
+
+    Returns
+    -------
+    AssetSummary, or PictureSummary of a silhouette.
+
+    Raises
+    ------
+    AssetError
+        The asset cannot be used, or a decoder crashed on it; the subclass and message say why and what to do.
+    DependencyError
+        A decoder is not installed.
+    UnavailableError
+        The machine cannot start a process at the moment.
     """
     path = Path(path)
     limits = limits or Limits()
-    timeout_s = limits.max_check_s if timeout_s is None else timeout_s
     given = {
         "path": str(path.absolute()),
         "filename": filename or path.name,
@@ -73,10 +88,10 @@ def check_asset_subprocess(
         "content": content,
     }
     try:
-        summary = run_child("check", given, Bounds(limits.max_memory_bytes, timeout_s))
+        summary = run_child("check", given, Bounds(limits.max_memory_bytes, limits.max_check_s))
     except TimeoutError as error:
         raise AssetTooLargeError(
-            f"The file could not be checked within {timeout_s:g} s.", advice="Simplify the asset."
+            f"The file could not be checked within {limits.max_check_s:g} s.", advice="Simplify the asset."
         ) from error
     except ChildLostError as lost:
         raise _crash(lost, path) from lost
@@ -132,7 +147,7 @@ def _crash(lost: ChildLostError, path: Path) -> AssetError:
 
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
     lists = ("extensions", "skipped", "nodes", "materials", "mesh_names", "joints", "warnings")
-    bounds = tuple(tuple(place) for place in verdict["bounds"])
+    bounds = tuple(map(tuple, verdict["bounds"]))
     return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}, "bounds": bounds})
 
 

@@ -43,6 +43,7 @@ from meshdeform.assets.inspect import (
 )
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.references import MANIFOLD
+from meshdeform.assets.unchecked import member_of, objects_in
 from meshdeform.errors import AssetError, AssetTruncatedError
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
@@ -300,44 +301,44 @@ class Usage:
 
 def accessor_slots(root: Json) -> Iterator[_Slot]:
     """Yield every place that holds an accessor's index."""
-    for mesh in _objects(root, "meshes"):
-        for primitive in _objects(mesh, "primitives"):
+    for mesh in objects_in(root.get("meshes")):
+        for primitive in objects_in(mesh.get("primitives")):
             yield from _indices(primitive, "indices")
-            for attributes in [primitive.get("attributes"), *_objects(primitive, "targets")]:
+            for attributes in [primitive.get("attributes"), *objects_in(primitive.get("targets"))]:
                 yield from _indices(attributes)
-        manifold = _extension(mesh, MANIFOLD)
+        manifold = member_of(mesh, "extensions", MANIFOLD)
         yield from _indices(manifold, "mergeIndices", "mergeValues")
         solid = manifold.get("manifoldPrimitive")
         if isinstance(solid, dict):
             yield from _indices(solid, "indices")
             yield from _indices(solid.get("attributes"))
-    for skin in _objects(root, "skins"):
+    for skin in objects_in(root.get("skins")):
         yield from _indices(skin, "inverseBindMatrices")
-    for animation in _objects(root, "animations"):
-        for sampler in _objects(animation, "samplers"):
+    for animation in objects_in(root.get("animations")):
+        for sampler in objects_in(animation.get("samplers")):
             yield from _indices(sampler, "input", "output")
-    for node in _objects(root, "nodes"):
-        yield from _indices(_extension(node, GPU_INSTANCING).get("attributes"))
+    for node in objects_in(root.get("nodes")):
+        yield from _indices(member_of(node, "extensions", GPU_INSTANCING).get("attributes"))
 
 
 def view_slots(root: Json) -> Iterator[_Slot]:
     """Yield every place that holds a buffer view's index."""
-    for accessor in _objects(root, "accessors"):
+    for accessor in objects_in(root.get("accessors")):
         yield from _indices(accessor, "bufferView")
         sparse = accessor.get("sparse", {})
         for part in ("indices", "values"):
             yield from _indices(sparse.get(part), "bufferView")
-    for image in _objects(root, "images"):
+    for image in objects_in(root.get("images")):
         yield from _indices(image, "bufferView")
-    for mesh in _objects(root, "meshes"):
-        for primitive in _objects(mesh, "primitives"):
-            yield from _indices(_extension(primitive, DRACO), "bufferView")
+    for mesh in objects_in(root.get("meshes")):
+        for primitive in objects_in(mesh.get("primitives")):
+            yield from _indices(member_of(primitive, "extensions", DRACO), "bufferView")
 
 
 def buffer_ranges(root: Json) -> Iterator[tuple[Json, int, int]]:
     """Yield each buffer view and compressed view in buffer 0 with its start and end."""
-    for view in _objects(root, "bufferViews"):
-        for holder in (view, *(_extension(view, name) for name in MESHOPT_EXTENSIONS)):
+    for view in objects_in(root.get("bufferViews")):
+        for holder in (view, *(member_of(view, "extensions", name) for name in MESHOPT_EXTENSIONS)):
             if holder.get("buffer") == 0:
                 start = holder.get("byteOffset", 0)
                 yield holder, start, start + holder["byteLength"]
@@ -363,17 +364,6 @@ def _search(value: Any, numbers: set[int], *, opaque: bool) -> None:
                 _search(item, numbers, opaque=opaque or key == "extras")
     elif opaque and isinstance(value, int) and not isinstance(value, bool):
         numbers.add(value)
-
-
-def _objects(holder: Json, key: str) -> list[Json]:
-    items = holder.get(key)
-    return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
-
-
-def _extension(holder: Json, name: str) -> Json:
-    extensions = holder.get("extensions")
-    body = extensions.get(name) if isinstance(extensions, dict) else None
-    return body if isinstance(body, dict) else {}
 
 
 def _indices(holder: Any, *keys: str) -> Iterator[_Slot]:

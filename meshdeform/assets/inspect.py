@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
+from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive, listed
 from meshdeform.assets.container import (
     GLB_MAGIC,
     Data,
@@ -707,16 +707,15 @@ def _foreign(links: list[str]) -> str:
 
 
 def _beside(links: list[str]) -> str:
-    names = ", ".join(link[:60] for link in links[:3]) + (" ..." if len(links) > 3 else "")
     return (
-        f"Images in other files ({names}) stay links in the result, and pictures show them grey. To pack them in, send "
-        "the asset and these files as a ZIP."
+        f"Images in other files ({listed(links)}) stay links in the result, and pictures show them grey. To pack them "
+        "in, send the asset and these files as a ZIP."
     )
 
 
 def _hidden(root: Json, hidden: list[Instance]) -> str:
     nodes = [root["nodes"][instance.node].get("name") or f"node {instance.node}" for instance in hidden]
-    names = ", ".join(str(name)[:60] for name in nodes[:3]) + (" ..." if len(nodes) > 3 else "")
+    names = listed([str(name) for name in nodes])
     return f"{VISIBILITY} hides {names}: what is hidden is neither drawn nor deformed, and stays in the file as it is."
 
 

@@ -157,17 +157,14 @@ def _integrate(deltas: Bytes, baseline: Bytes, modes: Bytes) -> Bytes:
         words = np.ascontiguousarray(deltas[places].T).view(dtype)
         first = np.ascontiguousarray(baseline[places]).view(dtype)
         if mode & 15 == 2:
-            words = _rotate_right(words, int(mode) >> 4)
+            by = int(mode) >> 4
+            words = words >> np.uint32(by) | words << np.uint32(32 - by) if by else words
             values = np.bitwise_xor.accumulate(np.vstack([first, words]), axis=0)[1:]
         else:
             steps = words >> 1 ^ (0 - (words & 1)).astype(dtype)  # zigzag
             values = (np.cumsum(steps, axis=0, dtype=dtype) + first).astype(dtype)
         elements[:, places] = values.view(np.uint8).reshape(len(elements), 4)
     return elements
-
-
-def _rotate_right(words: NDArray[np.uint32], by: int) -> NDArray[np.uint32]:
-    return words if by == 0 else words >> np.uint32(by) | words << np.uint32(32 - by)
 
 
 def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from meshdeform import __version__
 from meshdeform.assets.appearance import moved_texcoords
-from meshdeform.assets.build import far_origin, srgb_from_linear
+from meshdeform.assets.build import far_origin
 from meshdeform.assets.frame import FileFrame
 from meshdeform.assets.materials import Shading, TextureUse
 from meshdeform.assets.scene import MaterialTriangles, Scene
 from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.srgb import srgb_from_linear
 
 _INVALID = re.compile(r"[\s\x00-\x1f\x7f#\\]+")
 _LONGEST = 120
@@ -72,7 +73,7 @@ def _piece(piece: MaterialTriangles, library: _Library, frame: FileFrame, counts
     shading = library.scene.shading(piece.material)
     columns = positions
     if piece.colors is not None and "base_color" not in shading.textures:
-        columns = np.column_stack([positions, srgb_from_linear(piece.colors[:, :3])])
+        columns = np.column_stack([positions, srgb_from_linear(piece.colors[:, :3].astype(np.float64))])
     elif piece.colors is not None and (piece.colors != 1).any():
         library.scene.lost["colours of vertices beside a texture"] += 1
     values = [columns, library.coordinates(piece), None if piece.normals is None else frame.directions(piece.normals)]

@@ -14,7 +14,7 @@ Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -58,9 +58,22 @@ def _unit(rotation: Matrix) -> Matrix:
     return rotation if abs(length - 1.0) < 1e-12 else rotation / length
 
 
+def parents_of(nodes: Sequence[Json]) -> dict[int, int]:
+    """Return the parent of each node that has one."""
+    return {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+
+
+def upwards(node: int, parents: Mapping[int, int]) -> Iterator[int]:
+    """Yield a node and those above it, up to the top."""
+    at: int | None = node
+    while at is not None:
+        yield at
+        at = parents.get(at)
+
+
 def world_matrices(nodes: list[Json]) -> list[Matrix]:
     """Return every node's transform to world space, (4, 4) float64 each; the hierarchy must be checked already."""
-    parents = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     worlds: dict[int, Matrix] = {}
     for start in range(len(nodes)):
         path, at = [start], start

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.document import Document
-from meshdeform.assets.placement import Floats, skin_weights, world_matrices
+from meshdeform.assets.placement import Floats, parents_of, skin_weights, upwards, world_matrices
 from meshdeform.assets.surface import Block
 
 _NEAR = 0.1
@@ -111,20 +111,19 @@ def joint_shares(document: Document, blocks: Sequence[Block]) -> tuple[NDArray[n
     A mesh without a skin on or below a joint follows it.
     """
     nodes, skins = document.root["nodes"], document.root.get("skins", [])
-    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     all_joints = {joint for skin in skins for joint in skin["joints"]}
     groups = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))]
     for block in blocks:
-        skin, count, above = nodes[block.node].get("skin"), len(block.positions), block.node
+        skin, count = nodes[block.node].get("skin"), len(block.positions)
         if skin is not None:
             joints = np.array(skins[skin]["joints"])
             primitive = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]]
             at, which, share = skin_weights(document, primitive, count, len(joints))
             groups.append((at + block.rows.start, joints[which], share))
             continue
-        while above not in all_joints and above in parents:
-            above = parents[above]
-        if above in all_joints:
-            groups.append((np.arange(block.rows.start, block.rows.stop), np.full(count, above), np.ones(count)))
+        joint = next((at for at in upwards(block.node, parents) if at in all_joints), None)
+        if joint is not None:
+            groups.append((np.arange(block.rows.start, block.rows.stop), np.full(count, joint), np.ones(count)))
     rows, owners, shares = (np.concatenate(part) for part in zip(*groups, strict=True))
     return rows, owners, shares

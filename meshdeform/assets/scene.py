@@ -18,6 +18,7 @@ from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.inspect import TRIANGLES, Instance, instances_of
 from meshdeform.assets.materials import Shading, read_image, read_shading
 from meshdeform.assets.placement import Floats, Matrix, instance_matrices, is_invertible, unit_rows, world_matrices
+from meshdeform.assets.unchecked import member_of
 from meshdeform.errors import AssetError, AssetNotFiniteError
 
 Rows = NDArray[np.float32]
@@ -164,9 +165,9 @@ class Scene:
         """Count what no other format gets."""
         root, lost = self.root, self.lost
         lost["cameras"] += sum("camera" in node for node in objects(root, "nodes"))
-        known = root.get("extensions")
+        known = member_of(root, "extensions")
         for name, what in (("KHR_lights_punctual", "lights"), ("KHR_materials_variants", "variants of materials")):
-            lost[what] += isinstance(known, dict) and name in known
+            lost[what] += name in known
         for mesh in {instance.mesh for instance in instances_of(root)}:
             for primitive in root["meshes"][mesh].get("primitives", []):
                 if primitive.get("mode", TRIANGLES) in _LOOSE:

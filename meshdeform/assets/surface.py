@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.inspect import LOOSE, TRIANGLES, Instance, instances_of
-from meshdeform.assets.placement import Floats, Placement, Placer, unit_rows
+from meshdeform.assets.placement import Floats, Placement, Placer, parents_of, unit_rows, upwards
+from meshdeform.assets.unchecked import animated, channels_of, pointer_of
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
 _MAX_NAME = 200
@@ -67,6 +68,15 @@ class Block:
     normals: NDArray[np.float32] | None
     tangents: NDArray[np.float32] | None
     rest: _RestTargets | None = None
+
+
+def block_primitives(root: Json, blocks: Sequence[Block]) -> Iterator[tuple[Block, int, Json, slice]]:
+    """Yield the primitives of blocks: each one's block, number in its mesh, JSON, and triangles of the surface."""
+    start = 0
+    for block in blocks:
+        for number, count in zip(block.primitives, block.triangles, strict=True):
+            yield block, number, root["meshes"][block.mesh]["primitives"][number], slice(start, start + count)
+            start += count
 
 
 @dataclass(frozen=True)
@@ -342,15 +352,14 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> NamedParts:
     children = {at: node["children"] for at, node in enumerate(nodes) if node.get("children")}
     counts = [count for block in blocks for count in block.triangles]
     owners = [block.node for block in blocks for _ in block.triangles]
-    looks = [
-        _material(meshes[block.mesh]["primitives"][primitive], len(materials))
-        for block in blocks
-        for primitive in block.primitives
-    ]
+    looks = [_material(primitive, len(materials)) for _, _, primitive, _ in block_primitives(root, blocks)]
     shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
     used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
     return NamedParts(
-        [{"index": at, "name": _name(nodes[at]) or _name(_mesh(nodes[at], meshes))} for at in shown],
+        [
+            {"index": at, "name": _name(nodes[at]) or ("mesh" in nodes[at] and _name(meshes[nodes[at]["mesh"]])) or ""}
+            for at in shown
+        ],
         [{"index": at, "name": _name(materials[at])} for at in used],
         [{"index": at, "name": _name(meshes[at])} for at in sorted({block.mesh for block in blocks})],
         [{"index": at, "name": _name(nodes[at])} for at in _joints(document, blocks)],
@@ -377,10 +386,6 @@ def _with_ancestors(nodes: set[int], children: dict[int, list[int]]) -> list[int
             nodes_above.add(at)
             at = parents.get(at)
     return sorted(nodes_above)
-
-
-def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:
-    return meshes[node["mesh"]] if "mesh" in node else {}
 
 
 def _material(primitive: dict[str, Any], count: int) -> int:
@@ -419,22 +424,17 @@ def read_rig(document: Document, blocks: Sequence[Block]) -> Rig:
 def turned_parts(document: Document, blocks: Sequence[Block]) -> list[str]:
     """Return the names of the nodes with blocks in or below them that animations turn or scale, joints apart."""
     nodes = document.root["nodes"]
-    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     joints = {joint for skin in document.root.get("skins", []) for joint in skin["joints"]}
     turned: set[int] = set()
-    for animation in document.root.get("animations", []):
-        channels = animation.get("channels") if isinstance(animation, dict) else None
-        for channel in channels if isinstance(channels, list) else []:
-            target = channel.get("target") if isinstance(channel, dict) else None
-            if isinstance(target, dict) and target.get("path") in ("rotation", "scale"):
-                node = target.get("node")
-                if isinstance(node, int) and node not in joints:
-                    turned.add(node)
+    for channel, _, _ in channels_of(document.root):
+        array, node, prop = animated(channel)
+        if array == "nodes" and prop in ("rotation", "scale") and node not in joints and not pointer_of(channel):
+            turned.add(node)
     results = []
     for block in blocks:
-        at: int | None = None if "skin" in nodes[block.node] else block.node
-        while at is not None and at not in turned and at not in joints:
-            at = parents.get(at)
+        way = () if "skin" in nodes[block.node] else upwards(block.node, parents)
+        at = next((at for at in way if at in turned or at in joints), None)
         if at is not None and at in turned:
             results.append(_name(nodes[at]) or f"node {at}")
     return list(dict.fromkeys(results))
@@ -444,8 +444,8 @@ def rig_accessors(document: Document, blocks: Sequence[Block]) -> Iterator[int]:
     """Yield the accessors of their morph targets and inverse bind matrices."""
     nodes = document.root["nodes"]
     for block in blocks:
-        for number in block.primitives:
-            for target in document.root["meshes"][block.mesh]["primitives"][number].get("targets", []):
+        for _, _, primitive, _ in block_primitives(document.root, [block]):
+            for target in primitive.get("targets", []):
                 yield from (target[name] for name in ("POSITION", "NORMAL", "TANGENT") if name in target)
         if "skin" in nodes[block.node]:
             skin = document.root["skins"][nodes[block.node]["skin"]]

@@ -8,9 +8,7 @@ Sources: 3MF Core Specification 1.3; Materials and Properties Extension 1.2.
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from xml.sax.saxutils import escape, quoteattr
@@ -20,11 +18,13 @@ from numpy.typing import NDArray
 
 from meshdeform import __version__
 from meshdeform.assets.appearance import moved_texcoords
-from meshdeform.assets.build import far_origin, srgb_from_linear
+from meshdeform.assets.build import far_origin
 from meshdeform.assets.frame import UNITS, FileFrame
 from meshdeform.assets.materials import TextureUse
 from meshdeform.assets.scene import MaterialTriangles, Scene
 from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.srgb import srgb_from_linear
+from meshdeform.support.files import zipped
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _MATERIAL = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
@@ -38,7 +38,6 @@ _TYPES = (
     '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>'
     '<Default Extension="png" ContentType="image/png"/><Default Extension="jpg" ContentType="image/jpeg"/></Types>'
 )
-_WRITTEN = (1980, 1, 1, 0, 0, 0)  # the first time that a ZIP can hold
 _CONTROL = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _TILES = {"repeat": "wrap", "mirror": "mirror", "clamp": "clamp"}
 _WHITE = (1.0, 1.0, 1.0)
@@ -54,11 +53,7 @@ def write_3mf(scene: Scene, frame: FileFrame) -> tuple[bytes, int]:
         model.add(list(pieces))
     if not model.triangles:
         raise AssetEmptyError("The asset has no triangles that a 3MF could hold.")
-    written = io.BytesIO()
-    with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as package:
-        for name, data in model.files().items():
-            package.writestr(zipfile.ZipInfo(name, _WRITTEN), data, zipfile.ZIP_DEFLATED)
-    return written.getvalue(), model.triangles
+    return zipped(model.files()), model.triangles
 
 
 class _Model:

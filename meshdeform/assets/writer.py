@@ -424,7 +424,7 @@ def carry_targets(
                     before = read_floats(document, old)
                     if len(before) != len(maps) or before.shape[1] != 3:
                         continue
-                    after = _position(before, maps)
+                    after = np.einsum("vij,vj->vi", maps, before.astype(np.float64))
                     if name != "POSITION":
                         after = _direction(name, before, maps, *bases[name])
                     with np.errstate(over="ignore"):
@@ -435,10 +435,6 @@ def carry_targets(
                     copies[name, old] = document.append_accessor(values, like=like, bounds=name == "POSITION")
                 target[name] = copies[name, old]
     return [(old, new) for (_, old), new in copies.items()]
-
-
-def _position(before: NDArray[np.float32], maps: Floats) -> Floats:
-    return np.asarray(np.einsum("vij,vj->vi", maps, before.astype(np.float64)))
 
 
 def _direction(

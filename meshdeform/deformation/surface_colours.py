@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.places import NearestPlaces, tree_of
+from meshdeform.geometry.srgb import srgb_from_linear
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.rendering.base_colours import BaseColours, srgb_from_linear
+from meshdeform.rendering.base_colours import BaseColours
 
 _DETAIL = 1 / 200
 """Length of a texel as a share of the diagonal: about a pixel of a view."""

@@ -47,7 +47,7 @@ from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.folds import FaceNeighbours, longest_squared, without_rounding
 from meshdeform.geometry.intersections import TooManyPairsError, intersecting_faces, newly_cutting_pairs
 from meshdeform.geometry.junctions import opened
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_cross
 from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
 
 _Floats = NDArray[np.float64]
@@ -197,15 +197,10 @@ def _self_intersections(rest: _Floats, verts: _Floats, faces: _Faces) -> tuple[i
         return None, None, None
 
 
-def _cross(verts: _Floats, faces: _Faces) -> _Floats:
-    a, b, c = verts[faces[:, 0]], verts[faces[:, 1]], verts[faces[:, 2]]
-    return np.cross(b - a, c - a)
-
-
 def _volume(verts: _Floats, faces: _Faces) -> float:
     origin = verts[faces[:, 0]].mean(0) if len(faces) else np.zeros(3)
     a = verts[faces[:, 0]] - origin
-    return float((a * _cross(verts - origin, faces)).sum() / 6)
+    return float((a * face_cross(verts - origin, faces)).sum() / 6)
 
 
 def _min_angle_p1(verts: _Floats, faces: _Faces) -> float:

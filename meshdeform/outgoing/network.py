@@ -63,8 +63,8 @@ class PinnedNetwork(httpcore.NetworkBackend):
 class PinnedAsyncNetwork(httpcore.AsyncNetworkBackend):
     """The same for asyncio; whoever uses it sets the deadline."""
 
-    def __init__(self, addresses: tuple[str, ...], connect_s: float = CONNECT_S) -> None:
-        self._addresses, self._connect_s = addresses, connect_s
+    def __init__(self, addresses: tuple[str, ...]) -> None:
+        self._addresses = addresses
 
     async def connect_tcp(
         self,
@@ -76,7 +76,7 @@ class PinnedAsyncNetwork(httpcore.AsyncNetworkBackend):
     ) -> httpcore.AsyncNetworkStream:
         """Connect to the first of the addresses that answers; they share the time."""
         failed: Exception = httpcore.ConnectTimeout("No time was left to connect.")
-        share = self._connect_s / len(self._addresses)
+        share = CONNECT_S / len(self._addresses)
         for address in self._addresses:
             try:
                 return await httpcore.AnyIOBackend().connect_tcp(address, port, share, local_address, socket_options)

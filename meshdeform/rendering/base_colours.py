@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance, Texture
+from meshdeform.geometry.srgb import linear_from_srgb
 
 Array = Any
 """A numpy array or a torch tensor."""
@@ -174,18 +175,6 @@ def _halved(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
         squares = last[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 4)
         levels.append((squares.mean((1, 3), dtype=np.float32) + 0.5).astype(np.uint8))
     return levels
-
-
-def linear_from_srgb(values: Array, library: Any = np) -> Array:
-    """Decode sRGB in [0, 1]."""
-    curve = ((library.clip(values, 0.04045, None) + 0.055) / 1.055) ** 2.4
-    return library.where(values <= 0.04045, values / 12.92, curve)
-
-
-def srgb_from_linear(values: Array, library: Any = np) -> Array:
-    """Encode linear light in [0, 1] as sRGB."""
-    curve = 1.055 * library.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
-    return library.where(values <= 0.0031308, values * 12.92, curve)
 
 
 class BaseColours:

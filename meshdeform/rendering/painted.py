@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
+from meshdeform.geometry.srgb import linear_from_srgb, srgb_from_linear
+from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours
 from meshdeform.rendering.cameras import Cameras
 from meshdeform.rendering.visibility import FacePlanes, interpolated, nearest_faces
 

@@ -57,9 +57,10 @@ from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import edges_of
+from meshdeform.geometry.srgb import linear_from_srgb, srgb_from_linear
 from meshdeform.geometry.tensors import area_vectors, through_normals
 from meshdeform.rendering import rasterizer
-from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
+from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours
 from meshdeform.rendering.cameras import NUM_VIEWS, UNIT_SPHERE, CameraRange, Cameras, orthogonal_cameras
 from meshdeform.rendering.clay import AMBIENT, LIGHT
 from meshdeform.rendering.rasterizer import (

@@ -55,8 +55,8 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Return a ZIP of files by name, compressed; their time of change is fixed, so the same files are the same ZIP."""
+def zipped(files: Mapping[str, bytes | str]) -> bytes:
+    """Return a ZIP of files by name, compressed: the same bytes for the same files. Texts become UTF-8."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         for name, data in files.items():

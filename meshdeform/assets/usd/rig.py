@@ -29,8 +29,10 @@ from meshdeform.assets.placement import (
     is_invertible,
     joint_matrices,
     local_matrix,
+    parents_of,
     placement_matrix,
     skin_weights,
+    upwards,
     world_matrices,
 )
 from meshdeform.assets.scene import MaterialTriangles, Scene
@@ -62,20 +64,15 @@ class Rigs:
         self._layer, self._scene, self._motion = layer, scene, motion
         self._nodes: list[Json] = scene.root.get("nodes", [])
         self._worlds = world_matrices(self._nodes)
-        self._parents = {child: at for at, node in enumerate(self._nodes) for child in node.get("children", [])}
+        self._parents = parents_of(self._nodes)
         self._places = places  # the prim of each node
         self._skins: dict[int, Skeleton] = {}
         self._made: list[Skeleton] = []
 
     def above(self, skin: int) -> int | None:
         """Return the node above all joints of a skin that is nearest to them; None if nothing is."""
-        ways = []
-        for joint in self._scene.root["skins"][skin]["joints"]:
-            way, at = list[int](), self._parents.get(joint)
-            while at is not None:
-                way.append(at)
-                at = self._parents.get(at)
-            ways.append(way[::-1])
+        joints = self._scene.root["skins"][skin]["joints"]
+        ways = [list(upwards(joint, self._parents))[:0:-1] for joint in joints]
         shared = [steps[0] for steps in zip(*ways, strict=False) if len(set(steps)) == 1]
         return shared[-1] if shared else None
 

@@ -15,7 +15,15 @@ from meshdeform import __version__
 from meshdeform.assets.clips import read_clips
 from meshdeform.assets.container import Json
 from meshdeform.assets.inspect import Instance, instances_of, shown_nodes
-from meshdeform.assets.placement import Floats, Matrix, instance_matrices, is_invertible, local_matrix, unit_rows
+from meshdeform.assets.placement import (
+    Floats,
+    Matrix,
+    instance_matrices,
+    is_invertible,
+    local_matrix,
+    parents_of,
+    unit_rows,
+)
 from meshdeform.assets.scene import MaterialTriangles, Scene, moved
 from meshdeform.assets.usd.layer import TYPES, Layer, floats, integers, matrix, vectors
 from meshdeform.assets.usd.materials import Materials, texcoord_name
@@ -54,7 +62,7 @@ class StageWriter:
 
     def write(self) -> None:
         """Write the layer."""
-        parents = {child: at for at, node in enumerate(self._nodes) for child in node.get("children", [])}
+        parents = parents_of(self._nodes)
         joints = {joint for skin in self._scene.root.get("skins", []) for joint in skin["joints"]}
         shown = shown_nodes(self._scene.root)
         skins = {instance.skin for instance in self._shown.values() if instance.skin is not None}
