@@ -122,13 +122,13 @@ class Bucket:
             if any(words in str(error.__cause__) for words in _NO_SUCH_RANGE) and start >= self.size(key):
                 return iter(())
             raise
-        return self._parts(key, response, last - first, chunk)
+        return self._chunks(key, response, last - first, chunk)
 
-    def _parts(self, key: str, response: Any, left: int, chunk: int) -> Iterator[bytes]:
+    def _chunks(self, key: str, response: Any, left: int, chunk: int) -> Iterator[bytes]:
         with self._errors(key):
-            for part in response.stream(min_chunk_size=chunk):
-                left -= len(part)
-                yield bytes(part)
+            for data in response.stream(min_chunk_size=chunk):
+                left -= len(data)
+                yield bytes(data)
         if left:
             raise UnavailableError(f"The object store's {key} ends {left} bytes early.")
 
