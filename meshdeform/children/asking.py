@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from meshdeform.children.protocol import OUT_OF_MEMORY, SAID, Bounds, found_in
-from meshdeform.children.tasks import place_of
+from meshdeform.children.tasks import entry_point
 from meshdeform.errors import UnavailableError
 
 __all__ = ["ChildLostError", "ended_with", "run_child", "start_child"]
@@ -126,7 +126,7 @@ def start_child(
     root = Path(__file__).resolve().parents[2]
     # -P leaves the current folder out of the module path. The task's name is for whoever lists processes.
     command = [sys.executable, "-P", "-c", _PROGRAM, str(root), task]
-    asked = {"task": place_of(task), "given": given, "bounds": asdict(bounds)}
+    asked = {"task": entry_point(task), "given": given, "bounds": asdict(bounds)}
     try:
         # Not a pipe, which holds little: the rest would have to be written while the child starts.
         with tempfile.TemporaryFile(dir=temporary) as file:
