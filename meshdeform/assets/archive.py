@@ -84,7 +84,7 @@ class Archive:
     main: str  # name of the asset among them
     files: dict[str, bytes]  # by normalised name
     guessed: dict[str, str] = field(default_factory=dict)
-    """The file that was taken for each link to a place where there is none."""
+    """The file that was taken for each link that leads nowhere."""
 
     def find(self, link: str, beside: str = "") -> bytes | None:
         """Return the file that a link of the file `beside` means, or None; see `FileNames.find`."""
@@ -97,7 +97,7 @@ class Archive:
         return self.files[name]
 
     def notices(self) -> tuple[str, ...]:
-        """Return a sentence about links to places where there is no file."""
+        """Return a sentence about links that lead nowhere."""
         if not self.guessed:
             return ()
         guesses = [f"{name} for {link[:60]!r}" for link, name in list(self.guessed.items())[:3]]

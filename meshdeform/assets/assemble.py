@@ -35,7 +35,7 @@ class AssetPart:
     asset: Asset
     triangles: NDArray[np.bool_]  # (T,) bool: which triangles of the asset's surface it has
     positions: NDArray[np.float64]
-    """(N, 3) float64: new positions of the surface's vertices; others than the part's are not read."""
+    """(N, 3) float64: new positions of the surface's vertices; others than those of the part are not read."""
     # (N, 3), (N, 4) float64: new directions; rows that the asset has none for are not read
     normals: NDArray[np.float64]
     tangents: NDArray[np.float64]

@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
 MAX_SKIPPED = 100
-"""How many skipped parts a summary lists."""
+"""How many skipped primitives a summary lists."""
 
-MAX_PARTS = 200
+MAX_LISTED = 200
 """How many nodes and materials a summary lists."""
 
 FileContent = str
@@ -178,8 +178,8 @@ def decode_mesh(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     summary, skipped = asset.summary, asset.summary.skipped
     if len(skipped) > MAX_SKIPPED:
         skipped = (*skipped[:MAX_SKIPPED], {"reason": f"and {len(skipped) - MAX_SKIPPED} more"})
-    parts = {name: getattr(summary, name)[:MAX_PARTS] for name in ("nodes", "materials", "mesh_names", "joints")}
-    return asdict(replace(summary, skipped=skipped, **parts))
+    lists = {name: getattr(summary, name)[:MAX_LISTED] for name in ("nodes", "materials", "mesh_names", "joints")}
+    return asdict(replace(summary, skipped=skipped, **lists))
 
 
 def _read_picture(path: Path, _filename: str, _limits: Limits) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Deform what stands for the surface outside its scene: levels of detail, and meshes that only collide.
 
 They are read as the surface is, and every vertex moves by the map of the deformation around the nearest vertices of
-the surface (`geometry.coincidence.mapped`), so that each level keeps its own triangles, skin and morph targets.
+the surface (`geometry.interpolation.mapped`), so that each level keeps its own triangles, skin and morph targets.
 
 Sources: MSFT_lod; KHR_physics_rigid_bodies and KHR_collision_shapes, as proposed; OMI_physics_shape.
 """
@@ -42,9 +42,9 @@ class Companions:
     def deformed(self, source: Surface, positions: Floats, jacobians: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return new positions, normals and tangents, and the map (N, 3, 3) around each vertex.
 
-        `positions` (V, 3) and `jacobians` (V, 3, 3): the new places of the source's vertices, and the map around them.
+        `positions` (V, 3) and `jacobians` (V, 3, 3): of the source's vertices, new, and the map around them.
         """
-        from meshdeform.geometry.coincidence import mapped
+        from meshdeform.geometry.interpolation import mapped
 
         used, old = np.unique(source.triangles), self.surface
         moved = positions - source.positions
@@ -61,13 +61,13 @@ def read_companions(
 ) -> tuple[Companions | None, tuple[str, ...]]:
     """Return the meshes that stand for a surface outside its scene, and a sentence about those that cannot be read."""
     shown = set(shown_nodes(document.root))
-    placed = document.fork()
-    instances = dict.fromkeys([*_levels(placed.root, shown, excluded), *_collisions(document.root, shown, excluded)])
+    copy = document.fork()
+    instances = dict.fromkeys([*_levels(copy.root, shown, excluded), *_collisions(document.root, shown, excluded)])
     if not instances:
         return None, ()
     try:
         _check_size(document.root, instances, _MOST * len(surface.positions) + _FEW)
-        return Companions(*read_surface(placed, instances=list(instances)), placed.root["nodes"]), ()
+        return Companions(*read_surface(copy, instances=list(instances)), copy.root["nodes"]), ()
     except AssetError as error:
         return None, (f"Levels of detail and colliders stay as they are: {error.detail.rstrip('.')}.",)
 

@@ -1,4 +1,4 @@
-"""Read what the corners of a surface's triangles have beside their places: weights of joints, and vertex colours."""
+"""Read what the corners of a surface's triangles have beside their positions: weights of joints, and vertex colours."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ class Document:
         """Append an accessor of vertex attributes as they are stored, and return its index.
 
         `values`, (N, C) of any type: the elements, each of which gets a multiple of four bytes; `like`: an accessor of
-        the same type, of which everything but its place and its count is copied.
+        the same type, of which everything but its data and its count is copied.
         """
         packed = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
         rows = np.zeros((len(values), packed.shape[1] + -packed.shape[1] % 4), np.uint8)
@@ -300,7 +300,7 @@ class Usage:
 
 
 def accessor_slots(root: Json) -> Iterator[_Slot]:
-    """Yield every place that holds an accessor's index."""
+    """Yield every member that holds an accessor's index."""
     for mesh in objects_in(root.get("meshes")):
         for primitive in objects_in(mesh.get("primitives")):
             yield from _indices(primitive, "indices")
@@ -322,12 +322,12 @@ def accessor_slots(root: Json) -> Iterator[_Slot]:
 
 
 def view_slots(root: Json) -> Iterator[_Slot]:
-    """Yield every place that holds a buffer view's index."""
+    """Yield every member that holds a buffer view's index."""
     for accessor in objects_in(root.get("accessors")):
         yield from _indices(accessor, "bufferView")
         sparse = accessor.get("sparse", {})
-        for part in ("indices", "values"):
-            yield from _indices(sparse.get(part), "bufferView")
+        for member in ("indices", "values"):
+            yield from _indices(sparse.get(member), "bufferView")
     for image in objects_in(root.get("images")):
         yield from _indices(image, "bufferView")
     for mesh in objects_in(root.get("meshes")):
@@ -378,15 +378,14 @@ def triangle_list(corners: NDArray[np.int64], mode: int, restart: int | None = N
 
     `corners`, (C,) int64: vertex indices in drawing order; `mode`: 4 triangles, 5 strip, 6 fan; `restart`: the index
     that starts a new strip or fan (glTF forbids it, but some exporters write it). Returns (T, 3) int64. Triangles with
-    a repeated corner are removed from strips and fans, where they only join parts, but not from lists. Corners past the
-    last whole triangle are ignored.
+    a repeated corner are removed from strips and fans, where they only join others, but not from lists. Corners past
+    the last whole triangle are ignored.
     """
     if mode not in (TRIANGLE_STRIP, TRIANGLE_FAN):
         return np.asarray(corners[: len(corners) // 3 * 3].reshape(-1, 3))
     cuts = np.flatnonzero(corners == restart) if restart is not None else np.empty(0, np.int64)
     make = _strip if mode == TRIANGLE_STRIP else _fan
-    parts = [make(part[part != restart]) for part in np.split(corners, cuts)]
-    triangles = np.concatenate(parts)
+    triangles = np.concatenate([make(each[each != restart]) for each in np.split(corners, cuts)])
     a, b, c = triangles.T
     return np.asarray(triangles[(a != b) & (b != c) & (c != a)])
 

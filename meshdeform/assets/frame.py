@@ -27,9 +27,9 @@ class FileFrame:
     unit: Unit = "m"
     metres: float | None = 1.0
 
-    def places(self, points: Floats) -> Floats:
+    def points(self, positions: Floats) -> Floats:
         """Return points (V, 3) of glTF's world in this frame."""
-        return self.directions(points) * (1.0 if self.metres is None else self.metres * UNITS[self.unit][1])
+        return self.directions(positions) * (1.0 if self.metres is None else self.metres * UNITS[self.unit][1])
 
     def directions(self, vectors: Floats) -> Floats:
         """Return vectors (V, 3) of glTF's world in this frame, with their lengths."""

@@ -109,7 +109,7 @@ def check_storage(
     `root`: the parsed JSON; `binary_length`: length of the GLB's binary chunk; `limits`: upper bounds on the asset;
     `decoded_later`: accessors that a Draco stream fills; `unread`: accessors that are never decoded. Raises
     AssetExternalError: a buffer is in another file. Raises AssetTruncatedError: a buffer, view or accessor reaches past
-    its data. Raises AssetTooLargeError: a count is over its limit, or compressed parts decode to more bytes than a file
+    its data. Raises AssetTooLargeError: a count is over its limit, or compressed data decodes to more bytes than a file
     may have. Raises AssetError: anything else is not valid.
     """
     # Check each array once; doing so for every element would take hours for a hostile file.
@@ -129,7 +129,7 @@ def check_storage(
                 f"accessors[{i}] declares {root['accessors'][i]['count']} elements without data; "
                 f"the limit is {limits.max_bare_elements}."
             )
-    limits.check_bytes(decoded, "The compressed parts decode to")
+    limits.check_bytes(decoded, "The compressed data decodes to")
 
 
 def _refuse_external(uri: str | None, where: str) -> None:
@@ -524,8 +524,8 @@ class AssetSummary:
 
     `format`: `glb`, `gltf`, `obj`, `ply`, `stl`, `3mf` or `zip`. `vertices` and `triangles`: counts in the default
     scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded, and 0 for ZIP and 3MF.
-    `meshes`: number of mesh instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: parts that are
-    not deformed, and why; `warnings`: sentences about anything in the file that may surprise or get in the way.
+    `meshes`: number of mesh instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: primitives that
+    are not deformed, and why; `warnings`: sentences about anything in the file that may surprise or get in the way.
     `nodes`, `materials`, `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is
     deformed (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is
     drawn, (2, 3), in the file's world; empty until the file is decoded.

@@ -21,7 +21,7 @@ class Limits:
     """Upper bounds on one asset. `from_settings` sets those that a deployment can configure."""
 
     max_bytes: int = 100 * 2**20
-    """Size of the file, and of its compressed parts after decoding: a compressed asset may not become larger than an
+    """Size of the file, and of its compressed data after decoding: a compressed asset may not become larger than an
     uncompressed one."""
     max_json_bytes: int = 16 * 2**20  # size of a GLB's JSON chunk
     max_accessor_elements: int = 20_000_000  # `count` of one accessor

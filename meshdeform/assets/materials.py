@@ -117,13 +117,13 @@ def read_shading(document: Document, at: int) -> Shading:
     coat = extension(item, "KHR_materials_clearcoat", where) or {}
     strength = extension(item, "KHR_materials_emissive_strength", where) or {}
     light = _number(strength, "emissiveStrength", 1.0, where)
-    places = {
+    slots = {
         "metallic_roughness": (metal, "metallicRoughnessTexture"),
         "emissive": (item, "emissiveTexture"),
         "normal": (item, "normalTexture"),
         "occlusion": (item, "occlusionTexture"),
     }
-    textures = {name: _texture(root, parent, key, where) for name, (parent, key) in places.items()}
+    textures = {name: _texture(root, parent, key, where) for name, (parent, key) in slots.items()}
     extensions = item.get("extensions")
     known = extensions if isinstance(extensions, dict) else {}
     glossy = older is not None and "pbrMetallicRoughness" not in item

@@ -1,7 +1,7 @@
 """Write where nodes have moved into a document: joints, and what hangs on the surface.
 
-Nodes keep their axes; only places change: of the nodes, of the bind poses of joints, and of animated translations,
-whose distance from the node's place grows as the volume around it does. In the pose of the nodes, a skin therefore
+Nodes keep their axes; only positions change: of the nodes, of the bind poses of joints, and of animated translations,
+whose distance from the node's origin grows as the volume around it does. In the pose of the nodes, a skin therefore
 leaves every vertex where it is. What hangs on a node that moved, and is not moved itself, goes along.
 
 Source: glTF 2.0 specification, sections 3.7.3 (Skins) and 3.11 (Animations); KHR_animation_pointer.

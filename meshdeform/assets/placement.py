@@ -185,7 +185,7 @@ class Placement:
         """By how much it lengthens an axis of the mesh's space, at most."""
         return float(np.sqrt((self.linear**2).sum(-2)).max())
 
-    def places(self, points: Floats) -> Floats:
+    def points(self, points: Floats) -> Floats:
         """Return where points (V, 3) of the mesh's space are in world space."""
         return np.asarray(_applied(self.linear, points) + self.offset)
 
@@ -267,7 +267,7 @@ class Placer:
 def skin_weights(
     document: Document, primitive: Json, count: int, joints: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Return the vertices, the places of joints in their skin, and the weights above 0, (K,) each.
+    """Return the vertices, the indices of joints in their skin, and the weights above 0, (K,) each.
 
     Returns three empty arrays if the attributes are not valid: the deformation does not need them.
     """
@@ -287,5 +287,5 @@ def skin_weights(
         chosen = np.minimum(indices[rows, columns], joints - 1)
         groups.append((rows, chosen, weights[rows, columns]))
         number += 1
-    at, which, share = (np.concatenate(part) for part in zip(*groups, strict=True))
+    at, which, share = (np.concatenate(each) for each in zip(*groups, strict=True))
     return at, which, share

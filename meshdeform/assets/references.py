@@ -36,7 +36,7 @@ class Collider:
 
     node: int
     name: str  # of the extension of the node
-    part: str  # its member: `collider` or `trigger`
+    role: str  # its member: `collider` or `trigger`
     geometry: Json  # what names a shape, a mesh or a node
     shapes: list[Json]  # those of the document that `geometry` may name
 
@@ -64,11 +64,11 @@ def colliders(root: Json) -> Iterator[Collider]:
             body = member_of(node, "extensions", name)
             own = [lists[each] for each in _SHAPES if each[:3] == name[:3] and lists[each]]
             shapes = next(iter([*own, *filter(None, lists.values())]), [])
-            for part in ("collider", "trigger"):
-                holder = body.get(part)
+            for role in ("collider", "trigger"):
+                holder = body.get(role)
                 if isinstance(holder, dict):
                     geometry = holder.get("geometry")
-                    yield Collider(number, name, part, geometry if isinstance(geometry, dict) else holder, shapes)
+                    yield Collider(number, name, role, geometry if isinstance(geometry, dict) else holder, shapes)
 
 
 def own_shape(collider: Collider, shape: Json) -> None:

@@ -1,9 +1,9 @@
 """Gather the triangle primitives of all instances into one world-space surface, with the data for writing it back.
 
 The surface is what viewers show: skins in the pose of the file's nodes, morph targets with their weights at rest. A
-mesh that EXT_mesh_gpu_instancing draws many times has the place of its first instance.
+mesh that EXT_mesh_gpu_instancing draws many times stands where its first instance does.
 
-`read_parts` lists what it consists of: nodes, meshes, materials, which triangles belong to each, and its rig.
+`read_pieces` lists what it consists of: nodes, meshes, materials, which triangles belong to each, and its rig.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Surface:
     tangents: Floats  # (N, 4) float64: unit length with a handedness of +1 or -1, or NaN where the file has none
     instance_of_vertex: NDArray[np.int64]  # (N,) int64: the mesh instance of each vertex
     stays: NDArray[np.bool_]  # (N,) bool: vertices that cannot be moved, because the map of their joints has no inverse
-    skipped: list[dict[str, Any]]  # parts that are not deformed, and why
+    skipped: list[dict[str, Any]]  # primitives that are not deformed, and why
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def read_surface(
 ) -> tuple[Surface, list[Block], list[Block]]:
     """Gather the default scene's surface, or that of other instances.
 
-    `excluded`: nodes whose meshes are no part of it. Returns the surface, its blocks, and the blocks of points and
+    `excluded`: nodes whose meshes do not belong to it. Returns the surface, its blocks, and the blocks of points and
     lines, whose `rows` are empty. Raises AssetNotFiniteError: a position is NaN or infinite. Raises AssetEmptyError:
     the scene has no triangles. Raises AssetError: an index is out of range.
     """
@@ -122,8 +122,8 @@ def _read_surface(document: Document, shown: Sequence[Instance]) -> tuple[Surfac
             block = dataclasses.replace(block, rest=_rest_targets(document, instance, block))
             count = len(block.positions)
             faces = [_faces(document, block, p, count, skipped) for p in primitives]
-            block = dataclasses.replace(block, triangles=tuple(len(part) for part in faces))
-            triangles += [start + (part[:, ::-1] if placement.mirrors else part) for part in faces]
+            block = dataclasses.replace(block, triangles=tuple(map(len, faces)))
+            triangles += [start + (each[:, ::-1] if placement.mirrors else each) for each in faces]
             blocks.append(block)
             owner.append(number)
             start += count
@@ -144,8 +144,8 @@ def _placement(
     count = document.root["accessors"][primitive["attributes"]["POSITION"]]["count"]
     placement = placer.of_vertices(instance, primitive, count)
     if placement is None:
-        place = {"node": instance.node, "mesh": instance.mesh, "primitive": number}
-        skipped.append({**place, "reason": _FLATTENED})
+        told = {"node": instance.node, "mesh": instance.mesh, "primitive": number}
+        skipped.append({**told, "reason": _FLATTENED})
     return placement
 
 
@@ -183,12 +183,12 @@ def _loose_blocks(document: Document, placer: Placer, instance: Instance, skippe
         placement = _placement(document, placer, instance, primitives[0], skipped)
         if placement is not None and np.isfinite(positions).all():
             accessors, rows = (position, None, None), slice(0, 0)
-            place = instance.node, instance.mesh, tuple(primitives), (0,) * len(primitives)
-            blocks.append(Block(*place, accessors, rows, placement, positions, None, None))
+            named = instance.node, instance.mesh, tuple(primitives), (0,) * len(primitives)
+            blocks.append(Block(*named, accessors, rows, placement, positions, None, None))
         elif placement is not None:
             reason = "points or lines whose positions are not finite"
-            place_of = {"node": instance.node, "mesh": instance.mesh, "primitive": primitives[0]}
-            skipped.append({**place_of, "reason": reason})
+            told = {"node": instance.node, "mesh": instance.mesh, "primitive": primitives[0]}
+            skipped.append({**told, "reason": reason})
     return blocks
 
 
@@ -286,7 +286,7 @@ def _join(
         placement = block.placement
         instances[block.rows] = number
         shown = shown_vertices(block)
-        positions[block.rows] = placement.places(shown[0])
+        positions[block.rows] = placement.points(shown[0])
         if placement.stays is not None:
             stays[block.rows] = placement.stays
         if shown[1] is not None:
@@ -313,8 +313,8 @@ def handedness(w: NDArray[Any], *, mirrors: bool) -> Floats:
 
 
 @dataclass(frozen=True)
-class NamedParts:
-    """The named parts of a surface."""
+class SurfacePieces:
+    """What a surface consists of: nodes, meshes, materials and joints."""
 
     nodes: list[dict[str, Any]]
     """`index` and `name` of each node with triangles in or below it. A node without a name has that of its mesh, and
@@ -343,8 +343,8 @@ class NamedParts:
         return np.asarray(self.mesh_of_triangle == mesh)
 
 
-def read_parts(document: Document, blocks: Sequence[Block]) -> NamedParts:
-    """Read the parts of the surface that `read_surface` gathered in `blocks`."""
+def read_pieces(document: Document, blocks: Sequence[Block]) -> SurfacePieces:
+    """Read what the surface that `read_surface` gathered in `blocks` consists of."""
     root = document.root
     nodes, meshes = root["nodes"], root["meshes"]
     # Materials have not been checked: nothing else reads them here.
@@ -355,7 +355,7 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> NamedParts:
     looks = [_material(primitive, len(materials)) for _, _, primitive, _ in block_primitives(root, blocks)]
     shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
     used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
-    return NamedParts(
+    return SurfacePieces(
         [
             {"index": at, "name": _name(nodes[at]) or ("mesh" in nodes[at] and _name(meshes[nodes[at]["mesh"]])) or ""}
             for at in shown
@@ -421,7 +421,7 @@ def read_rig(document: Document, blocks: Sequence[Block]) -> Rig:
     return Rig(len(joints), targets, len(document.root.get("animations", [])))
 
 
-def turned_parts(document: Document, blocks: Sequence[Block]) -> list[str]:
+def turned_nodes(document: Document, blocks: Sequence[Block]) -> list[str]:
     """Return the names of the nodes with blocks in or below them that animations turn or scale, joints apart."""
     nodes = document.root["nodes"]
     parents = parents_of(nodes)

@@ -1,7 +1,7 @@
 """Write what a scene shows as 3MF, with colours and textures.
 
 A model of XML in a ZIP. trimesh writes no colours, and lib3mf has no build for Linux on ARM; the tests read the files
-with it. Corners at one place are one vertex, as slicers need them to see a closed surface.
+with it. Corners in one position are one vertex, as slicers need them to see a closed surface.
 
 Sources: 3MF Core Specification 1.3; Materials and Properties Extension 1.2.
 """
@@ -44,12 +44,12 @@ _WHITE = (1.0, 1.0, 1.0)
 
 
 def write_3mf(scene: Scene, frame: FileFrame) -> tuple[bytes, int]:
-    """Write a scene as 3MF: an object for each place of a mesh. The same scene gives the same bytes.
+    """Write a scene as 3MF: an object for each instance of a mesh. The same scene gives the same bytes.
 
     Returns the file and its number of triangles. Raises AssetEmptyError: nothing is shown.
     """
     model = _Model(scene, frame)
-    for _, pieces in groupby(scene.placed(), lambda piece: piece.place):
+    for _, pieces in groupby(scene.placed(), lambda piece: piece.instance):
         model.add(list(pieces))
     if not model.triangles:
         raise AssetEmptyError("The asset has no triangles that a 3MF could hold.")
@@ -70,12 +70,12 @@ class _Model:
         self.triangles = 0
 
     def add(self, pieces: list[MaterialTriangles]) -> None:
-        """Add the pieces of one place as an object."""
-        positions = self._frame.places(np.concatenate([piece.positions for piece in pieces]))
+        """Add the pieces of one instance as an object."""
+        positions = self._frame.points(np.concatenate([piece.positions for piece in pieces]))
         starts = np.cumsum([0, *(len(piece.positions) for piece in pieces)])
         origin = far_origin([positions])
         precise = positions if origin is not None else positions.astype(np.float32) + np.float32(0)  # -0.0 is 0.0
-        places, at = np.unique(precise, axis=0, return_inverse=True)
+        verts, at = np.unique(precise, axis=0, return_inverse=True)
         lines: list[str] = []
         for piece, start in zip(pieces, starts, strict=False):
             corners = at.reshape(-1)[start + piece.triangles]
@@ -87,10 +87,10 @@ class _Model:
             return
         digits = "%.9g" if origin is None else "%.15g"
         vertex = f'<vertex x="{digits}" y="{digits}" z="{digits}"/>\n'
-        vertices = (vertex * len(places)) % tuple(places.astype(np.float64).reshape(-1).tolist())
+        vertices = (vertex * len(verts)) % tuple(verts.astype(np.float64).reshape(-1).tolist())
         number = self._number()
         self._objects.append(number)
-        name = quoteattr(_CONTROL.sub("", pieces[0].name) or f"node{pieces[0].place[0]}")
+        name = quoteattr(_CONTROL.sub("", pieces[0].name) or f"node{pieces[0].instance[0]}")
         mesh = ["<mesh><vertices>\n", vertices, "</vertices><triangles>\n", *lines, "</triangles></mesh>"]
         self._resources.append(f'<object id="{number}" type="model" name={name}>{"".join(mesh)}</object>\n')
 
@@ -148,9 +148,9 @@ class _Model:
             self._resources.append(f'<m:texture2d id="{number}" path="/{path}" contenttype="{media}" {style}/>\n')
         return self._textures[key]
 
-    def _coordinates(self, texture: int, places: NDArray[np.float64]) -> tuple[int, NDArray[np.int64]]:
+    def _coordinates(self, texture: int, texcoords: NDArray[np.float64]) -> tuple[int, NDArray[np.int64]]:
         number = self._number()
-        u, v = places.T
+        u, v = texcoords.T
         rows = np.stack([u, 1.0 - v], axis=1)
         entries = ('<m:tex2coord u="%.9g" v="%.9g"/>' * len(rows)) % tuple(rows.reshape(-1).tolist())
         self._resources.append(f'<m:texture2dgroup id="{number}" texid="{texture}">{entries}</m:texture2dgroup>\n')

@@ -20,13 +20,13 @@ import numpy as np
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.placement import Floats, Matrix, is_invertible
 from meshdeform.assets.references import Collider, colliders, own_shape
-from meshdeform.assets.rig import NodeMove, RigMotion, carried
+from meshdeform.assets.rig import NodeMove, RigMotion, fitted_move
 from meshdeform.assets.unchecked import is_index, member_of, objects_in
 
 __all__ = ["Volumes"]
 
 _MOST = 256
-"""How many places are compared with the surface; others stay."""
+"""How many points are compared with the surface; others stay."""
 _ROUND = ("radius", "radiusTop", "radiusBottom")
 _UNITY = np.array([1.0, 1.0, -1.0])
 """Signs of the axes of Unity in those of glTF."""
@@ -55,13 +55,13 @@ class Volumes:
         self._avatar(member_of(self.root, "extensions", "VRMC_vrm"))
         self._springs(member_of(self.root, "extensions", "VRMC_springBone"))
 
-    def _move(self, place: Floats) -> NodeMove:
-        key = place.tobytes()
+    def _move(self, point: Floats) -> NodeMove:
+        key = point.tobytes()
         if key not in self._known:
-            still = NodeMove(place, np.zeros(3), 1.0)
+            still = NodeMove(point, np.zeros(3), 1.0)
             full = len(self._known) >= _MOST
             weights = np.ones(len(self.rows))
-            self._known[key] = still if full else carried(place, self.rows, weights, self.motion, power=2)
+            self._known[key] = still if full else fitted_move(point, self.rows, weights, self.motion, power=2)
         return self._known[key]
 
     def _follow_shape(self, collider: Collider) -> None:
@@ -81,12 +81,12 @@ class Volumes:
         """Give what collides at a node a node of its own below it."""
         nodes = self.root["nodes"]
         node, body = nodes[collider.node], nodes[collider.node]["extensions"][collider.name]
-        part = {collider.part: body.pop(collider.part)}
+        moved = {collider.role: body.pop(collider.role)}
         if not body:
             del node["extensions"][collider.name]
-        name = f"{node.get('name', 'node')}_{collider.part}"
-        place = [float(value) for value in translation]
-        nodes.append({"name": name, "translation": place, "extensions": {collider.name: part}})
+        name = f"{node.get('name', 'node')}_{collider.role}"
+        described = {"name": name, "translation": translation.tolist(), "extensions": {collider.name: moved}}
+        nodes.append(described)
         node.setdefault("children", []).append(len(nodes) - 1)
 
     def _offset(self, node: Any, holder: Json, key: str, *, of_unity: bool = False) -> None:

@@ -43,7 +43,7 @@ from meshdeform.deformation.variables import Adam, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.tensors import arrays_of, faces_of, tensors_of
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Framing
@@ -434,9 +434,9 @@ def _nearest_faces(mesh: RestMesh, variables: Variables) -> NDArray[np.int64] | 
     if isinstance(variables, LatticeField):
         lattice = variables.lattice
         middles = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
-        return NearestPlaces(mesh, middles, np.zeros_like(middles)).faces
+        return NearestPoints(mesh, middles, np.zeros_like(middles)).faces
     shown = variables.rest
     if shown.faces.shape == mesh.faces.shape:
         return None
     middles = shown.verts[shown.faces].mean(1)
-    return NearestPlaces(mesh, middles, shown.normals).faces
+    return NearestPoints(mesh, middles, shown.normals).faces

@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 from meshdeform.exemplar.conjugate_gradients import conjugate_gradients
 from meshdeform.exemplar.surface_fit import laplacian_of, nodes_of
 from meshdeform.geometry.folds import area_vectors
-from meshdeform.geometry.places import SurfaceTree, blend_matrix
+from meshdeform.geometry.nearest_points import SurfaceTree, blend_matrix
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
 from meshdeform.support.giving_way import give_way

@@ -1,9 +1,9 @@
 """Find the self-intersections of a triangle mesh: faces that cut another, pairs that cut or touch each other.
 
 Bounding boxes are swept along the longest axis, in strips of the second longest; faces whose boxes meet are tested.
-The number of pairs is not bounded by that of the faces: a few thousand copies of one box lie in
-one place. So a search does an amount of work that grows with the faces only, many times what the surface of an object
-takes, and gives up beyond it.
+The number of pairs is not bounded by that of the faces: a few thousand copies of one box lie in one position. So a
+search does an amount of work that grows with the faces only, many times what the surface of an object takes, and gives
+up beyond it.
 
 Two triangles cut each other if an edge of one passes through the other. The signs of five determinants decide this: the
 edge's ends lie on different sides of the plane, and the edge's line passes on the same side of all three edges of the

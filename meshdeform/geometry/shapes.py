@@ -48,8 +48,8 @@ def _split(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:
     middle = (verts[keys // len(verts)] + verts[keys % len(verts)]) / 2
     ab, bc, ca = (inverse + len(verts)).reshape(3, -1)
     a, b, c = faces.T
-    parts = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.concatenate([verts, middle]), np.stack([np.stack(p, 1) for p in parts], 1).reshape(-1, 3)
+    quarters = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return np.concatenate([verts, middle]), np.stack([np.stack(p, 1) for p in quarters], 1).reshape(-1, 3)
 
 
 def join(*meshes: TriangleMesh) -> TriangleMesh:

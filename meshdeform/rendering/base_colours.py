@@ -71,12 +71,12 @@ class Textures:
         for texture in some:
             if id(texture.pixels) not in shared:
                 levels = _halved(texture.pixels) if texture.reduced else [texture.pixels]
-                place = [at + sum(level.shape[0] * level.shape[1] for level in levels[:k]) for k in range(len(levels))]
-                shared[id(texture.pixels)] = place, [level.shape[1::-1] for level in levels]
+                begins = [at + sum(level.shape[0] * level.shape[1] for level in levels[:k]) for k in range(len(levels))]
+                shared[id(texture.pixels)] = begins, [level.shape[1::-1] for level in levels]
                 chunks += [level.reshape(-1, 4) for level in levels]
                 at += sum(level.shape[0] * level.shape[1] for level in levels)
-            place, size = shared[id(texture.pixels)]
-            starts.append([place[min(k, len(place) - 1)] for k in range(_LEVELS)])
+            begins, size = shared[id(texture.pixels)]
+            starts.append([begins[min(k, len(begins) - 1)] for k in range(_LEVELS)])
             sizes.append([size[min(k, len(size) - 1)] for k in range(_LEVELS)])
         extents = np.array(sizes, np.float32).transpose(2, 0, 1)
         wraps = np.array([[_WRAPS[mode] for mode in texture.wrap] for texture in some]).T
@@ -126,19 +126,19 @@ class Textures:
         """
         library = self._library
         copy = paint * _LEVELS + _whole(library.clip(library.floor(level), 0, _LEVELS - 1))
-        shares, places = [], []
+        shares, texels = [], []
         for axis in (0, 1):
             size, wraps = _taken(self._extents[axis], copy), self._wraps[axis]
-            place = texcoords[axis] * size - 0.5
+            position = texcoords[axis] * size - 0.5
             if self._nearest is not None:
-                place = library.where(self._nearest[paint] & (level < 0), library.round(place), place)
-            low = library.floor(place)
+                position = library.where(self._nearest[paint] & (level < 0), library.round(position), position)
+            low = library.floor(position)
             mode = None if wraps is None else wraps[paint]
-            shares.append(place - low)
-            places.append([_whole(self._wrapped(low + step, size, mode)) for step in (0, 1)])
+            shares.append(position - low)
+            texels.append([_whole(self._wrapped(low + step, size, mode)) for step in (0, 1)])
         width, start = _whole(_taken(self._extents[0], copy)), _taken(self._starts, copy)
-        rows = [row * width + start for row in places[1]]
-        return [[self._colours(row + column, channels) for column in places[0]] for row in rows], shares, copy
+        rows = [row * width + start for row in texels[1]]
+        return [[self._colours(row + column, channels) for column in texels[0]] for row in rows], shares, copy
 
     def _wrapped(self, index: Array, count: Array, mode: Array | None) -> Array:
         """Apply each wrap mode to a texel's index, a whole floating number; None repeats everywhere."""
@@ -219,7 +219,7 @@ class BaseColours:
         -------
         (B, F)
         """
-        area = _double_area(self._places(clip, side)[:, faces])
+        area = _double_area(self._in_pixels(clip, side)[:, faces])
         return 0.5 * self._library.log2((self._texels(faces, paint) + 1e-12) / (area + 1e-6))
 
     def strides(self, clip: Array, side: int) -> Array | None:
@@ -229,7 +229,7 @@ class BaseColours:
         library = self._library
         (a, b), (s, t) = (
             (c[..., 1, :] - c[..., 0, :], c[..., 2, :] - c[..., 0, :])
-            for c in (self._places(clip, side)[:, self.faces], self._at_corners(self.faces, self.paint))
+            for c in (self._in_pixels(clip, side)[:, self.faces], self._at_corners(self.faces, self.paint))
         )
         double_area = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
         divisor = library.where(abs(double_area) > 1e-6, double_area, 1e-6)[..., None]
@@ -241,7 +241,7 @@ class BaseColours:
         """Return the areas (F,) of the faces in texels."""
         return self._texels(self.faces, self.paint) / 2
 
-    def _places(self, clip: Array, side: int) -> Array:
+    def _in_pixels(self, clip: Array, side: int) -> Array:
         """Return where vertices are in the picture, in pixels."""
         return clip[..., :2] / self._library.clip(clip[..., 3:], 1e-6, None) * (side / 2)
 

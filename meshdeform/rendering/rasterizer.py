@@ -197,7 +197,7 @@ def _expand(counts: Tensor, ends: Tensor, start: int, stop: int) -> tuple[Tensor
 
 @kernel
 def _snapped(clip: _Floats, width: int, height: int, x: _Index, y: _Index, z: _Floats) -> None:
-    """Set the places of a view's vertices in 256ths of a pixel, and their depths, NaN behind the camera."""
+    """Set the positions of a view's vertices in 256ths of a pixel, and their depths, NaN behind the camera."""
     for v in range(len(clip)):
         w = clip[v, 3]
         if w <= 1e-6:
@@ -475,7 +475,7 @@ def _walk(
             second, k = first, opposite[e, 1]
             if k >= 0:
                 second = dx * (y[k] - y[i]) - dy * (x[k] - x[i])
-            # A vertex behind the camera has no place in the picture, and faces with one are not drawn.
+            # A vertex behind the camera has no position in the picture, and faces with one are not drawn.
             if not first * second > 0:
                 continue
             by_row = abs(dy) >= abs(dx)
@@ -814,7 +814,7 @@ def is_compiled(tensor: Tensor) -> bool:
 
 
 def projected(verts: Tensor, cameras: Cameras) -> Tensor:
-    """Return the places (B, V, 4) of positions (V, 3) in the views' clip space."""
+    """Return the positions (B, V, 4) of vertices (V, 3) in the views' clip space."""
     matrices = torch.from_numpy(cameras.view_proj).to(verts)
     return verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
 

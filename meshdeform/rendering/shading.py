@@ -82,7 +82,7 @@ height, and no optimiser step is that short. The gradient is therefore limited t
 """
 
 TRUST_FROM, TRUST_OVER = 0.7, 0.25
-"""Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts in part."""
+"""Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts only partly."""
 
 _SHORTEST = 1e-12
 _Floats = NDArray[np.float64]
@@ -199,7 +199,7 @@ def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, 
 def _backward(
     facets: _Facets, seen: _Seen, clip: _Floats, gradient: _Floats, d_normals: _Floats, d_clip: _Floats
 ) -> None:
-    """Add to the gradients of each view's unit normals (B, F, 3) and of the vertices' places in it (B, V, 4)."""
+    """Add to the gradients of each view's unit normals (B, F, 3) and of the vertices in its clip space (B, V, 4)."""
     faces, normals, share, smooth = facets.faces, facets.normals, facets.share, facets.smooth
     axes, face_ids = seen.axes, seen.face_ids
     height, width = face_ids.shape[1], face_ids.shape[2]
@@ -240,7 +240,7 @@ def _backward(
                 mean = a * g[0] + b * g[1] + (1.0 - a - b) * g[2]
                 for i in range(3):
                     j, k = (i + 1) % 3, (i + 2) % 3
-                    # The area of part i is x_j y_k - y_j x_k.
+                    # The area opposite to corner i is x_j y_k - y_j x_k.
                     d_area = trust * (g[i] - mean) / total
                     v, dx, dy = faces[f, j], d_area * y[k], -d_area * x[k]
                     d_clip[view, v, 0] += dx
@@ -341,7 +341,7 @@ class _Colour(torch.autograd.Function):
         face_ids: Tensor,
         backdrop: Tensor,
     ) -> Tensor:
-        points, places, corners, eyes, turns, ids = (
+        points, positions, corners, eyes, turns, ids = (
             t.detach().contiguous().numpy() for t in (verts, clip, faces, eye, axes, face_ids)
         )
         # One colour stays one: to repeat three numbers for each pixel takes longer than to draw.
@@ -356,7 +356,7 @@ class _Colour(torch.autograd.Function):
             _draw(facets, _Seen(eyes[at], turns[at], ids[at]), behind if alike else behind[at], pixels[at])
 
         in_ranges(draw, len(ids))
-        ctx.saved = (facets, places, eyes, turns, ids)  # type: ignore[attr-defined]
+        ctx.saved = (facets, positions, eyes, turns, ids)  # type: ignore[attr-defined]
         return image
 
     @staticmethod

@@ -49,7 +49,7 @@ class Skeleton:
     path: str
     parent: str  # the prim that it stands at, as its meshes do
     nodes: dict[int, str]  # the joint of each node, those above first
-    place: Matrix  # from the space of its meshes to that of its points, (4, 4)
+    to_points: Matrix  # from the space of its meshes to that of its points, (4, 4)
     joints: NDArray[np.int64] | None = (
         None  # (J,) skeleton's joint of each joint of the skin; None: all follow the only one
     )
@@ -60,12 +60,12 @@ class Skeleton:
 class Rigs:
     """The skeletons of a scene."""
 
-    def __init__(self, layer: Layer, scene: Scene, motion: Motion, places: Mapping[int, str]) -> None:
+    def __init__(self, layer: Layer, scene: Scene, motion: Motion, prims: Mapping[int, str]) -> None:
         self._layer, self._scene, self._motion = layer, scene, motion
         self._nodes: list[Json] = scene.root.get("nodes", [])
         self._worlds = world_matrices(self._nodes)
         self._parents = parents_of(self._nodes)
-        self._places = places  # the prim of each node
+        self._prims = prims  # the prim of each node
         self._skins: dict[int, Skeleton] = {}
         self._made: list[Skeleton] = []
 
@@ -85,10 +85,10 @@ class Rigs:
         primitives = self._scene.root["meshes"][instance.mesh].get("primitives", [])
         if not any(each.get("targets") for each in primitives):
             return None
-        place = self._places[instance.node]
-        path = self._layer.prim(place, "Skeleton", "Skeleton", schemas=_BOUND)
+        node = self._prims[instance.node]
+        path = self._layer.prim(node, "Skeleton", "Skeleton", schemas=_BOUND)
         self._describe(path, [_ALONE], [np.eye(4)], [np.eye(4)])
-        self._made.append(Skeleton(path, place, {}, np.eye(4)))
+        self._made.append(Skeleton(path, node, {}, np.eye(4)))
         return self._made[-1]
 
     def _skin(self, instance: Instance) -> Skeleton:
@@ -98,8 +98,8 @@ class Rigs:
         if above is not None and not is_invertible(self._worlds[above]):
             above = None
         back = np.eye(4) if above is None else np.linalg.inv(self._worlds[above])
-        place = back @ placement_matrix(self._scene.document, instance, self._worlds)
-        place = place if is_invertible(place) else np.eye(4)
+        to_points = back @ placement_matrix(self._scene.document, instance, self._worlds)
+        to_points = to_points if is_invertible(to_points) else np.eye(4)
         ordered: dict[int, str] = {}
         for joint in skin["joints"]:
             self._with_parents(joint, above, ordered)
@@ -107,14 +107,14 @@ class Rigs:
         bind = [back @ self._worlds[node] for node in ordered]
         for joint, inverse in zip(skin["joints"], inverse_binds(self._scene.document, skin), strict=True):
             if is_invertible(inverse):
-                bind[at[joint]] = place @ np.linalg.inv(inverse)
-        parent = self._layer.root if above is None else self._places[above]
+                bind[at[joint]] = to_points @ np.linalg.inv(inverse)
+        parent = self._layer.root if above is None else self._prims[above]
         path = self._layer.prim(parent, str(skin.get("name", "")), "Skeleton", schemas=_BOUND)
         self._describe(path, list(ordered.values()), bind, [local_matrix(self._nodes[node]) for node in ordered])
         maps = joint_matrices(self._scene.document, instance.skin, self._worlds)
         rest = int(np.abs(maps - maps.mean(axis=0)).sum(axis=(1, 2)).argmin())
         joints = np.array([at[joint] for joint in skin["joints"]])
-        self._made.append(Skeleton(path, parent, ordered, place, joints, rest))
+        self._made.append(Skeleton(path, parent, ordered, to_points, joints, rest))
         return self._made[-1]
 
     def _with_parents(self, joint: int, top: int | None, ordered: dict[int, str]) -> None:
@@ -174,7 +174,7 @@ class Rigs:
         extras = mesh.get("extras")
         names = extras.get("targetNames") if isinstance(extras, dict) else None
         tokens, paths = [], []
-        turn = skeleton.place[:3, :3]
+        turn = skeleton.to_points[:3, :3]
         for number, target in enumerate(targets):
             wanted = str(names[number]) if isinstance(names, list) and number < len(names) else f"target{number}"
             token = f"{valid_name(wanted, f'target{number}')}_{instance.node}_{number}"

@@ -12,7 +12,7 @@ from scipy import sparse
 
 from meshdeform.errors import ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE, tensors
-from meshdeform.geometry.coincidence import interpolate
+from meshdeform.geometry.interpolation import interpolate
 from meshdeform.geometry.mesh import (
     TriangleMesh,
     connected_components,
