@@ -20,12 +20,7 @@ from meshdeform.assets.inspect import AssetSummary, PictureSummary, inspect_asse
 from meshdeform.assets.limits import Limits
 from meshdeform.children.asking import ChildLostError, run_child
 from meshdeform.children.protocol import Bounds, bound_memory
-from meshdeform.errors import (
-    AssetEmptyError,
-    AssetError,
-    AssetTooLargeError,
-    AssetTruncatedError,
-)
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, AssetTruncatedError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.requests.kind_folders import merged
 from meshdeform.support.recent import Recent
@@ -47,11 +42,7 @@ _REMEMBERED = 512
 
 
 def check_asset_subprocess(
-    path: str | os.PathLike[str],
-    filename: str = "",
-    limits: Limits | None = None,
-    *,
-    content: FileContent = "mesh",
+    path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, content: FileContent = "mesh"
 ) -> AssetSummary | PictureSummary:
     """Check a stored file completely, in a child process.
 

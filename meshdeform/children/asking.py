@@ -115,12 +115,7 @@ def run_child(task: str, given: Mapping[str, Any], bounds: Bounds, *, temporary:
 
 
 def start_child(
-    task: str,
-    given: Mapping[str, Any],
-    bounds: Bounds,
-    *,
-    passed: Sequence[int] = (),
-    temporary: Path | None = None,
+    task: str, given: Mapping[str, Any], bounds: Bounds, *, passed: Sequence[int] = (), temporary: Path | None = None
 ) -> subprocess.Popen[bytes]:
     """Start a task, as `run_child` does, and do not wait for it; `passed`: file descriptors that it gets."""
     root = Path(__file__).resolve().parents[2]

@@ -47,7 +47,7 @@ from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.tensors import arrays_of, faces_of, tensors_of
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Framing
-from meshdeform.rendering.shading import OrthogonalGrid, Renderer, Shading
+from meshdeform.rendering.shading import Renderer, Shading, combine_views, sample_orthogonal_cameras
 
 _PULLS = "pulls"
 _REACHED = 1e-8
@@ -137,13 +137,14 @@ class Deformation:
         self._shape = guidance if isinstance(guidance, ShapeGuidance) else None
         if self._shape is not None:
             self._shape.begin(shown)
-        bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
-        self._views = OrthogonalGrid(bounds, guidance.style)
+        self._camera_range = CameraRange(
+            params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
+        )
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(np.abs(shown.verts).max())
-        coloured = self._views.style.shading in ("textured", "mixed")
+        coloured = guidance.style.shading in ("textured", "mixed")
         worn = self._stand_in.wear(appearance) if coloured else None
-        self._renderer = Renderer(faces_of(shown), len(shown.verts), self._views.style, device, appearance=worn)
+        self._renderer = Renderer(faces_of(shown), len(shown.verts), guidance.style, device, appearance=worn)
         begun = None if initial is None else tensors_of(initial)
         if checkpoint is not None:
             self._decided = Decided.stored(checkpoint.tensors)
@@ -296,10 +297,10 @@ class Deformation:
         control = self._variables.solve()
         verts = self._variables.verts(control)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
-        cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg)
+        cameras = sample_orthogonal_cameras(self._camera_range, self._generator, radius, self.orientation.turn_deg)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
         shading = self._renderer.sample_shading(self._generator)
-        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene, shading))
+        image = combine_views(self._renderer.render(verts.to(self._device), cameras, scene, shading))
         context = StepContext(self.step, p.steps, cameras, self._generator)
         guidance, regional, logs = self._guided(image, verts, context)
         if self._shape is not None:

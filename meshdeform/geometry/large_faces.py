@@ -70,13 +70,7 @@ def nearest_larger_faces(
 
 @kernel
 def _search(
-    points: _Floats,
-    sizes: _Floats,
-    components: _Index,
-    faces: _Candidates,
-    count: int,
-    touching: _Index,
-    found: _Found,
+    points: _Floats, sizes: _Floats, components: _Index, faces: _Candidates, count: int, touching: _Index, found: _Found
 ) -> None:
     """Set what is nearest to each point."""
     # `touching` are the sorted pairs of components that count, as a * count + b; all do if it is empty.

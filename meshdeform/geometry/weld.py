@@ -59,10 +59,7 @@ class WeldedMesh:
 
 
 def weld(
-    positions: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    *,
-    left_out: NDArray[np.bool_] | None = None,
+    positions: NDArray[np.float64], triangles: NDArray[np.int64], *, left_out: NDArray[np.bool_] | None = None
 ) -> WeldedMesh:
     """Merge vertices that coincide and drop faces that degenerate; the others keep their order.
 

@@ -136,13 +136,7 @@ def _edge_planes(x: Tensor, y: Tensor, z: Tensor, area: Tensor) -> _Planes:
 
 
 def _fill(
-    key: Tensor,
-    face: Tensor,
-    first_row: Tensor,
-    planes: _Planes,
-    box: _Box,
-    width: int,
-    behind: Tensor | None,
+    key: Tensor, face: Tensor, first_row: Tensor, planes: _Planes, box: _Box, width: int, behind: Tensor | None
 ) -> None:
     (a, b, c, z_x, z_y, z_0), (left, right, top, bottom) = planes, box
     rows = bottom - top + 1
@@ -441,11 +435,7 @@ class _Interpolate(torch.autograd.Function):
 
 @kernel
 def _walk(
-    clip: _Floats,
-    ends: _Index,
-    opposite: _Index,
-    depth: NDArray[np.float32],
-    removed: NDArray[np.float32] | None,
+    clip: _Floats, ends: _Index, opposite: _Index, depth: NDArray[np.float32], removed: NDArray[np.float32] | None
 ) -> tuple[_Index, _Floats]:
     """Find the visible crossings, of several between two pixels the nearest."""
     # (N, 4) int64: the pixel that takes a share of another's colour, that other pixel, the rows of the edge's ends.
@@ -494,12 +484,7 @@ def _walk(
                 if at < 0 or at + 1 >= limit:
                     continue
                 base, stride = (
-                    ((view * height + line) * width + at, 1)
-                    if by_row
-                    else (
-                        (view * height + at) * width + line,
-                        width,
-                    )
+                    ((view * height + line) * width + at, 1) if by_row else ((view * height + at) * width + line, width)
                 )
                 inside, outside = (base + stride, base) if plus else (base, base + stride)
                 z = zi + t * (zj - zi)
@@ -535,11 +520,7 @@ def _walk(
 
 
 def _crossings_of(
-    clip: _Floats,
-    ends: _Index,
-    opposite: _Index,
-    depth: NDArray[np.float32],
-    removed: NDArray[np.float32] | None,
+    clip: _Floats, ends: _Index, opposite: _Index, depth: NDArray[np.float32], removed: NDArray[np.float32] | None
 ) -> _Blends:
     """Share the views of `_walk` among threads."""
 

@@ -63,14 +63,7 @@ from meshdeform.rendering import rasterizer
 from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours
 from meshdeform.rendering.cameras import NUM_VIEWS, UNIT_SPHERE, CameraRange, Cameras, orthogonal_cameras
 from meshdeform.rendering.clay import AMBIENT, LIGHT
-from meshdeform.rendering.rasterizer import (
-    Fragments,
-    SilhouetteEdges,
-    antialias,
-    interpolate,
-    projected,
-    rasterize,
-)
+from meshdeform.rendering.rasterizer import Fragments, SilhouetteEdges, antialias, interpolate, projected, rasterize
 from meshdeform.rendering.visibility import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
 
@@ -375,11 +368,7 @@ class _Colour(torch.autograd.Function):
         in_ranges(through_views, len(clip))
         inverse = np.divide(1.0, lengths, out=np.zeros_like(lengths), where=lengths > _SHORTEST)
         through_normals(verts, faces, facets.normals, inverse, d_normals.sum(0), d_verts)
-        return (
-            torch.from_numpy(d_verts.astype(verts.dtype)),
-            torch.from_numpy(d_clip.astype(clip.dtype)),
-            *[None] * 5,
-        )
+        return (torch.from_numpy(d_verts.astype(verts.dtype)), torch.from_numpy(d_clip.astype(clip.dtype)), *[None] * 5)
 
 
 @dataclass(frozen=True)
@@ -761,27 +750,3 @@ def sample_orthogonal_cameras(
     """
     shares = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
     return orthogonal_cameras(bounds, shares, fitting_radius, turn_deg)
-
-
-class OrthogonalGrid:
-    """Four views a quarter turn apart in one picture."""
-
-    def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
-        self._bounds = bounds
-        self.style = style
-
-    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
-        """Draw the cameras of one step.
-
-        Parameters
-        ----------
-        fitting_radius : float
-            Radius of the sphere around the origin that just fits the views.
-        turn_deg : float
-            Azimuth of the shape's front, as in `cameras.fixed_cameras`.
-        """
-        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
-
-    def arrange(self, images: Tensor) -> Tensor:
-        """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""
-        return combine_views(images)

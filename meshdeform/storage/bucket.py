@@ -10,13 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from meshdeform.errors import (
-    DependencyError,
-    MeshdeformError,
-    NotFoundError,
-    UnavailableError,
-    install_command,
-)
+from meshdeform.errors import DependencyError, MeshdeformError, NotFoundError, UnavailableError, install_command
 from meshdeform.storage.base import is_key
 
 # obstore's defaults retry for three minutes, which is longer than a request or a worker's lease can wait.

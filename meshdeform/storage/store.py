@@ -11,12 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from meshdeform.errors import (
-    MeshdeformError,
-    NotFoundError,
-    StoredFileError,
-    UnavailableError,
-)
+from meshdeform.errors import MeshdeformError, NotFoundError, StoredFileError, UnavailableError
 from meshdeform.storage.base import CHUNK, Backend, StoredObject, check_key, chunks_of, file_errors, measured
 from meshdeform.storage.bucket import Bucket
 from meshdeform.storage.folder import Folder
