@@ -50,8 +50,7 @@ def bake(document: Document, pose: Pose | None = None) -> list[str]:
         if users[instance.mesh] > 1:
             users[instance.mesh] -= 1
             mesh = clone(mesh)
-            document.items("meshes").append(mesh)
-            nodes[instance.node]["mesh"] = len(document.root["meshes"]) - 1
+            nodes[instance.node]["mesh"] = document.add("meshes", mesh)
         _Baker(document, placer, instance, worlds[instance.node], weights, lost).bake(mesh)
     _drop_rig(document.root, lost)
     return [f"Without {what}: {count}." if count > 1 else f"Without {what}." for what, count in lost.items()]

@@ -109,8 +109,9 @@ def _fillable(document: Document, accessor: int) -> int:
     accessors = document.root["accessors"]
     if not {"bufferView", "sparse"} & accessors[accessor].keys():
         return accessor
-    accessors.append({key: value for key, value in accessors[accessor].items() if key not in _DATA_KEYS})
-    return len(accessors) - 1
+    return document.add(
+        "accessors", {key: value for key, value in accessors[accessor].items() if key not in _DATA_KEYS}
+    )
 
 
 def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> NDArray[Any]:
@@ -158,8 +159,7 @@ def _write_indices(document: Document, primitive: Json, corners: NDArray[Any], w
         if accessors[at]["count"] != len(corners):
             raise AssetError(f"{where}: the Draco stream has {len(corners)} indices, not {accessors[at]['count']}.")
     else:  # the stream always holds a triangle list, even for a strip
-        accessors.append({"componentType": UNSIGNED_INT, "count": len(corners), "type": "SCALAR"})
-        at = len(accessors) - 1
+        at = document.add("accessors", {"componentType": UNSIGNED_INT, "count": len(corners), "type": "SCALAR"})
         primitive["mode"] = TRIANGLES
     dtype = DTYPES[accessors[at]["componentType"]]
     accessors[at]["bufferView"] = document.append_view(corners.astype(dtype).tobytes(), ELEMENT_ARRAY_BUFFER)

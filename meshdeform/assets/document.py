@@ -98,6 +98,11 @@ class Document:
         items: list[Any] = self.root.setdefault(key, [])
         return items
 
+    def add(self, key: str, item: Any) -> int:
+        """Append to a top-level array, and return the index."""
+        self.items(key).append(item)
+        return len(self.root[key]) - 1
+
     def buffer_bytes(self, buffer: int) -> memoryview:
         """Return the data of a buffer that is embedded in the file."""
         description = self.root["buffers"][buffer]
@@ -172,9 +177,7 @@ class Document:
         view: Json = {"buffer": 0, "byteOffset": offset, "byteLength": len(data)}
         if target is not None:
             view["target"] = target
-        views = self.items("bufferViews")
-        views.append(view)
-        return len(views) - 1
+        return self.add("bufferViews", view)
 
     def append_accessor(
         self, values: NDArray[np.float32], *, like: Json | None = None, bounds: bool = False, vertex: bool = True
@@ -195,9 +198,7 @@ class Document:
         }
         if bounds:
             accessor |= _bounds(rows)
-        accessors = self.items("accessors")
-        accessors.append({**kept, **accessor})
-        return len(accessors) - 1
+        return self.add("accessors", {**kept, **accessor})
 
     def append_stored(self, values: NDArray[Any], like: Json) -> int:
         """Append an accessor of vertex attributes as they are stored, and return its index.
@@ -211,9 +212,7 @@ class Document:
         view = self.append_view(rows.tobytes(), ARRAY_BUFFER)
         self.root["bufferViews"][view]["byteStride"] = rows.shape[1]
         kept = {name: clone(value) for name, value in like.items() if name not in ("byteOffset", "sparse")}
-        accessors = self.items("accessors")
-        accessors.append({**kept, "bufferView": view, "count": len(values)})
-        return len(accessors) - 1
+        return self.add("accessors", {**kept, "bufferView": view, "count": len(values)})
 
     def append_triangles(self, triangles: NDArray[np.integer], vertices: int, like: Json | None = None) -> int:
         """Append an accessor of the corners of triangles (T, 3), and return its index.
@@ -225,15 +224,12 @@ class Document:
         kept = {name: clone(value) for name, value in (like or {}).items() if name in ("name", "extras")}
         component = UNSIGNED_SHORT if small else UNSIGNED_INT
         item = {"bufferView": view, "componentType": component, "count": triangles.size, "type": "SCALAR"}
-        self.items("accessors").append({**kept, **item})
-        return len(self.items("accessors")) - 1
+        return self.add("accessors", {**kept, **item})
 
     def append_zeros(self, count: int) -> int:
         """Append an accessor of `count` zero vectors; glTF defines an accessor without data as zeros."""
-        accessors = self.items("accessors")
-        zero = [0.0, 0.0, 0.0]
-        accessors.append({"componentType": FLOAT, "count": count, "type": "VEC3", "min": zero, "max": list(zero)})
-        return len(accessors) - 1
+        bounds = {"min": [0.0, 0.0, 0.0], "max": [0.0, 0.0, 0.0]}
+        return self.add("accessors", {"componentType": FLOAT, "count": count, "type": "VEC3", **bounds})
 
     def buffer_zero(self) -> bytearray:
         """Return a copy of the binary chunk with everything appended to it."""

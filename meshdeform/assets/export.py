@@ -16,7 +16,8 @@ from meshdeform.support.files import zipped
 
 if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
-    from meshdeform.assets.frame import FileFrame, Unit, Up
+    from meshdeform.assets.build import Up
+    from meshdeform.assets.frame import FileFrame, Unit
     from meshdeform.assets.scene import Scene
 
 WRITTEN = (".glb", ".usdz", ".obj", ".obj.zip", ".3mf", ".stl")

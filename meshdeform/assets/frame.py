@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from meshdeform.assets.build import Up
 from meshdeform.assets.placement import Floats
 
-Up = Literal["y", "z"]
 Unit = Literal["m", "cm", "mm"]
 UNITS: dict[Unit, tuple[str, float]] = {"m": ("meter", 1.0), "cm": ("centimeter", 100.0), "mm": ("millimeter", 1e3)}
 """The name of each unit in 3MF, and how many of it are a metre."""

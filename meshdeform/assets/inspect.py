@@ -44,13 +44,9 @@ from meshdeform.errors import (
 )
 
 BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
-
 COMPONENT_BYTES = {BYTE: 1, UNSIGNED_BYTE: 1, SHORT: 2, UNSIGNED_SHORT: 2, UNSIGNED_INT: 4, FLOAT: 4}
-
 TYPE_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-
 MESHOPT_EXTENSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-
 _FILTER_STRIDES = {
     "NONE": range(1, 257),
     "OCTAHEDRAL": (4, 8),
@@ -58,28 +54,16 @@ _FILTER_STRIDES = {
     "EXPONENTIAL": range(4, 257, 4),
     "COLOR": (4, 8),
 }
-
-
 DRACO = "KHR_draco_mesh_compression"
-
 GPU_INSTANCING = "EXT_mesh_gpu_instancing"
-
 VISIBILITY = "KHR_node_visibility"
-
 POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
-
 LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
-
-
 # A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
 _ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
-
 _INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
-
 _POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)
-
-
 FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", "3mf", *CONVERTERS})
 """File extensions that `asset_format` distinguishes."""
 

@@ -114,8 +114,7 @@ def _grown(document: Document, accessor: int, sources: _Index, count: int, where
     if item["count"] != count:
         raise AssetError(f"{where} has {item['count']} elements, but POSITION has {count}.")
     if "bufferView" not in item and "sparse" not in item:  # zeros
-        document.items("accessors").append({**clone(item), "count": count + len(sources)})
-        return len(document.items("accessors")) - 1
+        return document.add("accessors", {**clone(item), "count": count + len(sources)})
     values = read_accessor(document, accessor)
     return document.append_stored(np.concatenate([values, values[sources]]), item)
 

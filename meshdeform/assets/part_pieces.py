@@ -47,10 +47,8 @@ def split_materials(document: Document, showings: Sequence[Showing], names: Sequ
 
 
 def _copied_material(document: Document, material: int | None, part: str) -> int:
-    materials = document.items("materials")
-    source = {} if material is None else clone(materials[material])
-    materials.append({**source, "name": _title(part, source.get("name"))})
-    return len(materials) - 1
+    source = {} if material is None else clone(document.root["materials"][material])
+    return document.add("materials", {**source, "name": _title(part, source.get("name"))})
 
 
 def _title(part: str, name: Any) -> str:

@@ -314,10 +314,9 @@ def _own_meshes(document: Document, blocks: list[Block]) -> dict[tuple[int, int]
         for number, node in enumerate(users):
             owners[node, mesh] = mesh
             if number or others:
-                meshes.append(clone(meshes[mesh]))
-                owners[node, mesh] = len(meshes) - 1
+                owners[node, mesh] = document.add("meshes", clone(meshes[mesh]))
                 if nodes[node].get("mesh") == mesh:
-                    nodes[node]["mesh"] = len(meshes) - 1
+                    nodes[node]["mesh"] = owners[node, mesh]
     return owners
 
 
