@@ -330,7 +330,7 @@ class Asset:
         ----------
         weights : sequence of float, optional
             What the file shows at rest. Default: the last target.
-        track : Track, optional
+        track : WeightTrack, optional
             An animation of the targets.
         compact, provenance
             As for `replace`.

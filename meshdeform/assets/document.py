@@ -283,7 +283,7 @@ class Usage:
 
     @classmethod
     def of(cls, root: Json, binary_length: int | None) -> Usage:
-        """Return the entries and bytes that a document uses; `length` is that of its binary chunk, if it has one."""
+        """Return the entries and bytes that a document uses; `binary_length` is that of its binary chunk, if any."""
         stored = bool(root.get("buffers")) and not is_placeholder(root, 0, binary_length)
         return cls(
             frozenset(holder[key] for holder, key in accessor_slots(root)),

@@ -329,11 +329,11 @@ def check_nodes(root: Json) -> None:
 
 
 def _check_instancing(node: Json, accessors: list[Json], where: str) -> None:
-    many = extension(node, GPU_INSTANCING, where)
-    if many is None:
+    instancing = extension(node, GPU_INSTANCING, where)
+    if instancing is None:
         return
     where = f"{where}.extensions.{GPU_INSTANCING}"
-    attributes, counts = member(many, "attributes", where), set[int]()
+    attributes, counts = member(instancing, "attributes", where), set[int]()
     for name in attributes:
         at = index(attributes, name, len(accessors), f"{where}.attributes")
         accessor = accessors[at or 0]
@@ -348,10 +348,10 @@ def _check_instancing(node: Json, accessors: list[Json], where: str) -> None:
 
 def instance_count(root: Json, node: int) -> int | None:
     """Return how many times EXT_mesh_gpu_instancing draws a node's mesh, or None if the node does not use it."""
-    many = root["nodes"][node].get("extensions", {}).get(GPU_INSTANCING)
-    if many is None:
+    instancing = root["nodes"][node].get("extensions", {}).get(GPU_INSTANCING)
+    if instancing is None:
         return None
-    return next((int(root["accessors"][at]["count"]) for at in many.get("attributes", {}).values()), 1)
+    return next((int(root["accessors"][at]["count"]) for at in instancing.get("attributes", {}).values()), 1)
 
 
 def _refuse_cycles(parents: dict[int, int], count: int) -> None:
@@ -626,23 +626,23 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
 def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...]) -> AssetSummary:
     vertices = triangles = meshes = primitives = 0
     skipped: list[dict[str, Any]] = []
-    materials_drawn: list[int] = []
+    drawn: list[int] = []
     loose = 0
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
-    weights = [_weight(mesh) for mesh in objects(root, "meshes")]
+    costs = [_cost(mesh) for mesh in objects(root, "meshes")]
     shown, hidden = _walk(root)
     for instance in shown:
-        primitives += weights[instance.mesh]
+        primitives += costs[instance.mesh]
         if primitives > limits.max_primitives:
             raise AssetTooLargeError(
                 f"The scene has more than {limits.max_primitives} primitives and morph targets "
                 "(each instance of a mesh counts).",
                 advice="Join meshes of the same material, or leave instances out.",
             )
-        many = instance_count(root, instance.node)
-        if many is not None:
-            materials_drawn.append(many)
+        count = instance_count(root, instance.node)
+        if count is not None:
+            drawn.append(count)
         mesh_vertices, mesh_triangles, mesh_loose, mesh_skipped = per_mesh[instance.mesh]
         loose += mesh_loose
         vertices, triangles, meshes = vertices + mesh_vertices, triangles + mesh_triangles, meshes + 1
@@ -657,16 +657,18 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     outside = outside_images(root)
     foreign = [link for link in outside if _ELSEWHERE.match(link)]
     beside = [link for link in outside if link not in foreign]
-    sentences = (
-        [_many(materials_drawn)] * bool(materials_drawn)
-        + [_beside(beside)] * bool(beside)
-        + [_foreign(foreign)] * bool(foreign)
+    warnings = (
+        *([_instancing_notice(drawn)] if drawn else []),
+        *([_images_beside_notice(beside)] if beside else []),
+        *([_foreign_images_notice(foreign)] if foreign else []),
+        *([_hidden_notice(root, hidden)] if hidden else []),
+        *_scenes_notice(root, shown),
+        *notices(root),
     )
-    warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []), *_scenes(root, shown), *notices(root))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
 
-def _scenes(root: Json, shown: list[Instance]) -> list[str]:
+def _scenes_notice(root: Json, shown: list[Instance]) -> list[str]:
     """Return a sentence about scenes that are not deformed, if they show other meshes."""
     scenes = objects(root, "scenes")
     known = {instance.node for instance in shown}
@@ -682,7 +684,7 @@ def _scenes(root: Json, shown: list[Instance]) -> list[str]:
     return [f"The file has {len(scenes)} scenes, of which one is deformed; the others stay as they are.{default}"]
 
 
-def _foreign(links: list[str]) -> str:
+def _foreign_images_notice(links: list[str]) -> str:
     names = ", ".join(repr(link[:60]) for link in links[:3]) + (" ..." if len(links) > 3 else "")
     return (
         f"Images at other places ({names}) stay links in the result: a program that opens it may fetch them, with the "
@@ -690,20 +692,20 @@ def _foreign(links: list[str]) -> str:
     )
 
 
-def _beside(links: list[str]) -> str:
+def _images_beside_notice(links: list[str]) -> str:
     return (
         f"Images in other files ({listed(links)}) stay links in the result, and pictures show them grey. To pack them "
         "in, send the asset and these files as a ZIP."
     )
 
 
-def _hidden(root: Json, hidden: list[Instance]) -> str:
+def _hidden_notice(root: Json, hidden: list[Instance]) -> str:
     nodes = [root["nodes"][instance.node].get("name") or f"node {instance.node}" for instance in hidden]
     names = listed([str(name) for name in nodes])
     return f"{VISIBILITY} hides {names}: what is hidden is neither drawn nor deformed, and stays in the file as it is."
 
 
-def _many(counts: list[int]) -> str:
+def _instancing_notice(counts: list[int]) -> str:
     meshes = "1 mesh" if len(counts) == 1 else f"{len(counts)} meshes"
     return (
         f"{GPU_INSTANCING} draws {meshes} {sum(counts)} times. Each is deformed once, in the place of its first "
@@ -735,7 +737,7 @@ def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool, hidden: 
     )
 
 
-def _weight(mesh: Json) -> int:
+def _cost(mesh: Json) -> int:
     """Return the cost of one instance of a mesh; every primitive gets as many targets as the one with the most."""
     primitives = objects(mesh, "primitives")
     targets = max((len(primitive.get("targets", [])) for primitive in primitives), default=0)

@@ -15,7 +15,6 @@ CHECK_BASE_BYTES = 512 * 2**20
 CHECK_BYTES_PER_BYTE = 16
 
 
-# fmt: off
 @dataclass(frozen=True)
 class Limits:
     """Upper bounds on one asset. `from_settings` sets those that a deployment can configure."""
@@ -78,6 +77,3 @@ class Limits:
     def memory_bytes(self, size: int) -> int:
         """Return the address space, in bytes, for checking a file of `size` bytes."""
         return min(self.max_memory_bytes, CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size)
-
-
-# fmt: on

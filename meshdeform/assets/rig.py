@@ -1,7 +1,7 @@
 """Find how the joints of skins move with the volume around them, so that a character still animates in its new shape.
 
 A joint's displacement is that of an affine map, fitted by weighted least squares to the displacements d_v of the
-vertices that follow it, at its place p::
+vertices that follow it, at its origin p::
 
     w_v = (weight of the joint at v) / (|x_v - p|^2 + e^2)
     D   = (K + l H) (C + l I)^-1        C, K the weighted covariances of x with x and of d with x, H the mean of J_v - I

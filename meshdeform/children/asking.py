@@ -16,7 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from meshdeform.children.protocol import OUT_OF_MEMORY, SAID, Bounds, found_in
+from meshdeform.children.protocol import ANSWERS, OUT_OF_MEMORY, Bounds, found_in
 from meshdeform.children.tasks import entry_point
 from meshdeform.errors import UnavailableError
 
@@ -109,7 +109,7 @@ def run_child(task: str, given: Mapping[str, Any], bounds: Bounds, *, temporary:
         said = json.loads(answer)
     except ValueError:
         said = None
-    if not isinstance(said, dict) or said.keys() not in SAID:
+    if not isinstance(said, dict) or said.keys() not in ANSWERS:
         raise ChildLostError(child.returncode)
     return found_in(said)
 

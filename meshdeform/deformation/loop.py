@@ -142,8 +142,7 @@ class Deformation:
         )
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(np.abs(shown.verts).max())
-        coloured = guidance.style.shading in ("textured", "mixed")
-        worn = self._stand_in.wear(appearance) if coloured else None
+        worn = self._stand_in.wear(appearance) if guidance.style.shading in ("textured", "mixed") else None
         self._renderer = Renderer(faces_of(shown), len(shown.verts), guidance.style, device, appearance=worn)
         begun = None if initial is None else tensors_of(initial)
         if checkpoint is not None:

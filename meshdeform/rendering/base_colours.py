@@ -178,7 +178,7 @@ def _halved(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
 
 
 class BaseColours:
-    """Base colours of an asset's surface; the parameters are those of `Textures`.
+    """Base colours of an asset's surface; `library` and `as_array` are those of `Textures`.
 
     `rows`, (M,) int64: vertex of the drawn mesh of each vertex of the appearance; `faces`, (F, 3) int64: with the
     numbers of `rows`; `paint` is (F,) int64; `values`, (C, M) float32: what to interpolate: texture coordinates, and

@@ -94,7 +94,7 @@ class _Blends(NamedTuple):
 def rasterize_spans(
     clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
-    """Rasterise on `clip`'s device; see `meshdeform.rendering.rasterizer.rasterize`.
+    """Rasterise on `clip`'s device; see `rasterize`.
 
     Returns (B, H, W) int64 face indices and (B, H, W) float32 depths.
     """
@@ -276,7 +276,7 @@ def _rasterize(
 def rasterize_compiled(
     clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
-    """Rasterise on the CPU; see `meshdeform.rendering.rasterizer.rasterize`.
+    """Rasterise on the CPU; see `rasterize`.
 
     Returns (B, H, W) int64 face indices and (B, H, W) float32 depths.
     """
@@ -578,7 +578,7 @@ def _blend_backward(
 def antialias_compiled(
     image: Tensor, clip: Tensor, ends: Tensor, opposite: Tensor, depth: Tensor, removed: Tensor | None = None
 ) -> Tensor:
-    """Blend on the CPU; see `meshdeform.rendering.rasterizer`, whose `edges` are the two (E, 2) here."""
+    """Blend on the CPU; see `antialias`, whose `edges` are the two (E, 2) here."""
     result: Tensor = _Antialias.apply(image, clip, ends, opposite, depth, removed)  # type: ignore[no-untyped-call]
     return result
 

@@ -569,7 +569,7 @@ class Renderer:
             Deformed positions in the cameras' frame, where the views show the unit sphere.
         cameras : Cameras
             B cameras.
-        scene : Scene, optional
+        scene : Lighting, optional
             Background and light of the B views; by default the style's fixed ones.
         shading : Shading, optional
             As from `sample_shading`; by default that of the style, or `textured` for `mixed`.

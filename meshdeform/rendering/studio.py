@@ -57,7 +57,7 @@ class Studio:
 
     Parameters
     ----------
-    poses : sequence of Pose
+    poses : sequence of SurfaceState
         The states that must fit the views.
     size : int
         Side of a view in pixels.
