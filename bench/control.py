@@ -16,7 +16,7 @@ from bench.jobs import deformed
 from meshdeform.assets import Asset, build_glb, load_asset
 from meshdeform.deformation.edit_map import EditMap
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.shapes import simplified
 from meshdeform.geometry.weld import weld
 from meshdeform.runs.strength import AssetPath
@@ -56,7 +56,7 @@ def alike(source: Asset, result: Asset) -> None:
         cells = []
         for mesh, whole in ((level, before), (RestMesh(edit.move(level), level.faces), after)):
             points = mesh.verts[mesh.faces].mean(1)
-            apart = NearestPlaces(whole, points, mesh.normals).distances(points) / diagonal
+            apart = NearestPoints(whole, points, mesh.normals).distances(points) / diagonal
             cells += [f"{apart.mean():.2%}", f"{np.percentile(apart, 99):.2%}"]
         print(f"| {len(level.faces):,} of {len(before.faces):,} triangles | {' | '.join(cells)} |")
 

@@ -31,7 +31,7 @@ from scipy.spatial import cKDTree
 from meshdeform.assets import Asset, Limits, load_asset
 from meshdeform.assets.assemble import AssetPart
 from meshdeform.assets.collection import open_collection
-from meshdeform.geometry.places import surface_samples
+from meshdeform.geometry.surface_samples import surface_samples
 from meshdeform.kinds.families.assembly import Assembler
 from meshdeform.kinds.families.family_file import FamilyFile, read_family
 from meshdeform.kinds.families.members import turned

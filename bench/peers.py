@@ -35,7 +35,7 @@ from bench.incomplete_cholesky import IncompleteCholesky
 from meshdeform.deformation.differentiable import identity_jacobians, solve_linear
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.poisson import PoissonSystem, factorise
-from meshdeform.geometry.mesh import TriangleMesh, cotangent_laplacian
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.tensors import faces_of, verts_of
@@ -85,7 +85,7 @@ def solves(levels: Sequence[int], repeats: int) -> None:
     print("\n| vertices | | ours | QDLDL | SuperLU | conjugate gradients |\n|---|---|---|---|---|---|")
     for level in levels:
         mesh = icosphere(level)
-        laplacian = cotangent_laplacian(mesh)
+        laplacian = RestMesh.of(mesh).laplacian
         free = np.arange(1, len(mesh.verts))
         system = laplacian[free][:, free].tocsc()
         right = laplacian @ mesh.verts

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from meshdeform.errors import RecordVersionError
 from meshdeform.serving.processes import FOREIGN_RECORD
 from meshdeform.settings import Settings
+from meshdeform.support.memory import collection_paused, limit_heaps
 from meshdeform.support.telemetry import ACCESS_LOG, configure_logging
-from meshdeform.support.threads import collection_paused, limit_heaps
 
 _GRACE_S = 10
 

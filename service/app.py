@@ -16,8 +16,8 @@ from meshdeform.record.reconciler import Reconciler
 from meshdeform.requests.kind_folders import brought
 from meshdeform.serving.access import check_origins
 from meshdeform.settings import Settings
+from meshdeform.support.memory import return_freed_memory
 from meshdeform.support.telemetry import start_tracing, stop_tracing
-from meshdeform.support.threads import return_freed_memory
 from meshdeform.webhooks.delivery import WebhookDelivery
 from service.documentation.responses import describe
 from service.downloads import routes as download_routes

@@ -18,7 +18,7 @@ import pytest
 
 from meshdeform.assets import check
 from meshdeform.children.protocol import Bounds, answer_of, found_in
-from meshdeform.children.tasks import place_of, task
+from meshdeform.children.tasks import entry_point, loaded
 from meshdeform.children.warm import Asked, WarmProcesses
 from meshdeform.runs import derive, questions
 
@@ -32,14 +32,14 @@ def _run_here(name: str, given: Mapping[str, Any], bounds: Bounds, *, temporary:
     del bounds, temporary
     asked = json.loads(json.dumps(given))
     with _one_at_a_time:
-        answer = answer_of(lambda: task(place_of(name))(asked))
+        answer = answer_of(lambda: loaded(entry_point(name))(asked))
     return found_in(json.loads(json.dumps(answer)))
 
 
 def _ask_here(processes: WarmProcesses, owner: str, given: Mapping[str, Any], timeout_s: float, asked: Asked) -> Any:
     del owner, timeout_s
     with _one_at_a_time:
-        answer = answer_of(lambda: task(place_of(processes.name))(given, lambda: asked.stopped))
+        answer = answer_of(lambda: loaded(entry_point(processes.name))(given, lambda: asked.stopped))
     return found_in(json.loads(json.dumps(answer)))
 
 

@@ -45,8 +45,8 @@ from meshdeform.runs import kind_of, start_run
 from meshdeform.runs.base import StartRun
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
+from meshdeform.support.memory import collection_paused
 from meshdeform.support.telemetry import configure_logging, start_tracing, stop_tracing
-from meshdeform.support.threads import collection_paused
 from worker.attempt import JobRunner, WorkerContext
 from worker.health import OUT_OF_MEMORY, STOP_GRACE_S, WORKER_ID, Pulse, new_worker_id
 

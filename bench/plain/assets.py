@@ -114,7 +114,7 @@ def _chosen(asset: Asset, selector: str, least: float) -> _Flags:
     if others:
         return np.asarray(np.logical_and.reduce([_chosen(asset, each, least) for each in (first, *others)]))
     kind, _, what = selector.partition(":")
-    points, parts = asset.surface.positions, asset.parts()
+    points, parts = asset.surface.positions, asset.pieces()
     flags = np.zeros(len(points), bool)
     if kind == "box":
         low, high = np.array([float(value) for value in what.split()]).reshape(3, 2).T

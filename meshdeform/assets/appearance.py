@@ -132,14 +132,18 @@ class _Reader:
         materials = [_material(p) for block in blocks for p in self._primitives(block)]
         self._materials = {at: self._material(at) for at in set(materials) if at is not None}
         self._pictures.plan([m.texture.image for m in self._materials.values() if m.texture])
-        parts = [part for block in blocks for part in self._block(block)]
-        starts = np.cumsum([0, *(len(part.rows) for part in parts)])
+        looks = [
+            self._look(block, primitive, flip=block.placement.mirrors)
+            for block in blocks
+            for primitive in self._primitives(block)
+        ]
+        starts = np.cumsum([0, *(len(look.rows) for look in looks)])
         return Appearance(
-            np.concatenate([part.rows for part in parts]),
-            np.concatenate([start + part.triangles for start, part in zip(starts, parts, strict=False)]),
-            np.concatenate([part.texcoords for part in parts]),
-            np.concatenate([part.colors for part in parts]),
-            np.concatenate([np.full(len(part.triangles), part.paint) for part in parts]),
+            np.concatenate([look.rows for look in looks]),
+            np.concatenate([start + look.triangles for start, look in zip(starts, looks, strict=False)]),
+            np.concatenate([look.texcoords for look in looks]),
+            np.concatenate([look.colors for look in looks]),
+            np.concatenate([np.full(len(look.triangles), look.paint) for look in looks]),
             tuple(self._paints),
             self._left_out,
         )
@@ -155,10 +159,7 @@ class _Reader:
             self._leave_out("invalid material")
             return Material()
 
-    def _block(self, block: Block) -> list[_Part]:
-        return [self._part(block, primitive, flip=block.placement.mirrors) for primitive in self._primitives(block)]
-
-    def _part(self, block: Block, primitive: Json, *, flip: bool) -> _Part:
+    def _look(self, block: Block, primitive: Json, *, flip: bool) -> _Look:
         count = len(block.positions)
         corners = read_triangles(self._document, primitive, count, "a primitive")
         if flip:
@@ -166,13 +167,13 @@ class _Reader:
         used, triangles = np.unique(corners, return_inverse=True)
         colors = self._attribute(primitive, "COLOR_0", count, (3, 4))
         paint, use = self._paint(_material(primitive), colored=colors is not None)
-        places = self._attribute(primitive, f"TEXCOORD_{use.texcoord}", count, (2,)) if use else None
-        if use is not None and places is None:
+        texcoords = self._attribute(primitive, f"TEXCOORD_{use.texcoord}", count, (2,)) if use else None
+        if use is not None and texcoords is None:
             self._leave_out("missing texture coordinates")
-        return _Part(
+        return _Look(
             block.rows.start + used,
             triangles.reshape(-1, 3),
-            np.zeros((len(used), 2), np.float32) if places is None or use is None else _moved(places[used], use),
+            np.zeros((len(used), 2), np.float32) if texcoords is None or use is None else _moved(texcoords[used], use),
             np.ones((len(used), 4), np.float32) if colors is None else _four(colors[used]),
             paint,
         )
@@ -218,7 +219,7 @@ class _Reader:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Look:
     """One primitive of one instance."""
 
     rows: NDArray[np.int64]
@@ -233,9 +234,9 @@ def _material(primitive: Json) -> int | None:
     return number if isinstance(number, int) else None
 
 
-def _moved(places: NDArray[np.float32], use: TextureUse) -> NDArray[np.float32]:
+def _moved(texcoords: NDArray[np.float32], use: TextureUse) -> NDArray[np.float32]:
     """Apply KHR_texture_transform, and bound what comes out."""
-    moved = np.nan_to_num(moved_texcoords(places, use))
+    moved = np.nan_to_num(moved_texcoords(texcoords, use))
     bounded: NDArray[np.float32] = np.clip(moved, -_MAX_COORDINATE, _MAX_COORDINATE).astype(np.float32)
     return bounded
 

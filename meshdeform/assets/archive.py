@@ -11,7 +11,8 @@ import posixpath
 import unicodedata
 import zipfile
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from urllib.parse import unquote
@@ -83,7 +84,7 @@ class Archive:
     main: str  # name of the asset among them
     files: dict[str, bytes]  # by normalised name
     guessed: dict[str, str] = field(default_factory=dict)
-    """The file that was taken for each link to a place where there is none."""
+    """The file that was taken for each link that leads nowhere."""
 
     def find(self, link: str, beside: str = "") -> bytes | None:
         """Return the file that a link of the file `beside` means, or None; see `FileNames.find`."""
@@ -96,7 +97,7 @@ class Archive:
         return self.files[name]
 
     def notices(self) -> tuple[str, ...]:
-        """Return a sentence about links to places where there is no file."""
+        """Return a sentence about links that lead nowhere."""
         if not self.guessed:
             return ()
         guesses = [f"{name} for {link[:60]!r}" for link, name in list(self.guessed.items())[:3]]
@@ -111,25 +112,25 @@ class Archive:
 
 def not_readable(names: Sequence[str]) -> str:
     """Return a sentence about pictures that cannot be read."""
-    return f"Textures cannot be read, and were left out: {_listed(names)}. Send PNG or JPEG."
+    return f"Textures cannot be read, and were left out: {listed(names)}. Send PNG or JPEG."
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(name[:60] for name in names[:3]) + (" ..." if len(names) > 3 else "")
+def listed(names: Sequence[str], most: int = 3) -> str:
+    """Return the first names of a sequence, with their first 60 letters, for a sentence."""
+    return ", ".join(name[:60] for name in names[:most]) + (" ..." if len(names) > most else "")
 
 
 def not_found(what: str, names: Sequence[str]) -> str:
     """Return a sentence about files that an asset names, and that did not come with it."""
-    return f"{what} not found, and left out: {_listed(names)}. Send the asset with the files that it names as one ZIP."
+    return f"{what} not found, and left out: {listed(names)}. Send the asset with the files that it names as one ZIP."
 
 
-def open_archive(data: Data, limits: Limits) -> Archive:
-    """Read every file of a ZIP into memory."""
+@contextmanager
+def opened_zip(data: Data) -> Iterator[zipfile.ZipFile]:
+    """Open a ZIP; AssetTruncatedError: it cannot be read."""
     try:
         with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
-            entries = _entries(archive, limits)
-            main = _main(list(entries))
-            return Archive(main, {name: _content(archive, entry) for name, entry in entries.items()})
+            yield archive
     except _BROKEN as error:
         reason = str(error)[:200] or type(error).__name__
         raise AssetTruncatedError(
@@ -137,7 +138,15 @@ def open_archive(data: Data, limits: Limits) -> Archive:
         ) from error
 
 
-def _content(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bytes:
+def open_archive(data: Data, limits: Limits) -> Archive:
+    """Read every file of a ZIP into memory."""
+    with opened_zip(data) as archive:
+        entries = entries_of(archive, limits)
+        main = _main(list(entries))
+        return Archive(main, {name: content_of(archive, entry) for name, entry in entries.items()})
+
+
+def content_of(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bytes:
     """Unpack as many bytes as the entry declares, and no more; its checksum then fails if there were more."""
     with archive.open(entry) as file:
         data = file.read(entry.file_size)
@@ -146,18 +155,13 @@ def _content(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bytes:
     return data
 
 
-def inspect_archive(data: Data, limits: Limits) -> str:
-    """Check a ZIP's directory without unpacking anything, and return the name of its asset."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
-            return _main(list(_entries(archive, limits)))
-    except _BROKEN as error:
-        raise AssetTruncatedError(
-            f"The ZIP cannot be read: {str(error)[:200]}.", advice="Pack it again, or send the whole file."
-        ) from error
+def inspect_archive(data: Data, limits: Limits) -> None:
+    """Check a ZIP's directory, which has one asset, without unpacking anything."""
+    with opened_zip(data) as archive:
+        _main(list(entries_of(archive, limits)))
 
 
-def _entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipInfo]:
+def entries_of(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipInfo]:
     """Return the entries to read by normalised name, after checking names, methods and sizes."""
     entries = archive.infolist()
     if len(entries) > limits.max_archive_files:
@@ -212,8 +216,8 @@ def _main(names: list[str]) -> str:
     for endings in _ENDINGS:
         candidates = [name for name in names if name.lower().rpartition(".")[2] in endings]
         if len(candidates) > 1:
-            listed = ", ".join(sorted(candidates)[:5]) + (" ..." if len(candidates) > 5 else "")
-            raise AssetError(f"The ZIP holds {len(candidates)} assets: {listed}.", advice="Send one asset per ZIP.")
+            found = listed(sorted(candidates), 5)
+            raise AssetError(f"The ZIP holds {len(candidates)} assets: {found}.", advice="Send one asset per ZIP.")
         if candidates:
             return candidates[0]
     raise AssetEmptyError(

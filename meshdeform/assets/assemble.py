@@ -3,7 +3,7 @@
 A part is a set of triangles of an asset with new positions. Its look is copied: materials with their textures,
 images and samplers, texture coordinates, colours and the attributes of applications. Skins, morph targets and
 animations are not: they belong to the whole asset. The attribute `_PART` (`assets/part_attribute.py`) has the name of
-each piece.
+each part.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from meshdeform.assets.asset import Asset
 from meshdeform.assets.container import Json, clone, dump_json
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.inspect import UNSIGNED_BYTE
+from meshdeform.assets.materials import IMAGE_EXTENSIONS
 from meshdeform.assets.part_attribute import PART, write_names
+from meshdeform.assets.surface import Block, block_primitives
 from meshdeform.errors import AssetError
 
 _KEPT = ("TEXCOORD_", "COLOR_", "_")
-_OF_IMAGES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class AssetPart:
     asset: Asset
     triangles: NDArray[np.bool_]  # (T,) bool: which triangles of the asset's surface it has
     positions: NDArray[np.float64]
-    """(N, 3) float64: new positions of the surface's vertices; others than the part's are not read."""
+    """(N, 3) float64: new positions of the surface's vertices; others than those of the part are not read."""
     # (N, 3), (N, 4) float64: new directions; rows that the asset has none for are not read
     normals: NDArray[np.float64]
     tangents: NDArray[np.float64]
@@ -42,10 +43,10 @@ class AssetPart:
     extras: Mapping[str, Any]  # JSON for the node
 
 
-def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None = None) -> bytes:
-    """Write the pieces, one node each, in world space.
+def assemble(parts: Sequence[AssetPart], provenance: Mapping[str, Any] | None = None) -> bytes:
+    """Write the parts, one node each, in world space.
 
-    `pieces`: at least one has triangles; `provenance`: JSON to store as `asset.extras.meshdeform`. Returns a GLB.
+    `parts`: at least one has triangles; `provenance`: JSON to store as `asset.extras.meshdeform`. Returns a GLB.
     """
     about: Json = {"version": "2.0", "generator": f"Meshdeform {__version__}"}
     if provenance is not None:
@@ -53,14 +54,16 @@ def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None =
     root: Json = {"asset": about, "scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": []}
     document = Document(root, None, b"")
     looks: dict[int, _Looks] = {}
-    names = list(dict.fromkeys(piece.name for piece in pieces))
+    names = list(dict.fromkeys(part.name for part in parts))
     write_names(about, names)
-    for piece in pieces:
+    for part in parts:
         primitives = []
-        copied = looks.setdefault(id(piece.asset), _Looks(piece.asset._document, document))
+        copied = looks.setdefault(id(part.asset), _Looks(part.asset._document, document))
         try:
-            for number, rows in _triangles_of_primitives(piece):
-                primitives.append(_primitive(piece, number, rows, document, copied))
+            for block, _, original, rows in block_primitives(part.asset._document.root, part.asset._blocks):
+                corners = part.asset.surface.triangles[rows][part.triangles[rows]]
+                if len(corners):
+                    primitives.append(_primitive(part, block, original, corners, document, copied))
         except (IndexError, KeyError, TypeError, AttributeError) as error:
             raise AssetError(
                 f"A material of the asset cannot be copied: {str(error)[:100]}.", advice="Export the asset again."
@@ -68,11 +71,12 @@ def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None =
         if not primitives:
             continue
         root["scenes"][0]["nodes"].append(len(root["nodes"]))
-        root["nodes"].append({"name": piece.name, "mesh": len(root["meshes"]), "extras": dict(piece.extras)})
-        root["meshes"].append({"name": piece.name, "primitives": primitives})
+        root["nodes"].append({"name": part.name, "mesh": len(root["meshes"]), "extras": dict(part.extras)})
+        root["meshes"].append({"name": part.name, "primitives": primitives})
         write_names(root["meshes"][-1], names)
         for primitive in primitives:
-            numbers = np.full((_count(root, primitive), 1), names.index(piece.name) + 1, np.uint8)
+            count = root["accessors"][primitive["attributes"]["POSITION"]]["count"]
+            numbers = np.full((count, 1), names.index(part.name) + 1, np.uint8)
             like = {"componentType": UNSIGNED_BYTE, "type": "SCALAR"}
             primitive["attributes"][PART] = document.append_stored(numbers, like)
     used = sorted({name for each in looks.values() for name in each.extensions})
@@ -84,32 +88,15 @@ def assemble(pieces: Sequence[AssetPart], provenance: Mapping[str, Any] | None =
     return document.to_bytes()
 
 
-def _count(root: Json, primitive: Json) -> int:
-    return int(root["accessors"][primitive["attributes"]["POSITION"]]["count"])
-
-
-def _triangles_of_primitives(piece: AssetPart) -> list[tuple[tuple[int, int], NDArray[np.int64]]]:
-    """Return (block, primitive) and the corners (F, 3), rows of the surface, of each primitive with triangles left."""
-    triangles, start = [], 0
-    for number, block in enumerate(piece.asset._blocks):
-        for primitive, count in zip(block.primitives, block.triangles, strict=True):
-            rows = slice(start, start + count)
-            chosen = piece.asset.surface.triangles[rows][piece.triangles[rows]]
-            start += count
-            if len(chosen):
-                triangles.append(((number, primitive), chosen))
-    return triangles
-
-
 def _primitive(
-    piece: AssetPart, place: tuple[int, int], corners: NDArray[np.int64], document: Document, looks: _Looks
+    part: AssetPart, block: Block, original: Json, corners: NDArray[np.int64], document: Document, looks: _Looks
 ) -> Json:
-    source, block = piece.asset._document, piece.asset._blocks[place[0]]
-    original = source.root["meshes"][block.mesh]["primitives"][place[1]]
+    """Append what a primitive has of a part, `corners` (F, 3) of the surface, and return it."""
+    source = part.asset._document
     rows, faces = np.unique(corners, return_inverse=True)
-    verts = piece.positions[rows].astype(np.float32)
+    verts = part.positions[rows].astype(np.float32)
     attributes = {"POSITION": document.append_accessor(verts, bounds=True)}
-    for name, values in (("NORMAL", piece.normals), ("TANGENT", piece.tangents)):
+    for name, values in (("NORMAL", part.normals), ("TANGENT", part.tangents)):
         if name in original["attributes"] and np.isfinite(values[rows]).all():
             attributes[name] = document.append_accessor(values[rows].astype(np.float32))
     local = rows - block.rows.start
@@ -160,7 +147,7 @@ class _Looks:
         texture = self._copied(self._source.root["textures"][number])
         if "sampler" in texture:
             texture["sampler"] = self._add("samplers", clone(self._source.root["samplers"][texture["sampler"]]))
-        bodies = [texture["extensions"][name] for name in _OF_IMAGES if name in texture.get("extensions", {})]
+        bodies = [texture["extensions"][name] for name in IMAGE_EXTENSIONS if name in texture.get("extensions", {})]
         for holder in (texture, *bodies):
             if "source" in holder:
                 holder["source"] = self._image(holder["source"])
@@ -174,13 +161,11 @@ class _Looks:
         for index, known in enumerate(self._target.items("images")):
             if "bufferView" in known and bytes(self._target.view_bytes(known["bufferView"])) == data:
                 return index
-        self._target.items("images").append({**image, "bufferView": self._target.append_view(data)})
-        return len(self._target.items("images")) - 1
+        return self._target.add("images", {**image, "bufferView": self._target.append_view(data)})
 
     def _add(self, kind: str, item: Json) -> int:
-        items, text = self._target.items(kind), dump_json(item)
-        for index, known in enumerate(items):
+        text = dump_json(item)
+        for index, known in enumerate(self._target.items(kind)):
             if dump_json(known) == text:
                 return index
-        items.append(item)
-        return len(items) - 1
+        return self._target.add(kind, item)

@@ -1,16 +1,10 @@
-"""Load an asset, expose its surface in world space, and write a new shape back into it.
-
-Rebuild the normals and tangents of a file that have no direction: not finite, or of length zero.
-
-Everything that reads the document afterwards finds usable ones; other vertices keep their numbers.
-"""
+"""Load an asset, expose its surface in world space, and write a new shape back into it."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,41 +15,35 @@ from meshdeform.assets.build import Converted, Up
 from meshdeform.assets.bundle import pack_gltf
 from meshdeform.assets.companions import read_companions
 from meshdeform.assets.compressed import decode_draco, decode_meshopt
-from meshdeform.assets.container import GLB_MAGIC, Json
+from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.corners import corner_colors, corner_weights
-from meshdeform.assets.document import Document, Usage, read_floats, read_triangles
-from meshdeform.assets.inspect import TRIANGLES, ZIPS, AssetSummary, asset_format, check_document, instances_of
+from meshdeform.assets.directions import rebuild_directions
+from meshdeform.assets.document import Document, Usage, read_floats
+from meshdeform.assets.inspect import ZIPS, AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, WeightTrack, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
 from meshdeform.assets.rig import NodeMove, RigMotion, joint_moves, joint_shares
 from meshdeform.assets.surface import (
     Block,
-    NamedParts,
     Rig,
     Surface,
-    read_parts,
+    SurfacePieces,
+    block_primitives,
+    read_pieces,
     read_rig,
     read_surface,
     rig_accessors,
-    turned_parts,
+    turned_nodes,
 )
-from meshdeform.assets.writer import (
-    Finish,
-    ShapeChange,
-    embed_data_uris,
-    write_shape,
-    write_targets,
-)
+from meshdeform.assets.unchecked import member_of
+from meshdeform.assets.writer import Finish, ShapeChange, embed_data_uris, write_shape, write_targets
 from meshdeform.errors import AssetFormatError
 
 if TYPE_CHECKING:
     from meshdeform.assets.pose import Pose
     from meshdeform.assets.subdivide import Subdivision
     from meshdeform.geometry.appearance import Appearance
-
-_Rows = NDArray[np.float64]
-_Triangles = NDArray[np.int64]
 
 
 class Asset:
@@ -70,7 +58,7 @@ class Asset:
     repairs : Repairs
         How many normals and tangents had no direction and were rebuilt.
     excluded : frozenset of int
-        Nodes whose meshes are no part of the surface.
+        Nodes whose meshes do not belong to the surface.
     backdrop : Backdrop, optional
         Planes that make everything else small.
     unit, up : float, str, optional
@@ -102,7 +90,7 @@ class Asset:
         self._companions, unread = read_companions(document, self.surface, excluded)
         self.backdrop = find_backdrop(document, self.surface, self._blocks)
         backdrops = () if self.backdrop is None else (self.backdrop.warning,)
-        parts = self.parts()
+        pieces = self.pieces()
         triangles_drawn = self.surface.triangles
         if self.backdrop is not None and self.backdrop.left:
             triangles_drawn = triangles_drawn[~self.backdrop.triangles]
@@ -111,10 +99,10 @@ class Asset:
         notices = (*backdrops, *up_axis_warnings(*shape), *coarseness_warnings(*shape), *rounded)
         self.summary = dataclasses.replace(
             summary,
-            nodes=tuple(parts.nodes),
-            materials=tuple(parts.materials),
-            mesh_names=tuple(parts.meshes),
-            joints=tuple(parts.joints),
+            nodes=tuple(pieces.nodes),
+            materials=tuple(pieces.materials),
+            mesh_names=tuple(pieces.meshes),
+            joints=tuple(pieces.joints),
             vertices=len(self.surface.positions),
             triangles=len(self.surface.triangles),
             bounds=_bounds(self.surface.positions[triangles_drawn]),
@@ -153,24 +141,22 @@ class Asset:
         return document.to_bytes()
 
     def appearance(self) -> Appearance:
-        """Read how the surface looks, for drawing it; needs Pillow. Unreadable parts are replaced and counted."""
+        """Read how the surface looks, for drawing it; needs Pillow. What cannot be read is replaced and counted."""
         from meshdeform.assets.appearance import read_appearance
 
         return read_appearance(self._document, self._blocks)
 
-    def parts(self) -> NamedParts:
+    def pieces(self) -> SurfacePieces:
         """List the nodes, meshes, materials and joints of the surface, and which triangles belong to each."""
-        return read_parts(self._document, self._blocks)
+        return read_pieces(self._document, self._blocks)
 
     def polygons(self) -> list[dict[str, Any]]:
         """List the polygons that the triangles of each primitive were cut from, where they were."""
-        polygons = []
-        for block in self._blocks:
-            for p in block.primitives:
-                extras = self._document.root["meshes"][block.mesh]["primitives"][p].get("extras")
-                if isinstance(extras, dict) and isinstance(extras.get("polygons"), list):
-                    polygons.append({"node": block.node, "primitive": p, "runs": extras["polygons"]})
-        return polygons
+        return [
+            {"node": block.node, "primitive": number, "runs": runs}
+            for block, number, primitive, _ in block_primitives(self._document.root, self._blocks)
+            if isinstance(runs := member_of(primitive, "extras").get("polygons"), list)
+        ]
 
     def joint_weights(self, joints: Collection[int]) -> NDArray[np.float64]:
         """Return how much each corner (T, 3) of the surface's triangles follows these joints, 0 to 1."""
@@ -188,7 +174,7 @@ class Asset:
         return corner_colors(self._document, self._blocks)
 
     def texture_coordinates(self) -> dict[str, str]:
-        """Return the SHA-256 of each decoded texture coordinate set by place of use, to prove UVs unchanged."""
+        """Return the SHA-256 of each decoded texture coordinate set by its user, to prove UVs unchanged."""
         names: dict[str, str] = {}
         for number, block in enumerate(self._blocks):
             for p in block.primitives:
@@ -211,12 +197,12 @@ class Asset:
         moves = joint_moves(self._document, self._blocks, motion)
         return {joint: (str(nodes[joint].get("name", "")), move) for joint, move in moves.items()}
 
-    def turned_parts(self) -> list[str]:
+    def turned_nodes(self) -> list[str]:
         """Return the names of nodes with meshes of the surface that animations turn or scale, joints apart."""
-        return turned_parts(self._document, self._blocks)
+        return turned_nodes(self._document, self._blocks)
 
     def rig_digest(self) -> str:
-        """Return the SHA-256 of what may follow a shape: the surface's morph targets and rig, and the nodes' places."""
+        """Return the SHA-256 of what may follow a shape: the surface's morph targets and rig, and nodes' origins."""
         digest = hashlib.sha256()
         for node in self._document.root.get("nodes", []):
             digest.update(repr(node["matrix"][12:15] if "matrix" in node else node.get("translation")).encode())
@@ -259,7 +245,7 @@ class Asset:
         Returns
         -------
         The asset itself if no edge is long. Otherwise one with other vertices and triangles, in which nodes,
-        primitives, materials and everything else keep their places.
+        primitives, materials and everything else keep their indices.
 
         Raises
         ------
@@ -344,7 +330,7 @@ class Asset:
         ----------
         weights : sequence of float, optional
             What the file shows at rest. Default: the last target.
-        track : Track, optional
+        track : WeightTrack, optional
             An animation of the targets.
         compact, provenance
             As for `replace`.
@@ -367,8 +353,7 @@ class Asset:
     @property
     def provenance(self) -> dict[str, Any] | None:
         """The provenance that `output.provenance` stored in the file; None if there is none."""
-        extras = self._document.root["asset"].get("extras")
-        provenance = extras.get("meshdeform") if isinstance(extras, dict) else None
+        provenance = member_of(self._document.root, "asset", "extras").get("meshdeform")
         return provenance if isinstance(provenance, dict) else None
 
 
@@ -429,134 +414,3 @@ def load_asset(data: bytes, filename: str = "", limits: Limits | None = None) ->
     decode_draco(document)
     summary = dataclasses.replace(summary, warnings=(*summary.warnings, *read.notices))
     return Asset(document, summary, data, usage, unit=read.unit, up=read.up)
-
-
-@dataclass(frozen=True)
-class Repairs:
-    """How many normals and tangents of the file were rebuilt."""
-
-    normals: int = 0
-    tangents: int = 0
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences for the user, if anything was rebuilt."""
-        counts = ((self.normals, "normals"), (self.tangents, "tangents"))
-        parts = [f"{count} {name}" for count, name in counts if count]
-        if not parts:
-            return ()
-        return (
-            f"{' and '.join(parts)} of the file have no direction (not finite, or of length zero). They were rebuilt.",
-        )
-
-
-def rebuild_directions(document: Document) -> Repairs:
-    """Give the default scene's triangles new accessors where normals or tangents have no direction, in place.
-
-    Normals become the area-weighted mean of the faces' normals; tangents follow the texture coordinates, or are any
-    vector perpendicular to the normal. A vertex that no face uses gets the normal of an axis.
-    """
-    with np.errstate(all="ignore"):  # what overflows is replaced
-        return _rebuild_all(document)
-
-
-def _rebuild_all(document: Document) -> Repairs:
-    meshes = document.root.get("meshes", [])
-    done: dict[tuple[int | None, ...], tuple[dict[str, int], Repairs]] = {}
-    for mesh in sorted({instance.mesh for instance in instances_of(document.root)}):
-        groups: dict[tuple[int | None, ...], list[int]] = {}
-        for p, primitive in enumerate(meshes[mesh].get("primitives", [])):
-            attributes = primitive.get("attributes", {})
-            if primitive.get("mode", TRIANGLES) >= TRIANGLES and "POSITION" in attributes:
-                key = tuple(attributes.get(name) for name in ("POSITION", "NORMAL", "TANGENT"))
-                groups.setdefault(key, []).append(p)
-        for key, primitives in groups.items():
-            if key not in done:
-                done[key] = _rebuild(document, mesh, primitives)
-            for p in primitives:
-                meshes[mesh]["primitives"][p]["attributes"].update(done[key][0])
-    repairs = [repair for _, repair in done.values()]
-    return Repairs(sum(r.normals for r in repairs), sum(r.tangents for r in repairs))
-
-
-def _rebuild(document: Document, mesh: int, numbers: list[int]) -> tuple[dict[str, int], Repairs]:
-    """Rebuild the directions of primitives that share their vertices; return their new accessors."""
-    primitives = [document.root["meshes"][mesh]["primitives"][p] for p in numbers]
-    attributes: Json = primitives[0]["attributes"]
-    rebuilt: dict[str, _Rows] = {
-        name: read_floats(document, attributes[name]).astype(np.float64)
-        for name in ("NORMAL", "TANGENT")
-        if name in attributes
-    }
-    bad = {name: _undirected(values) for name, values in rebuilt.items()}
-    if not any(rows.any() for rows in bad.values()):
-        return {}, Repairs()
-    positions = read_floats(document, attributes["POSITION"]).astype(np.float64)
-    if not np.isfinite(positions).all():
-        return {}, Repairs()  # refused later, with the reason
-    count = len(positions)
-    where = f"meshes[{mesh}].primitives"
-    triangles = np.concatenate(
-        [read_triangles(document, p, count, f"{where}[{n}]") for p, n in zip(primitives, numbers, strict=True)]
-    )
-    new: dict[str, _Rows] = {}
-    normals = rebuilt["NORMAL"] if "NORMAL" in rebuilt else _normals(positions, triangles)
-    if "NORMAL" in bad and bad["NORMAL"].any():
-        new["NORMAL"] = normals = np.where(bad["NORMAL"][:, None], _normals(positions, triangles), normals)
-    if "TANGENT" in bad and bad["TANGENT"].any():
-        uvs = read_floats(document, attributes["TEXCOORD_0"]) if "TEXCOORD_0" in attributes else None
-        built = _tangents(positions, triangles, normals, uvs, rebuilt["TANGENT"][:, 3])
-        new["TANGENT"] = np.where(bad["TANGENT"][:, None], built, rebuilt["TANGENT"])
-    accessors = document.root["accessors"]
-    written = {
-        name: document.append_accessor(values.astype(np.float32), like=accessors[attributes[name]])
-        for name, values in new.items()
-    }
-    counts = [int(bad[name].sum()) if name in bad else 0 for name in ("NORMAL", "TANGENT")]
-    return written, Repairs(*counts)
-
-
-def _undirected(values: _Rows) -> NDArray[np.bool_]:
-    finite = np.isfinite(values).all(axis=1)
-    return np.asarray(~finite | ~(values[:, :3] != 0.0).any(axis=1))
-
-
-def _unit(vectors: _Rows, otherwise: _Rows) -> _Rows:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    usable = np.isfinite(length) & (length > 1e-30)
-    return np.where(usable, vectors / np.where(usable, length, 1.0), otherwise)
-
-
-def _scattered(triangles: _Triangles, of_faces: _Rows, count: int) -> _Rows:
-    """Return the sum (count, K) of the faces' rows at each vertex."""
-    corners, rows = triangles.reshape(-1), np.repeat(of_faces, 3, axis=0)
-    return np.stack([np.bincount(corners, rows[:, k], count) for k in range(rows.shape[1])], axis=1)
-
-
-def _normals(positions: _Rows, triangles: _Triangles) -> _Rows:
-    a, b, c = (positions[triangles[:, k]] for k in range(3))
-    size = float(np.abs(positions).max(initial=0.0)) or 1.0
-    total = _scattered(triangles, np.cross((b - a) / size, (c - a) / size), len(positions))
-    return _unit(total, np.tile([0.0, 1.0, 0.0], (len(positions), 1)))
-
-
-def _tangents(
-    positions: _Rows, triangles: _Triangles, normals: _Rows, uvs: NDArray[np.float32] | None, handedness: _Rows
-) -> _Rows:
-    """Return tangents (N, 4) along increasing u; `handedness` is kept where it is finite and not zero."""
-    count = len(positions)
-    along, around = np.zeros((count, 3)), np.zeros(count)
-    if uvs is not None and uvs.shape == (count, 2) and np.isfinite(uvs).all():
-        a, b, c = triangles.T
-        e, f = positions[b] - positions[a], positions[c] - positions[a]
-        (u, v), (s, t) = (uvs[b] - uvs[a]).astype(float).T, (uvs[c] - uvs[a]).astype(float).T
-        turn = np.sign(u * t - v * s)[:, None]
-        along = _scattered(triangles, turn * (t[:, None] * e - v[:, None] * f), count)
-        # v grows downwards: a texture that is not mirrored turns clockwise in u and v.
-        around = _scattered(triangles, -turn, count)[:, 0]
-    flat = along - (along * normals).sum(axis=1, keepdims=True) * normals
-    axis = np.eye(3)[np.abs(normals).argmin(axis=1)]
-    direction = _unit(flat, _unit(np.cross(normals, axis), axis))
-    kept = np.isfinite(handedness) & (handedness != 0.0)
-    sign = np.where(kept, np.sign(np.where(kept, handedness, 1.0)), np.where(around < 0.0, -1.0, 1.0))
-    return np.column_stack([direction, sign])

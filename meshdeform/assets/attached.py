@@ -8,9 +8,9 @@
   it goes: a light in its shade, a socket on a hand, a helper, a collider.
 - What hangs on a node that moves, and does not move by itself, goes along.
 
-What is a place of the scene stays: a mesh that is not deformed, a camera or a directional light at the top, and a node
+What belongs to the scene stays: a mesh that is not deformed, a camera or a directional light at the top, and a node
 that no animation acts on if it carries the whole surface or has the origin of the scene: there the asset stands, and
-nothing turns about it. So does the node of a mesh of which a part did not move, such as one that is kept: to move it
+nothing turns about it. So does the node of a mesh that did not move everywhere, such as one that is kept: to move it
 would round what is to keep its numbers.
 
 The displacement of a node is that of an affine map which is fitted to those of the vertices around it, as for joints.
@@ -31,13 +31,14 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import GPU_INSTANCING, shown_nodes
-from meshdeform.assets.moved_nodes import animated_node
-from meshdeform.assets.placement import Floats, world_matrices
-from meshdeform.assets.rig import NodeMove, RigMotion, carried, joint_moves
+from meshdeform.assets.placement import Floats, parents_of, upwards, world_matrices
+from meshdeform.assets.rig import NodeMove, RigMotion, fitted_move, joint_moves
 from meshdeform.assets.surface import Block, Surface
+from meshdeform.assets.unchecked import animated, channels_of, is_index, member_of, pointer_of
 
 _NEAR = 0.02
 """Distance from the surface, as a share of its diagonal, up to which a node hangs on it."""
+_MOVING = ("translation", "rotation", "scale")
 _MOST = 256
 """Nodes that are compared with the surface; others go with their parents."""
 _ROUNDING = 1e-7
@@ -65,31 +66,30 @@ def node_moves(
     def carry(node: int, rows: NDArray[np.int64], power: int = 1) -> None:
         if node not in moves:
             stays = hierarchy.is_of_scene(node) or hierarchy.holds_still(node, motion)
-            place = hierarchy.place(node)
-            moves[node] = _still(place) if stays else carried(place, rows, np.ones(len(rows)), motion, power)
+            origin = hierarchy.origin(node)
+            moves[node] = _still(origin) if stays else fitted_move(origin, rows, np.ones(len(rows)), motion, power)
 
     for node, rows in hierarchy.own_rows.items():
         carry(node, rows)
     for node, rows in hierarchy.rows_below(directly=True).items():
         carry(node, rows)
-    candidates = [node for node in hierarchy.others(moves) if near.may_hold(hierarchy.place(node))]
+    candidates = [node for node in hierarchy.others(moves) if near.may_hold(hierarchy.origin(node))]
     for node in candidates[:_MOST]:
-        if near.holds(hierarchy.place(node)):
+        if near.holds(hierarchy.origin(node)):
             carry(node, everything, power=2)
     for node, rows in hierarchy.rows_below(directly=False).items():
         carry(node, rows)
     for node in hierarchy.meshes_that_stay(moves):
-        moves[node] = _still(hierarchy.place(node))
+        moves[node] = _still(hierarchy.origin(node))
     least = _ROUNDING * near.diagonal
-    return {node: move if np.abs(move.shift).max() > least else _unmoved(move) for node, move in moves.items()}
+    return {
+        node: move if np.abs(move.shift).max() > least else _still(move.origin, move.growth)
+        for node, move in moves.items()
+    }
 
 
-def _still(place: Floats) -> NodeMove:
-    return NodeMove(place, np.zeros(3), 1.0)
-
-
-def _unmoved(move: NodeMove) -> NodeMove:
-    return NodeMove(move.place, np.zeros(3), move.growth)
+def _still(origin: Floats, growth: float = 1.0) -> NodeMove:
+    return NodeMove(origin, np.zeros(3), growth)
 
 
 class _Hierarchy:
@@ -100,17 +100,18 @@ class _Hierarchy:
         self._nodes: list[Json] = document.root.get("nodes", [])
         self._blocks = blocks
         self._worlds = world_matrices(self._nodes)
-        self._parents = {child: number for number, node in enumerate(self._nodes) for child in node.get("children", [])}
+        self._parents = parents_of(self._nodes)
         self._shown = shown_nodes(document.root)
         self._animated = {
-            animated_node(channel)[0]
-            for animation in document.root.get("animations", [])
-            for channel in (animation.get("channels") if isinstance(animation.get("channels"), list) else [])
+            node
+            for channel, _, _ in channels_of(document.root)
+            for array, node, prop in [animated(channel)]
+            if array == "nodes" and (prop in _MOVING or not pointer_of(channel))
         }
         self._directional = _directional_lights(document.root)
         self._whole = set.intersection(*(set(self._above(block.node)) for block in blocks))
 
-    def place(self, node: int) -> Floats:
+    def origin(self, node: int) -> Floats:
         """Return a node's origin (3,) in world space."""
         return self._worlds[node][:3, 3]
 
@@ -122,7 +123,7 @@ class _Hierarchy:
             node = self._nodes[block.node]
             if "skin" not in node and GPU_INSTANCING not in node.get("extensions", {}):
                 rows.setdefault(block.node, []).append(np.arange(block.rows.start, block.rows.stop))
-        return {node: np.concatenate(parts) for node, parts in rows.items()}
+        return {node: np.concatenate(each) for node, each in rows.items()}
 
     def rows_below(self, *, directly: bool) -> dict[int, NDArray[np.int64]]:
         """Return the rows of the meshes without a skin below each group; `directly`: of its own children alone."""
@@ -132,25 +133,22 @@ class _Hierarchy:
             for group in groups:
                 if not self.is_of_scene(group) and "mesh" not in self._nodes[group]:
                     rows.setdefault(group, []).append(own)
-        return {group: np.concatenate(parts) for group, parts in rows.items()}
+        return {group: np.concatenate(each) for group, each in rows.items()}
 
     def is_of_scene(self, node: int) -> bool:
         """Whether a node has no origin of its own: that of the scene, or where somebody placed the whole asset."""
         if node in self._animated:
             return False
-        return node in self._whole or bool(np.abs(self.place(node)).max() <= self._rounding)
+        return node in self._whole or bool(np.abs(self.origin(node)).max() <= self._rounding)
 
     def holds_still(self, node: int, motion: RigMotion) -> bool:
-        """Whether a part of a node's mesh is to stay exactly where it is, which a moved node would round."""
+        """Whether some of a node's mesh is to stay exactly where it is, which a moved node would round."""
         own = self.own_rows.get(node)
         return own is not None and node not in self._animated and not motion.moved[own].any(axis=1).all()
 
     def _above(self, node: int) -> list[int]:
         """Return a node and those above it."""
-        path = [node]
-        while path[-1] in self._parents:
-            path.append(self._parents[path[-1]])
-        return path
+        return list(upwards(node, self._parents))
 
     def others(self, moves: Mapping[int, NodeMove]) -> list[int]:
         """Return the shown nodes without a mesh that may hang on the surface."""
@@ -183,21 +181,19 @@ class _Hierarchy:
 
 def _directional_lights(root: Json) -> set[int]:
     """Return the nodes of directional lights, which shine alike everywhere."""
-    extension = root.get("extensions", {}).get("KHR_lights_punctual", {})
-    lights = extension.get("lights") if isinstance(extension, dict) else None
+    lights = member_of(root, "extensions", "KHR_lights_punctual").get("lights")
     if not isinstance(lights, list) or not all(isinstance(light, dict) for light in lights):
         return set()
     nodes = set()
     for number, node in enumerate(root.get("nodes", [])):
-        of_node = node.get("extensions", {}).get("KHR_lights_punctual", {})
-        light = of_node.get("light") if isinstance(of_node, dict) else None
-        if isinstance(light, int) and 0 <= light < len(lights) and lights[light].get("type") == "directional":
+        light = member_of(node, "extensions", "KHR_lights_punctual").get("light")
+        if is_index(light, len(lights)) and lights[light].get("type") == "directional":
             nodes.add(number)
     return nodes
 
 
 class _Near:
-    """Tells whether places are within a surface, given by its triangles (T, 3, 3), or near it."""
+    """Tells whether points are within a surface, given by its triangles (T, 3, 3), or near it."""
 
     def __init__(self, corners: Floats) -> None:
         self._corners = corners
@@ -205,15 +201,15 @@ class _Near:
         self.diagonal = float(np.linalg.norm(self._high - self._low))
         self._reach = _NEAR * self.diagonal
 
-    def may_hold(self, place: Floats) -> bool:
-        """Whether a place (3,) is in the surface's bounding box, or near it."""
-        return bool((place >= self._low - self._reach).all() and (place <= self._high + self._reach).all())
+    def may_hold(self, point: Floats) -> bool:
+        """Whether a point (3,) is in the surface's bounding box, or near it."""
+        return bool((point >= self._low - self._reach).all() and (point <= self._high + self._reach).all())
 
-    def holds(self, place: Floats) -> bool:
-        """Whether a place (3,) is within the surface, or near it."""
-        if not self.may_hold(place):
+    def holds(self, point: Floats) -> bool:
+        """Whether a point (3,) is within the surface, or near it."""
+        if not self.may_hold(point):
             return False
-        corners = self._corners - place
+        corners = self._corners - point
         reachable = (corners.min(axis=1) <= self._reach).all(1) & (corners.max(axis=1) >= -self._reach).all(1)
         if reachable.any() and float(_distances(corners[reachable]).min()) <= self._reach:
             return True

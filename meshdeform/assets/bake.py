@@ -50,8 +50,7 @@ def bake(document: Document, pose: Pose | None = None) -> list[str]:
         if users[instance.mesh] > 1:
             users[instance.mesh] -= 1
             mesh = clone(mesh)
-            document.items("meshes").append(mesh)
-            nodes[instance.node]["mesh"] = len(document.root["meshes"]) - 1
+            nodes[instance.node]["mesh"] = document.add("meshes", mesh)
         _Baker(document, placer, instance, worlds[instance.node], weights, lost).bake(mesh)
     _drop_rig(document.root, lost)
     return [f"Without {what}: {count}." if count > 1 else f"Without {what}." for what, count in lost.items()]
@@ -156,7 +155,7 @@ class _Baker:
             placement = self._placer.of_vertices(self._instance, primitive, len(rows["POSITION"]))
             if placement is None:
                 return None
-            mirrored = self._place(rows, placement)
+            mirrored = self._to_node(rows, placement)
         if not np.isfinite(rows["POSITION"]).all():
             raise AssetError("In this pose the asset has positions that are not finite.")
         made = {
@@ -178,13 +177,13 @@ class _Baker:
             if name in rows and "targets" in primitive:
                 rows[name][:, :3] = _unit_or(rows[name][:, :3], rows[name][:, :3])
 
-    def _place(self, rows: dict[str, Floats], placement: Placement) -> bool:
+    def _to_node(self, rows: dict[str, Floats], placement: Placement) -> bool:
         """Place the vertices in the world, then in the space of the node; return whether that mirrors them."""
         back: Floats = np.eye(4)
         if is_invertible(self._world) and not np.array_equal(self._world, back):
             back = np.asarray(np.linalg.inv(self._world), np.float64)
         turn = back[:3, :3]
-        rows["POSITION"] = placement.places(rows["POSITION"]) @ turn.T + back[:3, 3]
+        rows["POSITION"] = placement.points(rows["POSITION"]) @ turn.T + back[:3, 3]
         mirrored = placement.mirrors != bool(np.linalg.det(turn) < 0)
         if "NORMAL" in rows:
             # Normals follow the inverse transpose; where a vertex's own map has none, they stay as they are.

@@ -13,6 +13,7 @@ from meshdeform import __version__
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
 from meshdeform.assets.materials import image_type
+from meshdeform.geometry.srgb import linear_from_srgb
 
 Up = Literal["y", "z"]
 CLAMP_TO_EDGE = 33071
@@ -102,7 +103,7 @@ def build_glb(
     }
     document = Document(root, None, b"")
     origin = far_origin([each.verts for each in primitives])
-    place = {} if origin is None else {"translation": origin.tolist()}
+    moved = {} if origin is None else {"translation": origin.tolist()}
     materials: dict[tuple[str, Any], int] = {}
     for i, primitive in enumerate(primitives):
         written = _write(document, primitive, origin)
@@ -113,19 +114,19 @@ def build_glb(
                 document.items("materials").append(_material(document, primitive))
             written["material"] = materials[key]
         title = {"name": primitive.name} if primitive.name else {}
-        root["nodes"].append({**title, "mesh": i, **place})
+        root["nodes"].append({**title, "mesh": i, **moved})
         root["meshes"].append({**title, "primitives": [written]})
     return document.to_bytes()
 
 
-def far_origin(places: Sequence[NDArray[Any]]) -> NDArray[np.float64] | None:
+def far_origin(positions: Sequence[NDArray[Any]]) -> NDArray[np.float64] | None:
     """Return a round point near meshes that 32-bit floats would round too much; None for meshes that they hold.
 
     Parameters
     ----------
-    places : sequence of (V, 3) arrays
+    positions : sequence of (V, 3) arrays
     """
-    used = [np.asarray(each, np.float64) for each in places if len(each)]
+    used = [np.asarray(each, np.float64) for each in positions if len(each)]
     if not used:
         return None
     low, high = (np.stack([extreme(each, axis=0) for each in used]) for extreme in (np.min, np.max))
@@ -169,15 +170,15 @@ def _texture(document: Document, picture: Picture, kind: str) -> Json:
         images.append({"bufferView": document.append_view(picture.data), "mimeType": kind})
     texture: Json = {"source": source}
     if picture.clamp:
-        texture["sampler"] = _place(document.items("samplers"), {"wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE})
-    use: Json = {"index": _place(document.items("textures"), texture)}
+        texture["sampler"] = _index_in(document.items("samplers"), {"wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE})
+    use: Json = {"index": _index_in(document.items("textures"), texture)}
     if (picture.scale, picture.offset) != ((1.0, 1.0), (0.0, 0.0)):
         _use(document, use, "KHR_texture_transform", {"offset": list(picture.offset), "scale": list(picture.scale)})
     return use
 
 
-def _place(items: list[Json], item: Json) -> int:
-    """Return the place of an item in a list, to which it is appended unless it is there."""
+def _index_in(items: list[Json], item: Json) -> int:
+    """Return the index of an item in a list, to which it is appended unless it is there."""
     if item not in items:
         items.append(item)
     return items.index(item)
@@ -206,20 +207,9 @@ def _write(document: Document, primitive: Primitive, origin: NDArray[np.float64]
 
 
 def linear_color(color: Sequence[float]) -> tuple[float, float, float]:
-    """Return an sRGB colour, 0 .. 1, as linear numbers (IEC 61966-2-1)."""
-    red, green, blue = _linear(np.array(color, np.float64)).tolist()
+    """Return an sRGB colour, 0 .. 1, as linear numbers."""
+    red, green, blue = linear_from_srgb(np.array(color, np.float64)).tolist()
     return red, green, blue
-
-
-def _linear(values: NDArray[Any]) -> NDArray[Any]:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-def srgb_from_linear(values: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Encode linear values of 0 to 1 as sRGB (IEC 61966-2-1)."""
-    values = np.asarray(values, np.float64)
-    curve = 1.055 * np.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
-    return np.where(values <= 0.0031308, values * 12.92, curve)
 
 
 def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
@@ -227,5 +217,5 @@ def _colors(colors: NDArray[Any]) -> NDArray[np.float32]:
     if colors.dtype.kind == "f":
         return colors.astype(np.float32)
     values = colors / 255.0
-    values[:, :3] = _linear(values[:, :3])
+    values[:, :3] = linear_from_srgb(values[:, :3])
     return values.astype(np.float32)

@@ -20,12 +20,7 @@ from meshdeform.assets.inspect import AssetSummary, PictureSummary, inspect_asse
 from meshdeform.assets.limits import Limits
 from meshdeform.children.asking import ChildLostError, run_child
 from meshdeform.children.protocol import Bounds, bound_memory
-from meshdeform.errors import (
-    AssetEmptyError,
-    AssetError,
-    AssetTooLargeError,
-    AssetTruncatedError,
-)
+from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, AssetTruncatedError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.requests.kind_folders import merged
 from meshdeform.support.recent import Recent
@@ -34,9 +29,9 @@ if TYPE_CHECKING:
     from meshdeform.assets.surface import Surface
 
 MAX_SKIPPED = 100
-"""How many skipped parts a summary lists."""
+"""How many skipped primitives a summary lists."""
 
-MAX_PARTS = 200
+MAX_LISTED = 200
 """How many nodes and materials a summary lists."""
 
 FileContent = str
@@ -47,25 +42,36 @@ _REMEMBERED = 512
 
 
 def check_asset_subprocess(
-    path: str | os.PathLike[str],
-    filename: str = "",
-    limits: Limits | None = None,
-    *,
-    timeout_s: float | None = None,
-    content: FileContent = "mesh",
+    path: str | os.PathLike[str], filename: str = "", limits: Limits | None = None, *, content: FileContent = "mesh"
 ) -> AssetSummary | PictureSummary:
     """Check a stored file completely, in a child process.
 
-    `path`: the file. `filename`: the name that the user gave the file. Default: the name in `path`. `limits`: upper
-    bounds on the asset. `timeout_s`: seconds after which the file counts as too large. Default: `limits.max_check_s`.
-    `content`: what the file should be. Returns AssetSummary, or PictureSummary of a silhouette. Raises AssetError: the
-    asset cannot be used, or a decoder crashed on it; the subclass and message say why and what to do. Raises
-    DependencyError: a decoder is not installed. Raises UnavailableError: the machine cannot start a process at the
-    moment.
+    Parameters
+    ----------
+    path : path
+        The file.
+    filename : str
+        The name that the user gave the file. Default: the name in `path`.
+    limits : Limits, optional
+        Upper bounds on the asset; a file whose check takes longer than `max_check_s` counts as too large.
+    content : str
+        What the file should be.
+
+    Returns
+    -------
+    AssetSummary, or PictureSummary of a silhouette.
+
+    Raises
+    ------
+    AssetError
+        The asset cannot be used, or a decoder crashed on it; the subclass and message say why and what to do.
+    DependencyError
+        A decoder is not installed.
+    UnavailableError
+        The machine cannot start a process at the moment.
     """
     path = Path(path)
     limits = limits or Limits()
-    timeout_s = limits.max_check_s if timeout_s is None else timeout_s
     given = {
         "path": str(path.absolute()),
         "filename": filename or path.name,
@@ -73,10 +79,10 @@ def check_asset_subprocess(
         "content": content,
     }
     try:
-        summary = run_child("check", given, Bounds(limits.max_memory_bytes, timeout_s))
+        summary = run_child("check", given, Bounds(limits.max_memory_bytes, limits.max_check_s))
     except TimeoutError as error:
         raise AssetTooLargeError(
-            f"The file could not be checked within {timeout_s:g} s.", advice="Simplify the asset."
+            f"The file could not be checked within {limits.max_check_s:g} s.", advice="Simplify the asset."
         ) from error
     except ChildLostError as lost:
         raise _crash(lost, path) from lost
@@ -132,7 +138,7 @@ def _crash(lost: ChildLostError, path: Path) -> AssetError:
 
 def _summary(verdict: dict[str, Any]) -> AssetSummary:
     lists = ("extensions", "skipped", "nodes", "materials", "mesh_names", "joints", "warnings")
-    bounds = tuple(tuple(place) for place in verdict["bounds"])
+    bounds = tuple(map(tuple, verdict["bounds"]))
     return AssetSummary(**{**verdict, **{name: tuple(verdict[name]) for name in lists}, "bounds": bounds})
 
 
@@ -163,8 +169,8 @@ def decode_mesh(path: Path, filename: str, limits: Limits) -> dict[str, Any]:
     summary, skipped = asset.summary, asset.summary.skipped
     if len(skipped) > MAX_SKIPPED:
         skipped = (*skipped[:MAX_SKIPPED], {"reason": f"and {len(skipped) - MAX_SKIPPED} more"})
-    parts = {name: getattr(summary, name)[:MAX_PARTS] for name in ("nodes", "materials", "mesh_names", "joints")}
-    return asdict(replace(summary, skipped=skipped, **parts))
+    lists = {name: getattr(summary, name)[:MAX_LISTED] for name in ("nodes", "materials", "mesh_names", "joints")}
+    return asdict(replace(summary, skipped=skipped, **lists))
 
 
 def _read_picture(path: Path, _filename: str, _limits: Limits) -> dict[str, Any]:

@@ -7,7 +7,6 @@ parts of some of them (docs/families.md).
 from __future__ import annotations
 
 import dataclasses
-import io
 import posixpath
 import zipfile
 from collections import Counter
@@ -17,11 +16,11 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints, ValidationError
 
-from meshdeform.assets.archive import _BROKEN, ZIP_MAGIC, _content, _entries
+from meshdeform.assets.archive import ZIP_MAGIC, content_of, entries_of, opened_zip
 from meshdeform.assets.container import GLB_MAGIC, Data, Json, glb_layout, parse_json
 from meshdeform.assets.inspect import AssetSummary, inspect_asset
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
+from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError
 from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.problems import reason
 
@@ -68,18 +67,15 @@ class CollectionFiles:
 
 def open_collection(data: Data, limits: Limits) -> CollectionFiles:
     """Unpack a collection."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
-            entries = _entries(archive, _bounds(limits))
-            names = _assets_of(list(entries))
-            labels = None
-            if LABELS_FILE in entries:
-                if entries[LABELS_FILE].file_size > _MAX_LABELS_BYTES:
-                    raise AssetTooLargeError(f"{LABELS_FILE} has more than {_MAX_LABELS_BYTES} bytes.")
-                labels = _labels(_content(archive, entries[LABELS_FILE]), names)
-            return CollectionFiles({name: _asset(archive, entries[name], name) for name in names}, labels)
-    except _BROKEN as error:
-        raise _broken(error) from error
+    with opened_zip(data) as archive:
+        entries = entries_of(archive, _bounds(limits))
+        names = _assets_of(list(entries))
+        labels = None
+        if LABELS_FILE in entries:
+            if entries[LABELS_FILE].file_size > _MAX_LABELS_BYTES:
+                raise AssetTooLargeError(f"{LABELS_FILE} has more than {_MAX_LABELS_BYTES} bytes.")
+            labels = _labels(content_of(archive, entries[LABELS_FILE]), names)
+        return CollectionFiles({name: _asset(archive, entries[name], name) for name in names}, labels)
 
 
 def own_labels(assets: Mapping[str, bytes], limits: Limits) -> FamilyLabels | None:
@@ -113,7 +109,7 @@ def _with_attribute(data: bytes, limits: Limits) -> Json | None:
 
 def _asset(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> bytes:
     """Unpack an asset, but no archive: what that unpacks to is not in the sum that was checked."""
-    data = _content(archive, entry)
+    data = content_of(archive, entry)
     if data.startswith(ZIP_MAGIC):
         raise AssetFormatError(f"{name} is a ZIP within a ZIP.", advice="Unpack it, and pack the files once.")
     return data
@@ -121,11 +117,8 @@ def _asset(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, name: str) -> bytes
 
 def unpacked(data: Data, limits: Limits) -> dict[str, bytes]:
     """Return all files of a ZIP by name, those that a collection does not use too."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(bytes(data))) as archive:
-            return {name: _content(archive, entry) for name, entry in _entries(archive, _bounds(limits)).items()}
-    except _BROKEN as error:
-        raise _broken(error) from error
+    with opened_zip(data) as archive:
+        return {name: content_of(archive, entry) for name, entry in entries_of(archive, _bounds(limits)).items()}
 
 
 def meshes_in(files: Mapping[str, bytes], limits: Limits) -> dict[str, bytes]:
@@ -162,12 +155,6 @@ def inspect_collection(data: Data, limits: Limits) -> AssetSummary:
     return AssetSummary("zip", vertices, triangles, meshes=len(usable))
 
 
-def _broken(error: Exception) -> AssetTruncatedError:
-    return AssetTruncatedError(
-        f"The ZIP cannot be read: {str(error)[:200]}.", advice="Pack it again, or send the whole file."
-    )
-
-
 def _bounds(limits: Limits) -> Limits:
     return dataclasses.replace(limits, max_archive_files=max(limits.max_archive_files, 2 * MAX_COLLECTION))
 
@@ -193,9 +180,9 @@ def _labels(data: bytes, names: list[str]) -> FamilyLabels:
         labels = FamilyLabels.model_validate_json(data)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
+        pointer = ".".join(map(str, first["loc"]))
         raise AssetError(
-            f"{LABELS_FILE} is not valid: {place or 'the document'}: {reason(first)}.",
+            f"{LABELS_FILE} is not valid: {pointer or 'the document'}: {reason(first)}.",
             advice="docs/families.md describes it.",
         ) from error
     if len(set(labels.parts)) < len(labels.parts):

@@ -1,7 +1,7 @@
 """Drop the data that a new shape made unused, without renumbering anything that the source refers to.
 
 Indices may also stand in extensions that Meshdeform does not know. So the source's accessors and buffer views keep
-their numbers: new values take the bytes of the ones they replace, or new entries take the places of unused ones.
+their numbers: new values take the bytes of the ones they replace, or new entries take the indices of unused ones.
 """
 
 from __future__ import annotations
@@ -101,17 +101,17 @@ def _rows(root: Json, data: NDArray[Any], accessor: Json) -> NDArray[Any]:
 
 
 def _fill(items: list[Json], used_before: frozenset[int], count: int, slots: list[tuple[Json, str]]) -> None:
-    """Move appended entries that are used into the places of unused ones, and drop the other appended entries."""
+    """Move appended entries that are used to the indices of unused ones, and drop the other appended entries."""
     used = {holder[key] for holder, key in slots}
-    places = [i for i in range(count) if i in used_before and i not in used]
+    free = [i for i in range(count) if i in used_before and i not in used]
     appended = [i for i in range(count, len(items)) if i in used]
-    places = places[: len(appended)]
-    places += range(count, count + len(appended) - len(places))
-    number = dict(zip(appended, places, strict=True))
+    free = free[: len(appended)]
+    free += range(count, count + len(appended) - len(free))
+    number = dict(zip(appended, free, strict=True))
     sources = [items[i] for i in appended]
     del items[count:]
-    for place, item in zip(places, sources, strict=True):
-        items[place : place + 1] = [item]
+    for index, item in zip(free, sources, strict=True):
+        items[index : index + 1] = [item]
     for holder, key in slots:
         holder[key] = number.get(holder[key], holder[key])
 

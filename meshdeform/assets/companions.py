@@ -1,7 +1,7 @@
 """Deform what stands for the surface outside its scene: levels of detail, and meshes that only collide.
 
 They are read as the surface is, and every vertex moves by the map of the deformation around the nearest vertices of
-the surface (`geometry.coincidence.mapped`), so that each level keeps its own triangles, skin and morph targets.
+the surface (`geometry.interpolation.mapped`), so that each level keeps its own triangles, skin and morph targets.
 
 Sources: MSFT_lod; KHR_physics_rigid_bodies and KHR_collision_shapes, as proposed; OMI_physics_shape.
 """
@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import Instance, nodes_below, shown_nodes
-from meshdeform.assets.placement import Floats, unit_rows
+from meshdeform.assets.placement import Floats, parents_of, unit_rows
 from meshdeform.assets.references import colliders
 from meshdeform.assets.surface import Block, Surface, read_surface, transformed_normals
+from meshdeform.assets.unchecked import is_index, member_of
 from meshdeform.errors import AssetError
 
 _MOST = 8
@@ -41,9 +42,9 @@ class Companions:
     def deformed(self, source: Surface, positions: Floats, jacobians: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return new positions, normals and tangents, and the map (N, 3, 3) around each vertex.
 
-        `positions` (V, 3) and `jacobians` (V, 3, 3): the new places of the source's vertices, and the map around them.
+        `positions` (V, 3) and `jacobians` (V, 3, 3): of the source's vertices, new, and the map around them.
         """
-        from meshdeform.geometry.coincidence import mapped
+        from meshdeform.geometry.interpolation import mapped
 
         used, old = np.unique(source.triangles), self.surface
         moved = positions - source.positions
@@ -60,13 +61,13 @@ def read_companions(
 ) -> tuple[Companions | None, tuple[str, ...]]:
     """Return the meshes that stand for a surface outside its scene, and a sentence about those that cannot be read."""
     shown = set(shown_nodes(document.root))
-    placed = document.fork()
-    instances = dict.fromkeys([*_levels(placed.root, shown, excluded), *_collisions(document.root, shown, excluded)])
+    copy = document.fork()
+    instances = dict.fromkeys([*_levels(copy.root, shown, excluded), *_collisions(document.root, shown, excluded)])
     if not instances:
         return None, ()
     try:
         _check_size(document.root, instances, _MOST * len(surface.positions) + _FEW)
-        return Companions(*read_surface(placed, instances=list(instances)), placed.root["nodes"]), ()
+        return Companions(*read_surface(copy, instances=list(instances)), copy.root["nodes"]), ()
     except AssetError as error:
         return None, (f"Levels of detail and colliders stay as they are: {error.detail.rstrip('.')}.",)
 
@@ -74,12 +75,11 @@ def read_companions(
 def _levels(root: Json, shown: set[int], excluded: Collection[int]) -> Iterator[Instance]:
     """Yield the meshes of the levels of shown nodes; a level without a parent is given that of its node."""
     nodes = root.get("nodes", [])
-    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     for at in sorted(shown - set(excluded)):
-        extension = nodes[at].get("extensions", {}).get("MSFT_lod", {})
-        levels = extension.get("ids", []) if isinstance(extension, dict) else []
+        levels = member_of(nodes[at], "extensions", "MSFT_lod").get("ids")
         for level in levels if isinstance(levels, list) else []:
-            if not isinstance(level, int) or not 0 <= level < len(nodes) or level in shown or level in excluded:
+            if not is_index(level, len(nodes)) or level in shown or level in excluded:
                 continue
             if level not in parents and at in parents:
                 nodes[parents[at]]["children"].append(level)
@@ -96,9 +96,9 @@ def _collisions(root: Json, shown: set[int], excluded: Collection[int]) -> Itera
         if collider.node not in shown or collider.node in excluded:
             continue
         mesh, other = collider.mesh_holder.get("mesh"), collider.geometry.get("node")
-        if isinstance(mesh, int) and 0 <= mesh < meshes and nodes[collider.node].get("mesh") != mesh:
+        if is_index(mesh, meshes) and nodes[collider.node].get("mesh") != mesh:
             yield Instance(collider.node, mesh, None)
-        if isinstance(other, int) and 0 <= other < len(nodes) and other not in shown and "mesh" in nodes[other]:
+        if is_index(other, len(nodes)) and other not in shown and "mesh" in nodes[other]:
             yield Instance(other, nodes[other]["mesh"], nodes[other].get("skin"))
 
 

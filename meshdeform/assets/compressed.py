@@ -109,8 +109,9 @@ def _fillable(document: Document, accessor: int) -> int:
     accessors = document.root["accessors"]
     if not {"bufferView", "sparse"} & accessors[accessor].keys():
         return accessor
-    accessors.append({key: value for key, value in accessors[accessor].items() if key not in _DATA_KEYS})
-    return len(accessors) - 1
+    return document.add(
+        "accessors", {key: value for key, value in accessors[accessor].items() if key not in _DATA_KEYS}
+    )
 
 
 def _attribute_rows(stream: Any, unique_id: int, accessor: Json, where: str) -> NDArray[Any]:
@@ -158,8 +159,7 @@ def _write_indices(document: Document, primitive: Json, corners: NDArray[Any], w
         if accessors[at]["count"] != len(corners):
             raise AssetError(f"{where}: the Draco stream has {len(corners)} indices, not {accessors[at]['count']}.")
     else:  # the stream always holds a triangle list, even for a strip
-        accessors.append({"componentType": UNSIGNED_INT, "count": len(corners), "type": "SCALAR"})
-        at = len(accessors) - 1
+        at = document.add("accessors", {"componentType": UNSIGNED_INT, "count": len(corners), "type": "SCALAR"})
         primitive["mode"] = TRIANGLES
     dtype = DTYPES[accessors[at]["componentType"]]
     accessors[at]["bufferView"] = document.append_view(corners.astype(dtype).tobytes(), ELEMENT_ARRAY_BUFFER)
@@ -178,11 +178,13 @@ def decode_view(data: bytes, view: CompressedView) -> bytes:
 def decode_meshopt(document: Document) -> None:
     """Decode in place every view that has no uncompressed data."""
     root = document.root
-    if not any(name in root.get("extensionsUsed", []) for name in MESHOPT_EXTENSIONS) and not _mentions(root):
+    views = root.get("bufferViews", [])
+    used = {*root.get("extensionsUsed", []), *(name for view in views for name in view.get("extensions", {}))}
+    if used.isdisjoint(MESHOPT_EXTENSIONS):
         return
     placeholders = {i for i in range(len(root.get("buffers", []))) if is_placeholder(root, i, document.binary_length)}
     filtered = set()
-    for i, view in enumerate(root.get("bufferViews", [])):
+    for i, view in enumerate(views):
         if view["buffer"] in placeholders and _decode_in_place(document, i, view) != "NONE":
             filtered.add(i)
     for i, accessor in enumerate(root.get("accessors", [])):
@@ -195,12 +197,6 @@ def decode_meshopt(document: Document) -> None:
     for name in MESHOPT_EXTENSIONS:
         if not any(name in item.get("extensions", {}) for item in root.get("bufferViews", [])):
             drop_extension(root, name)
-
-
-def _mentions(root: Json) -> bool:
-    return any(
-        name in view.get("extensions", {}) for view in root.get("bufferViews", []) for name in MESHOPT_EXTENSIONS
-    )
 
 
 def _decode_in_place(document: Document, i: int, view: Json) -> str:

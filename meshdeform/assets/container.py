@@ -117,15 +117,15 @@ def pack_glb(json_text: bytes, binary: list[bytes | memoryview], rest: bytes) ->
     with zeros; without pieces no chunk is written. `rest`: further chunks with their headers, written unchanged.
     """
     json_text += b" " * (-len(json_text) % 4)
-    parts: list[bytes | memoryview] = [struct.pack("<II", len(json_text), _JSON), json_text]
+    chunks: list[bytes | memoryview] = [struct.pack("<II", len(json_text), _JSON), json_text]
     if binary:
         length = sum(len(piece) for piece in binary)
-        parts += [struct.pack("<II", padded(length), _BINARY), *binary, b"\0" * (-length % 4)]
-    parts.append(rest)
-    total = 12 + sum(len(part) for part in parts)
+        chunks += [struct.pack("<II", padded(length), _BINARY), *binary, b"\0" * (-length % 4)]
+    chunks.append(rest)
+    total = 12 + sum(map(len, chunks))
     if total >= 2**32:
         raise AssetTooLargeError("The result has more than 4 GiB, which a GLB cannot hold.")
-    return b"".join([struct.pack("<4sII", GLB_MAGIC, 2, total), *parts])
+    return b"".join([struct.pack("<4sII", GLB_MAGIC, 2, total), *chunks])
 
 
 def parse_json(text: bytes, limits: Limits) -> Json:

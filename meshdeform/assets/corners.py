@@ -1,4 +1,4 @@
-"""Read what the corners of a surface's triangles have beside their places: weights of joints, and vertex colours."""
+"""Read what the corners of a surface's triangles have beside their positions: weights of joints, and vertex colours."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.placement import Floats, skin_weights
-from meshdeform.assets.surface import Block
+from meshdeform.assets.surface import Block, block_primitives
 from meshdeform.errors import AssetError
 
 
@@ -30,11 +30,9 @@ def _gathered(
     document: Document, blocks: Sequence[Block], values: Callable[[Block, Json], Floats], width: int
 ) -> Floats:
     gathered = [np.empty((0, 3, width))]
-    for block in blocks:
-        for number in block.primitives:
-            primitive = document.root["meshes"][block.mesh]["primitives"][number]
-            corners = read_triangles(document, primitive, len(block.positions), "a primitive")
-            gathered.append(values(block, primitive)[corners])
+    for block, _, primitive, _ in block_primitives(document.root, blocks):
+        corners = read_triangles(document, primitive, len(block.positions), "a primitive")
+        gathered.append(values(block, primitive)[corners])
     return np.concatenate(gathered)
 
 

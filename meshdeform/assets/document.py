@@ -43,6 +43,7 @@ from meshdeform.assets.inspect import (
 )
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.references import MANIFOLD
+from meshdeform.assets.unchecked import member_of, objects_in
 from meshdeform.errors import AssetError, AssetTruncatedError
 
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
@@ -96,6 +97,11 @@ class Document:
         """Return a top-level array, creating it if absent."""
         items: list[Any] = self.root.setdefault(key, [])
         return items
+
+    def add(self, key: str, item: Any) -> int:
+        """Append to a top-level array, and return the index."""
+        self.items(key).append(item)
+        return len(self.root[key]) - 1
 
     def buffer_bytes(self, buffer: int) -> memoryview:
         """Return the data of a buffer that is embedded in the file."""
@@ -171,9 +177,7 @@ class Document:
         view: Json = {"buffer": 0, "byteOffset": offset, "byteLength": len(data)}
         if target is not None:
             view["target"] = target
-        views = self.items("bufferViews")
-        views.append(view)
-        return len(views) - 1
+        return self.add("bufferViews", view)
 
     def append_accessor(
         self, values: NDArray[np.float32], *, like: Json | None = None, bounds: bool = False, vertex: bool = True
@@ -194,15 +198,13 @@ class Document:
         }
         if bounds:
             accessor |= _bounds(rows)
-        accessors = self.items("accessors")
-        accessors.append({**kept, **accessor})
-        return len(accessors) - 1
+        return self.add("accessors", {**kept, **accessor})
 
     def append_stored(self, values: NDArray[Any], like: Json) -> int:
         """Append an accessor of vertex attributes as they are stored, and return its index.
 
         `values`, (N, C) of any type: the elements, each of which gets a multiple of four bytes; `like`: an accessor of
-        the same type, of which everything but its place and its count is copied.
+        the same type, of which everything but its data and its count is copied.
         """
         packed = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
         rows = np.zeros((len(values), packed.shape[1] + -packed.shape[1] % 4), np.uint8)
@@ -210,9 +212,7 @@ class Document:
         view = self.append_view(rows.tobytes(), ARRAY_BUFFER)
         self.root["bufferViews"][view]["byteStride"] = rows.shape[1]
         kept = {name: clone(value) for name, value in like.items() if name not in ("byteOffset", "sparse")}
-        accessors = self.items("accessors")
-        accessors.append({**kept, "bufferView": view, "count": len(values)})
-        return len(accessors) - 1
+        return self.add("accessors", {**kept, "bufferView": view, "count": len(values)})
 
     def append_triangles(self, triangles: NDArray[np.integer], vertices: int, like: Json | None = None) -> int:
         """Append an accessor of the corners of triangles (T, 3), and return its index.
@@ -224,15 +224,12 @@ class Document:
         kept = {name: clone(value) for name, value in (like or {}).items() if name in ("name", "extras")}
         component = UNSIGNED_SHORT if small else UNSIGNED_INT
         item = {"bufferView": view, "componentType": component, "count": triangles.size, "type": "SCALAR"}
-        self.items("accessors").append({**kept, **item})
-        return len(self.items("accessors")) - 1
+        return self.add("accessors", {**kept, **item})
 
     def append_zeros(self, count: int) -> int:
         """Append an accessor of `count` zero vectors; glTF defines an accessor without data as zeros."""
-        accessors = self.items("accessors")
-        zero = [0.0, 0.0, 0.0]
-        accessors.append({"componentType": FLOAT, "count": count, "type": "VEC3", "min": zero, "max": list(zero)})
-        return len(accessors) - 1
+        bounds = {"min": [0.0, 0.0, 0.0], "max": [0.0, 0.0, 0.0]}
+        return self.add("accessors", {"componentType": FLOAT, "count": count, "type": "VEC3", **bounds})
 
     def buffer_zero(self) -> bytearray:
         """Return a copy of the binary chunk with everything appended to it."""
@@ -286,7 +283,7 @@ class Usage:
 
     @classmethod
     def of(cls, root: Json, binary_length: int | None) -> Usage:
-        """Return the entries and bytes that a document uses; `length` is that of its binary chunk, if it has one."""
+        """Return the entries and bytes that a document uses; `binary_length` is that of its binary chunk, if any."""
         stored = bool(root.get("buffers")) and not is_placeholder(root, 0, binary_length)
         return cls(
             frozenset(holder[key] for holder, key in accessor_slots(root)),
@@ -299,45 +296,45 @@ class Usage:
 
 
 def accessor_slots(root: Json) -> Iterator[_Slot]:
-    """Yield every place that holds an accessor's index."""
-    for mesh in _objects(root, "meshes"):
-        for primitive in _objects(mesh, "primitives"):
+    """Yield every member that holds an accessor's index."""
+    for mesh in objects_in(root.get("meshes")):
+        for primitive in objects_in(mesh.get("primitives")):
             yield from _indices(primitive, "indices")
-            for attributes in [primitive.get("attributes"), *_objects(primitive, "targets")]:
+            for attributes in [primitive.get("attributes"), *objects_in(primitive.get("targets"))]:
                 yield from _indices(attributes)
-        manifold = _extension(mesh, MANIFOLD)
+        manifold = member_of(mesh, "extensions", MANIFOLD)
         yield from _indices(manifold, "mergeIndices", "mergeValues")
         solid = manifold.get("manifoldPrimitive")
         if isinstance(solid, dict):
             yield from _indices(solid, "indices")
             yield from _indices(solid.get("attributes"))
-    for skin in _objects(root, "skins"):
+    for skin in objects_in(root.get("skins")):
         yield from _indices(skin, "inverseBindMatrices")
-    for animation in _objects(root, "animations"):
-        for sampler in _objects(animation, "samplers"):
+    for animation in objects_in(root.get("animations")):
+        for sampler in objects_in(animation.get("samplers")):
             yield from _indices(sampler, "input", "output")
-    for node in _objects(root, "nodes"):
-        yield from _indices(_extension(node, GPU_INSTANCING).get("attributes"))
+    for node in objects_in(root.get("nodes")):
+        yield from _indices(member_of(node, "extensions", GPU_INSTANCING).get("attributes"))
 
 
 def view_slots(root: Json) -> Iterator[_Slot]:
-    """Yield every place that holds a buffer view's index."""
-    for accessor in _objects(root, "accessors"):
+    """Yield every member that holds a buffer view's index."""
+    for accessor in objects_in(root.get("accessors")):
         yield from _indices(accessor, "bufferView")
         sparse = accessor.get("sparse", {})
-        for part in ("indices", "values"):
-            yield from _indices(sparse.get(part), "bufferView")
-    for image in _objects(root, "images"):
+        for member in ("indices", "values"):
+            yield from _indices(sparse.get(member), "bufferView")
+    for image in objects_in(root.get("images")):
         yield from _indices(image, "bufferView")
-    for mesh in _objects(root, "meshes"):
-        for primitive in _objects(mesh, "primitives"):
-            yield from _indices(_extension(primitive, DRACO), "bufferView")
+    for mesh in objects_in(root.get("meshes")):
+        for primitive in objects_in(mesh.get("primitives")):
+            yield from _indices(member_of(primitive, "extensions", DRACO), "bufferView")
 
 
 def buffer_ranges(root: Json) -> Iterator[tuple[Json, int, int]]:
     """Yield each buffer view and compressed view in buffer 0 with its start and end."""
-    for view in _objects(root, "bufferViews"):
-        for holder in (view, *(_extension(view, name) for name in MESHOPT_EXTENSIONS)):
+    for view in objects_in(root.get("bufferViews")):
+        for holder in (view, *(member_of(view, "extensions", name) for name in MESHOPT_EXTENSIONS)):
             if holder.get("buffer") == 0:
                 start = holder.get("byteOffset", 0)
                 yield holder, start, start + holder["byteLength"]
@@ -365,17 +362,6 @@ def _search(value: Any, numbers: set[int], *, opaque: bool) -> None:
         numbers.add(value)
 
 
-def _objects(holder: Json, key: str) -> list[Json]:
-    items = holder.get(key)
-    return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
-
-
-def _extension(holder: Json, name: str) -> Json:
-    extensions = holder.get("extensions")
-    body = extensions.get(name) if isinstance(extensions, dict) else None
-    return body if isinstance(body, dict) else {}
-
-
 def _indices(holder: Any, *keys: str) -> Iterator[_Slot]:
     if isinstance(holder, dict):
         for key in keys or tuple(holder):
@@ -388,15 +374,14 @@ def triangle_list(corners: NDArray[np.int64], mode: int, restart: int | None = N
 
     `corners`, (C,) int64: vertex indices in drawing order; `mode`: 4 triangles, 5 strip, 6 fan; `restart`: the index
     that starts a new strip or fan (glTF forbids it, but some exporters write it). Returns (T, 3) int64. Triangles with
-    a repeated corner are removed from strips and fans, where they only join parts, but not from lists. Corners past the
-    last whole triangle are ignored.
+    a repeated corner are removed from strips and fans, where they only join others, but not from lists. Corners past
+    the last whole triangle are ignored.
     """
     if mode not in (TRIANGLE_STRIP, TRIANGLE_FAN):
         return np.asarray(corners[: len(corners) // 3 * 3].reshape(-1, 3))
     cuts = np.flatnonzero(corners == restart) if restart is not None else np.empty(0, np.int64)
     make = _strip if mode == TRIANGLE_STRIP else _fan
-    parts = [make(part[part != restart]) for part in np.split(corners, cuts)]
-    triangles = np.concatenate(parts)
+    triangles = np.concatenate([make(each[each != restart]) for each in np.split(corners, cuts)])
     a, b, c = triangles.T
     return np.asarray(triangles[(a != b) & (b != c) & (c != a)])
 

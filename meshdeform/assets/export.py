@@ -5,8 +5,6 @@ This module needs no numpy until it writes.
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -14,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from meshdeform.assets.pose import Pose
 from meshdeform.errors import DependencyError, ParameterError, install_command
+from meshdeform.support.files import zipped
 
 if TYPE_CHECKING:
     from meshdeform.assets.asset import Asset
-    from meshdeform.assets.frame import FileFrame, Unit, Up
+    from meshdeform.assets.build import Up
+    from meshdeform.assets.frame import FileFrame, Unit
     from meshdeform.assets.scene import Scene
 
 WRITTEN = (".glb", ".usdz", ".obj", ".obj.zip", ".3mf", ".stl")
@@ -25,7 +25,6 @@ WRITTEN = (".glb", ".usdz", ".obj", ".obj.zip", ".3mf", ".stl")
 
 _WITH_AXIS = (".stl", ".obj", ".obj.zip")
 _WITH_UNIT = (*_WITH_AXIS, ".3mf")
-_WRITTEN = (1980, 1, 1, 0, 0, 0)  # the first time that a ZIP can hold
 _ELSEWHERE = {
     ".fbx": "No library under a permissive licence writes FBX with rigs.",
     ".ply": "PLY is read, but not written.",
@@ -140,11 +139,7 @@ def _obj(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], d
 
 def _zipped_obj(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:
     files, facts = _obj(scene, frame, name[: -len(".zip")])
-    written = io.BytesIO()
-    with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as package:
-        for each, data in files.items():
-            package.writestr(zipfile.ZipInfo(each, _WRITTEN), data, zipfile.ZIP_DEFLATED)
-    return {name: written.getvalue()}, facts
+    return {name: zipped(files)}, facts
 
 
 def _stl(scene: Scene, frame: FileFrame, name: str) -> tuple[dict[str, bytes], dict[str, Any]]:

@@ -13,7 +13,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from meshdeform.assets.archive import listed
 from meshdeform.assets.container import Json
+from meshdeform.assets.unchecked import member_of, objects_in
 
 __all__ = ["PREFIXES", "RULES", "Rule", "notices", "rule_of"]
 
@@ -22,15 +24,12 @@ _BY_NUMBER = "vertices keep their numbers, and triangles their order; `output.su
 _LATER = "what it plays later replaces what was deformed"
 _MODIFY = "the licence of this avatar forbids changes (`modification: prohibited`, or a licence without derivatives)"
 PREFIXES: tuple[str, ...] = (
-    "KHR_materials_",
-    "KHR_texture_",
-    "KHR_lights_",
-    "KHR_node_",
-    "KHR_xmp",
-    "EXT_texture_",
-    "EXT_lights_",
+    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_node_", "KHR_xmp", "EXT_texture_", "EXT_lights_"),
+    *("EXT_materials_", "MSFT_texture_", "VRMC_materials_", "GODOT_", "AGI_"),
 )
+"""What the names of extensions begin with that say nothing of the shape, however new they are."""
 _MOST = 5
+"""How many names a sentence lists."""
 
 
 @dataclass(frozen=True)
@@ -46,23 +45,22 @@ class Rule:
 
 def _meshes_shared(root: Json) -> bool:
     """Return whether a mesh stands on several nodes, which get a copy each."""
-    shown = [node["mesh"] for node in _objects(root, "nodes") if isinstance(node.get("mesh"), int)]
+    shown = [node["mesh"] for node in objects_in(root.get("nodes")) if isinstance(node.get("mesh"), int)]
     return len(shown) > len(set(shown))
 
 
 def _modification_prohibited(root: Json) -> bool:
     """Return whether the meta data of a VRM forbid to change it."""
-    metas = [_member(_member(root, "extensions"), name).get("meta") for name in ("VRMC_vrm", "VRM")]
-    of_one, of_zero = (meta if isinstance(meta, dict) else {} for meta in metas)
+    of_one, of_zero = (member_of(root, "extensions", name, "meta") for name in ("VRMC_vrm", "VRM"))
     return of_one.get("modification") == "prohibited" or str(of_zero.get("licenseName")).endswith("_ND")
 
 
 def _split_manifold(root: Json) -> bool:
     """Return whether the primitives of a manifold mesh do not share their positions, as they must."""
-    for mesh in _objects(root, "meshes"):
-        solid = _member(_member(_member(mesh, "extensions"), "EXT_mesh_manifold"), "manifoldPrimitive")
-        used = {_member(each, "attributes").get("POSITION") for each in _objects(mesh, "primitives")}
-        if solid and used != {_member(solid, "attributes").get("POSITION")}:
+    for mesh in objects_in(root.get("meshes")):
+        solid = member_of(mesh, "extensions", "EXT_mesh_manifold", "manifoldPrimitive")
+        used = {member_of(each, "attributes").get("POSITION") for each in objects_in(mesh.get("primitives"))}
+        if solid and used != {member_of(solid, "attributes").get("POSITION")}:
             return True
     return False
 
@@ -177,9 +175,6 @@ RULES = (
     ),
 )
 
-PREFIXES += ("EXT_materials_", "MSFT_texture_", "VRMC_materials_", "GODOT_", "AGI_")
-"""What the names of extensions begin with that say nothing of the shape, however new they are."""
-
 _LOOK = Rule((), kept=_LOOKS)
 _BY_NAME = {name: rule for rule in RULES for name in rule.names}
 
@@ -199,18 +194,14 @@ def notices(root: Json) -> list[str]:
             told.setdefault("not known here, so what they say of the shape stays the source's", []).append(name)
         elif rule.told and (rule.when is None or rule.when(root)):
             told.setdefault(rule.told, []).append(name)
-    sentences = [f"{_listed(names)}: {what}." for what, names in told.items()]
+    sentences = [f"{listed(names, _MOST)}: {what}." for what, names in told.items()]
     numbered = sorted({name for holder in _extras(root) for name in _numbering(holder)}) if _meshes_shared(root) else []
     if numbered:
         sentences.append(
-            f"Extras name meshes by number ({_listed(numbered)}), and a mesh stands on several nodes: each has "
+            f"Extras name meshes by number ({listed(numbered, _MOST)}), and a mesh stands on several nodes: each has "
             "its own then, and extras name the first alone."
         )
     return sentences
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(name[:60] for name in names[:_MOST]) + (" ..." if len(names) > _MOST else "")
 
 
 def _numbering(value: Any) -> Iterator[str]:
@@ -239,13 +230,3 @@ def _extras(root: Json) -> Iterator[Any]:
             if "extras" in at:
                 yield at["extras"]
             stack += [item for key, item in at.items() if key != "extras"]
-
-
-def _objects(parent: Json, key: str) -> list[Json]:
-    items = parent.get(key)
-    return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
-
-
-def _member(parent: Any, key: str) -> Json:
-    value = parent.get(key) if isinstance(parent, dict) else None
-    return value if isinstance(value, dict) else {}

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from meshdeform.assets.build import Up
 from meshdeform.assets.placement import Floats
 
-Up = Literal["y", "z"]
 Unit = Literal["m", "cm", "mm"]
 UNITS: dict[Unit, tuple[str, float]] = {"m": ("meter", 1.0), "cm": ("centimeter", 100.0), "mm": ("millimeter", 1e3)}
 """The name of each unit in 3MF, and how many of it are a metre."""
@@ -27,9 +27,9 @@ class FileFrame:
     unit: Unit = "m"
     metres: float | None = 1.0
 
-    def places(self, points: Floats) -> Floats:
+    def points(self, positions: Floats) -> Floats:
         """Return points (V, 3) of glTF's world in this frame."""
-        return self.directions(points) * (1.0 if self.metres is None else self.metres * UNITS[self.unit][1])
+        return self.directions(positions) * (1.0 if self.metres is None else self.metres * UNITS[self.unit][1])
 
     def directions(self, vectors: Floats) -> Floats:
         """Return vectors (V, 3) of glTF's world in this frame, with their lengths."""

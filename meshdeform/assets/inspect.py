@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive
+from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive, listed
 from meshdeform.assets.container import (
     GLB_MAGIC,
     Data,
@@ -44,13 +44,9 @@ from meshdeform.errors import (
 )
 
 BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
-
 COMPONENT_BYTES = {BYTE: 1, UNSIGNED_BYTE: 1, SHORT: 2, UNSIGNED_SHORT: 2, UNSIGNED_INT: 4, FLOAT: 4}
-
 TYPE_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-
 MESHOPT_EXTENSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-
 _FILTER_STRIDES = {
     "NONE": range(1, 257),
     "OCTAHEDRAL": (4, 8),
@@ -58,28 +54,16 @@ _FILTER_STRIDES = {
     "EXPONENTIAL": range(4, 257, 4),
     "COLOR": (4, 8),
 }
-
-
 DRACO = "KHR_draco_mesh_compression"
-
 GPU_INSTANCING = "EXT_mesh_gpu_instancing"
-
 VISIBILITY = "KHR_node_visibility"
-
 POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
-
 LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
-
-
 # A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
 _ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
-
 _INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
-
 _POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)
-
-
 FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", "3mf", *CONVERTERS})
 """File extensions that `asset_format` distinguishes."""
 
@@ -109,7 +93,7 @@ def check_storage(
     `root`: the parsed JSON; `binary_length`: length of the GLB's binary chunk; `limits`: upper bounds on the asset;
     `decoded_later`: accessors that a Draco stream fills; `unread`: accessors that are never decoded. Raises
     AssetExternalError: a buffer is in another file. Raises AssetTruncatedError: a buffer, view or accessor reaches past
-    its data. Raises AssetTooLargeError: a count is over its limit, or compressed parts decode to more bytes than a file
+    its data. Raises AssetTooLargeError: a count is over its limit, or compressed data decodes to more bytes than a file
     may have. Raises AssetError: anything else is not valid.
     """
     # Check each array once; doing so for every element would take hours for a hostile file.
@@ -129,7 +113,7 @@ def check_storage(
                 f"accessors[{i}] declares {root['accessors'][i]['count']} elements without data; "
                 f"the limit is {limits.max_bare_elements}."
             )
-    limits.check_bytes(decoded, "The compressed parts decode to")
+    limits.check_bytes(decoded, "The compressed data decodes to")
 
 
 def _refuse_external(uri: str | None, where: str) -> None:
@@ -345,11 +329,11 @@ def check_nodes(root: Json) -> None:
 
 
 def _check_instancing(node: Json, accessors: list[Json], where: str) -> None:
-    many = extension(node, GPU_INSTANCING, where)
-    if many is None:
+    instancing = extension(node, GPU_INSTANCING, where)
+    if instancing is None:
         return
     where = f"{where}.extensions.{GPU_INSTANCING}"
-    attributes, counts = member(many, "attributes", where), set[int]()
+    attributes, counts = member(instancing, "attributes", where), set[int]()
     for name in attributes:
         at = index(attributes, name, len(accessors), f"{where}.attributes")
         accessor = accessors[at or 0]
@@ -364,10 +348,10 @@ def _check_instancing(node: Json, accessors: list[Json], where: str) -> None:
 
 def instance_count(root: Json, node: int) -> int | None:
     """Return how many times EXT_mesh_gpu_instancing draws a node's mesh, or None if the node does not use it."""
-    many = root["nodes"][node].get("extensions", {}).get(GPU_INSTANCING)
-    if many is None:
+    instancing = root["nodes"][node].get("extensions", {}).get(GPU_INSTANCING)
+    if instancing is None:
         return None
-    return next((int(root["accessors"][at]["count"]) for at in many.get("attributes", {}).values()), 1)
+    return next((int(root["accessors"][at]["count"]) for at in instancing.get("attributes", {}).values()), 1)
 
 
 def _refuse_cycles(parents: dict[int, int], count: int) -> None:
@@ -524,8 +508,8 @@ class AssetSummary:
 
     `format`: `glb`, `gltf`, `obj`, `ply`, `stl`, `3mf` or `zip`. `vertices` and `triangles`: counts in the default
     scene, over all instances. For OBJ, PLY and STL an estimate until the file is decoded, and 0 for ZIP and 3MF.
-    `meshes`: number of mesh instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: parts that are
-    not deformed, and why; `warnings`: sentences about anything in the file that may surprise or get in the way.
+    `meshes`: number of mesh instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: primitives that
+    are not deformed, and why; `warnings`: sentences about anything in the file that may surprise or get in the way.
     `nodes`, `materials`, `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is
     deformed (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is
     drawn, (2, 3), in the file's world; empty until the file is decoded.
@@ -642,23 +626,23 @@ def check_document(root: Json, binary_length: int | None, limits: Limits, kind: 
 def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...]) -> AssetSummary:
     vertices = triangles = meshes = primitives = 0
     skipped: list[dict[str, Any]] = []
-    materials_drawn: list[int] = []
+    drawn: list[int] = []
     loose = 0
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
-    weights = [_weight(mesh) for mesh in objects(root, "meshes")]
+    costs = [_cost(mesh) for mesh in objects(root, "meshes")]
     shown, hidden = _walk(root)
     for instance in shown:
-        primitives += weights[instance.mesh]
+        primitives += costs[instance.mesh]
         if primitives > limits.max_primitives:
             raise AssetTooLargeError(
                 f"The scene has more than {limits.max_primitives} primitives and morph targets "
                 "(each instance of a mesh counts).",
                 advice="Join meshes of the same material, or leave instances out.",
             )
-        many = instance_count(root, instance.node)
-        if many is not None:
-            materials_drawn.append(many)
+        count = instance_count(root, instance.node)
+        if count is not None:
+            drawn.append(count)
         mesh_vertices, mesh_triangles, mesh_loose, mesh_skipped = per_mesh[instance.mesh]
         loose += mesh_loose
         vertices, triangles, meshes = vertices + mesh_vertices, triangles + mesh_triangles, meshes + 1
@@ -673,16 +657,18 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     outside = outside_images(root)
     foreign = [link for link in outside if _ELSEWHERE.match(link)]
     beside = [link for link in outside if link not in foreign]
-    sentences = (
-        [_many(materials_drawn)] * bool(materials_drawn)
-        + [_beside(beside)] * bool(beside)
-        + [_foreign(foreign)] * bool(foreign)
+    warnings = (
+        *([_instancing_notice(drawn)] if drawn else []),
+        *([_images_beside_notice(beside)] if beside else []),
+        *([_foreign_images_notice(foreign)] if foreign else []),
+        *([_hidden_notice(root, hidden)] if hidden else []),
+        *_scenes_notice(root, shown),
+        *notices(root),
     )
-    warnings = (*sentences, *([_hidden(root, hidden)] if hidden else []), *_scenes(root, shown), *notices(root))
     return AssetSummary(kind, vertices, triangles, meshes, extensions, tuple(skipped), warnings)
 
 
-def _scenes(root: Json, shown: list[Instance]) -> list[str]:
+def _scenes_notice(root: Json, shown: list[Instance]) -> list[str]:
     """Return a sentence about scenes that are not deformed, if they show other meshes."""
     scenes = objects(root, "scenes")
     known = {instance.node for instance in shown}
@@ -698,7 +684,7 @@ def _scenes(root: Json, shown: list[Instance]) -> list[str]:
     return [f"The file has {len(scenes)} scenes, of which one is deformed; the others stay as they are.{default}"]
 
 
-def _foreign(links: list[str]) -> str:
+def _foreign_images_notice(links: list[str]) -> str:
     names = ", ".join(repr(link[:60]) for link in links[:3]) + (" ..." if len(links) > 3 else "")
     return (
         f"Images at other places ({names}) stay links in the result: a program that opens it may fetch them, with the "
@@ -706,21 +692,20 @@ def _foreign(links: list[str]) -> str:
     )
 
 
-def _beside(links: list[str]) -> str:
-    names = ", ".join(link[:60] for link in links[:3]) + (" ..." if len(links) > 3 else "")
+def _images_beside_notice(links: list[str]) -> str:
     return (
-        f"Images in other files ({names}) stay links in the result, and pictures show them grey. To pack them in, send "
-        "the asset and these files as a ZIP."
+        f"Images in other files ({listed(links)}) stay links in the result, and pictures show them grey. To pack them "
+        "in, send the asset and these files as a ZIP."
     )
 
 
-def _hidden(root: Json, hidden: list[Instance]) -> str:
+def _hidden_notice(root: Json, hidden: list[Instance]) -> str:
     nodes = [root["nodes"][instance.node].get("name") or f"node {instance.node}" for instance in hidden]
-    names = ", ".join(str(name)[:60] for name in nodes[:3]) + (" ..." if len(nodes) > 3 else "")
+    names = listed([str(name) for name in nodes])
     return f"{VISIBILITY} hides {names}: what is hidden is neither drawn nor deformed, and stays in the file as it is."
 
 
-def _many(counts: list[int]) -> str:
+def _instancing_notice(counts: list[int]) -> str:
     meshes = "1 mesh" if len(counts) == 1 else f"{len(counts)} meshes"
     return (
         f"{GPU_INSTANCING} draws {meshes} {sum(counts)} times. Each is deformed once, in the place of its first "
@@ -752,7 +737,7 @@ def _empty(root: Json, skipped: list[dict[str, Any]], has_meshes: bool, hidden: 
     )
 
 
-def _weight(mesh: Json) -> int:
+def _cost(mesh: Json) -> int:
     """Return the cost of one instance of a mesh; every primitive gets as many targets as the one with the most."""
     primitives = objects(mesh, "primitives")
     targets = max((len(primitive.get("targets", [])) for primitive in primitives), default=0)

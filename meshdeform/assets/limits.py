@@ -15,13 +15,12 @@ CHECK_BASE_BYTES = 512 * 2**20
 CHECK_BYTES_PER_BYTE = 16
 
 
-# fmt: off
 @dataclass(frozen=True)
 class Limits:
     """Upper bounds on one asset. `from_settings` sets those that a deployment can configure."""
 
     max_bytes: int = 100 * 2**20
-    """Size of the file, and of its compressed parts after decoding: a compressed asset may not become larger than an
+    """Size of the file, and of its compressed data after decoding: a compressed asset may not become larger than an
     uncompressed one."""
     max_json_bytes: int = 16 * 2**20  # size of a GLB's JSON chunk
     max_accessor_elements: int = 20_000_000  # `count` of one accessor
@@ -78,6 +77,3 @@ class Limits:
     def memory_bytes(self, size: int) -> int:
         """Return the address space, in bytes, for checking a file of `size` bytes."""
         return min(self.max_memory_bytes, CHECK_BASE_BYTES + CHECK_BYTES_PER_BYTE * size)
-
-
-# fmt: on

@@ -19,7 +19,7 @@ _NEAREST = 9728
 _MAX_PIXELS = 2**26
 _PORTABLE = ("BMP", "DDS", "GIF", "TGA", "TIFF", "WEBP")
 """Formats that Pillow may decode: some of its others start programs."""
-_IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
+IMAGE_EXTENSIONS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
 _SHADING_EXTENSIONS = {
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
@@ -117,13 +117,13 @@ def read_shading(document: Document, at: int) -> Shading:
     coat = extension(item, "KHR_materials_clearcoat", where) or {}
     strength = extension(item, "KHR_materials_emissive_strength", where) or {}
     light = _number(strength, "emissiveStrength", 1.0, where)
-    places = {
+    slots = {
         "metallic_roughness": (metal, "metallicRoughnessTexture"),
         "emissive": (item, "emissiveTexture"),
         "normal": (item, "normalTexture"),
         "occlusion": (item, "occlusionTexture"),
     }
-    textures = {name: _texture(root, parent, key, where) for name, (parent, key) in places.items()}
+    textures = {name: _texture(root, parent, key, where) for name, (parent, key) in slots.items()}
     extensions = item.get("extensions")
     known = extensions if isinstance(extensions, dict) else {}
     glossy = older is not None and "pbrMetallicRoughness" not in item
@@ -191,7 +191,7 @@ def _source(root: Json, texture: Json, where: str) -> int | None:
     plain = index(texture, "source", len(images), where)
     if plain is not None:
         return plain
-    for name in _IMAGE_EXTENSIONS:
+    for name in IMAGE_EXTENSIONS:
         other = extension(texture, name, where)
         if other is not None:
             return index(other, "source", len(images), f"{where}.extensions.{name}")

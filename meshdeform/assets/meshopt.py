@@ -85,12 +85,12 @@ def _find_groups(
         elements = min(block_elements, count - first)
         control = data[at : at + stride // 4] if version else b""
         at += len(control)
-        for place in range(stride):
-            start = place * row + first
+        for byte in range(stride):
+            start = byte * row + first
             bits_of = _BITS_V0
             if version:
                 _require(len(control) == stride // 4)
-                mode = control[place // 4] >> place % 4 * 2 & 3
+                mode = control[byte // 4] >> byte % 4 * 2 & 3
                 if mode == _CONTROL_ZERO:
                     continue
                 if mode == _CONTROL_LITERAL:
@@ -150,24 +150,21 @@ def _integrate(deltas: Bytes, baseline: Bytes, modes: Bytes) -> Bytes:
     """Accumulate the deltas from the baseline element, using each four-byte channel's own mode."""
     elements = np.empty((deltas.shape[1], len(deltas)), np.uint8)
     for channel, mode in enumerate(modes):
-        places = slice(4 * channel, 4 * channel + 4)
+        columns = slice(4 * channel, 4 * channel + 4)
         dtype = {0: "<u1", 1: "<u2", 2: "<u4"}.get(int(mode) & 15)
         if dtype is None or (mode >> 4 and mode & 15 != 2):
             raise AssetError(f"A meshopt attribute stream has the unknown channel mode {mode}.")
-        words = np.ascontiguousarray(deltas[places].T).view(dtype)
-        first = np.ascontiguousarray(baseline[places]).view(dtype)
+        words = np.ascontiguousarray(deltas[columns].T).view(dtype)
+        first = np.ascontiguousarray(baseline[columns]).view(dtype)
         if mode & 15 == 2:
-            words = _rotate_right(words, int(mode) >> 4)
+            by = int(mode) >> 4
+            words = words >> np.uint32(by) | words << np.uint32(32 - by) if by else words
             values = np.bitwise_xor.accumulate(np.vstack([first, words]), axis=0)[1:]
         else:
             steps = words >> 1 ^ (0 - (words & 1)).astype(dtype)  # zigzag
             values = (np.cumsum(steps, axis=0, dtype=dtype) + first).astype(dtype)
-        elements[:, places] = values.view(np.uint8).reshape(len(elements), 4)
+        elements[:, columns] = values.view(np.uint8).reshape(len(elements), 4)
     return elements
-
-
-def _rotate_right(words: NDArray[np.uint32], by: int) -> NDArray[np.uint32]:
-    return words if by == 0 else words >> np.uint32(by) | words << np.uint32(32 - by)
 
 
 def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
@@ -181,9 +178,9 @@ def decode_indices(data: bytes, count: int) -> NDArray[np.uint32]:
     if len(ends) != count or ends[-1] != len(stream) or lengths.max() > 5:
         raise AssetError("A meshopt index stream has the wrong number of indices.")
     values = np.zeros(count, np.uint64)
-    for place in range(5):
-        there = lengths > place
-        values[there] |= (stream[starts[there] + place] & 0x7F).astype(np.uint64) << np.uint64(7 * place)
+    for byte in range(5):
+        there = lengths > byte
+        values[there] |= (stream[starts[there] + byte] & 0x7F).astype(np.uint64) << np.uint64(7 * byte)
     words = values.astype(np.uint32)
     steps = words >> 2 ^ (0 - (words >> 1 & 1)).astype(np.uint32)  # zigzag
     indices = np.empty(count, np.uint32)
@@ -347,8 +344,8 @@ def _quaternion(elements: Bytes) -> NDArray[Any]:
     largest = np.sqrt(np.maximum(np.float32(1.0) - (x * x + (y * y + z * z)), np.float32(0.0)))
     values = _rounded(np.stack([largest, x, y, z], axis=1) * np.float32(32767.0)).astype("<i2")
     unpacked = np.empty_like(packed)
-    places = ((packed[:, 3] & 3)[:, None] + np.arange(4)) % 4
-    np.put_along_axis(unpacked, places, values, axis=1)
+    columns = ((packed[:, 3] & 3)[:, None] + np.arange(4)) % 4
+    np.put_along_axis(unpacked, columns, values, axis=1)
     return unpacked
 
 

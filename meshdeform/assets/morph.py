@@ -9,7 +9,6 @@ Source: glTF 2.0 specification, sections 3.7.2.2 (Morph targets) and 3.11 (Anima
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeGuard
@@ -20,10 +19,10 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats
 from meshdeform.assets.surface import Block, LocalShape
+from meshdeform.assets.unchecked import animated, channels_of
 
 ANIMATION_NAME = "deform"
 _DURATION_S = 1.0
-_POINTER = re.compile(r"/(nodes|meshes)/(\d{1,9})/weights", re.ASCII)
 _Floats = NDArray[np.float64]
 
 
@@ -70,7 +69,10 @@ def add_morph_targets(
     deformed node. No two nodes share a mesh.
     """
     meshes = document.root["meshes"]
-    before = {node: _target_count(meshes[mesh]) for node, mesh in owners.items()}
+    before = {
+        node: max((len(primitive.get("targets", [])) for primitive in meshes[mesh]["primitives"]), default=0)
+        for node, mesh in owners.items()
+    }
     for number, shape in enumerate(shapes):
         targets: dict[int, dict[int, Json]] = {node: {} for node in owners}
         for block, local in zip(blocks, shape, strict=True):
@@ -83,10 +85,6 @@ def add_morph_targets(
     _grow_animations(document, owners, before, new.weights)
     if new.track is not None:
         _add_animation(document, owners, before, new.track)
-
-
-def _target_count(mesh: Json) -> int:
-    return max((len(primitive.get("targets", [])) for primitive in mesh["primitives"]), default=0)
 
 
 def _target(document: Document, block: Block, shape: LocalShape) -> Json:
@@ -132,51 +130,33 @@ def _grow_animations(document: Document, owners: dict[int, int], before: dict[in
     grown: dict[tuple[int, int, int], int] = {}
     outputs: dict[tuple[str, str, int], int | None] = {}
     by_mesh = {mesh: node for node, mesh in owners.items()}
-    for a, animation in enumerate(document.root.get("animations", [])):
-        samplers, channels = animation.get("samplers"), animation.get("channels")
-        if not isinstance(samplers, list) or not isinstance(channels, list):
+    for channel, _, animation in channels_of(document.root):
+        (array, number, prop), sampler, samplers = animated(channel), channel.get("sampler"), animation.get("samplers")
+        node = number if array == "nodes" else by_mesh.get(number, -1) if array == "meshes" else -1
+        if (
+            prop != "weights"
+            or not before.get(node)
+            or not isinstance(samplers, list)
+            or not _is_index(sampler, samplers)
+        ):
             continue
-        for channel in channels:
-            node = _weights_node(channel, owners, by_mesh)
-            sampler = channel.get("sampler") if isinstance(channel, dict) else None
-            if node is None or before[node] == 0 or not _is_index(sampler, samplers):
+        key = (id(samplers), sampler, before[node])
+        if key not in grown:
+            # Samplers that share an output keep sharing it.
+            source = samplers[sampler]
+            sampler_key = (str(source.get("output")), str(source.get("interpolation")), before[node])
+            if sampler_key not in outputs:
+                outputs[sampler_key] = _grown_output(document, source, before[node], rest)
+            output = outputs[sampler_key]
+            if output is None:
                 continue
-            key = (a, sampler, before[node])
-            if key not in grown:
-                # Samplers that share an output keep sharing it.
-                source = samplers[sampler]
-                sampler_key = (str(source.get("output")), str(source.get("interpolation")), before[node])
-                if sampler_key not in outputs:
-                    outputs[sampler_key] = _grown_output(document, source, before[node], rest)
-                output = outputs[sampler_key]
-                if output is None:
-                    continue
-                samplers.append({**samplers[sampler], "output": output})
-                grown[key] = len(samplers) - 1
-            channel["sampler"] = grown[key]
+            samplers.append({**source, "output": output})
+            grown[key] = len(samplers) - 1
+        channel["sampler"] = grown[key]
 
 
 def _is_index(value: object, array: list[Json]) -> TypeGuard[int]:
     return isinstance(value, int) and 0 <= value < len(array) and isinstance(array[value], dict)
-
-
-def _weights_node(channel: object, owners: dict[int, int], by_mesh: dict[int, int]) -> int | None:
-    """Return the deformed node whose weights a channel animates, directly or by KHR_animation_pointer."""
-    target = channel.get("target") if isinstance(channel, dict) else None
-    if not isinstance(target, dict):
-        return None
-    if target.get("path") == "weights":
-        node = target.get("node")
-        return node if isinstance(node, int) and not isinstance(node, bool) and node in owners else None
-    extensions = target.get("extensions")
-    pointer = extensions.get("KHR_animation_pointer") if isinstance(extensions, dict) else None
-    match = _POINTER.fullmatch(str(pointer.get("pointer"))) if isinstance(pointer, dict) else None
-    if match is None:
-        return None
-    kind, index = match.group(1), int(match.group(2))
-    if kind == "nodes":
-        return index if index in owners else None
-    return by_mesh.get(index)
 
 
 def _grown_output(document: Document, sampler: Json, count: int, rest: Sequence[float]) -> int | None:

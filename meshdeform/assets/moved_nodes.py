@@ -1,7 +1,7 @@
 """Write where nodes have moved into a document: joints, and what hangs on the surface.
 
-Nodes keep their axes; only places change: of the nodes, of the bind poses of joints, and of animated translations,
-whose distance from the node's place grows as the volume around it does. In the pose of the nodes, a skin therefore
+Nodes keep their axes; only positions change: of the nodes, of the bind poses of joints, and of animated translations,
+whose distance from the node's origin grows as the volume around it does. In the pose of the nodes, a skin therefore
 leaves every vertex where it is. What hangs on a node that moved, and is not moved itself, goes along.
 
 Source: glTF 2.0 specification, sections 3.7.3 (Skins) and 3.11 (Animations); KHR_animation_pointer.
@@ -9,24 +9,21 @@ Source: glTF 2.0 specification, sections 3.7.3 (Skins) and 3.11 (Animations); KH
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats
-from meshdeform.assets.placement import Floats, Matrix, inverse_binds, is_invertible, world_matrices
+from meshdeform.assets.placement import Floats, Matrix, inverse_binds, is_invertible, parents_of, world_matrices
 from meshdeform.assets.rig import NodeMove
-
-_POINTER = re.compile(r"/nodes/(\d{1,9})/(translation|rotation|scale)", re.ASCII)
+from meshdeform.assets.unchecked import animated, is_index, objects_in
 
 
 def world_shifts(nodes: Sequence[Json], moves: Mapping[int, NodeMove]) -> list[Floats]:
     """Return how far each node moves in world space, (3,) float64 each: one without a move goes with its parent."""
-    parents = {child: number for number, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     shifts: dict[int, Floats] = {number: move.shift for number, move in moves.items()}
     for start in range(len(nodes)):
         path = [start]
@@ -54,7 +51,7 @@ def move_nodes(
     for number, skin in enumerate(document.root.get("skins", [])):
         replaced += _rebind(document, skin, worlds, shifts, scale if number in skins else None)
     offsets = _place_nodes(nodes, worlds, shifts, moves)
-    return replaced + _move_animations(document, len(nodes), offsets)
+    return replaced + _move_animations(document, offsets)
 
 
 def _rebind(
@@ -93,7 +90,7 @@ def _place_nodes(
     nodes: list[Json], worlds: Sequence[Matrix], shifts: Sequence[Floats], moves: Mapping[int, NodeMove]
 ) -> dict[int, _Offset]:
     """Move nodes, and return how their translations changed."""
-    parents = {child: number for number, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     offsets: dict[int, _Offset] = {}
     for number, node in enumerate(nodes):
         parent = parents.get(number)
@@ -116,17 +113,19 @@ def _translate(node: Json, translation: Floats) -> None:
         node["translation"] = values
 
 
-def _move_animations(document: Document, count: int, offsets: Mapping[int, _Offset]) -> list[tuple[int, int]]:
+def _move_animations(document: Document, offsets: Mapping[int, _Offset]) -> list[tuple[int, int]]:
     """Replace the animated translations of moved nodes."""
     replaced = []
-    for animation in document.root.get("animations", []):
+    for animation in objects_in(document.root.get("animations")):
         samplers, channels = animation.get("samplers"), animation.get("channels")
         if not isinstance(samplers, list) or not isinstance(channels, list):
             continue
-        users = [channel.get("sampler") for channel in channels if isinstance(channel, dict)]
-        for channel in channels:
-            node, sampler = _translation_of(channel, count, samplers)
-            if node is None or node not in offsets:
+        users = [channel.get("sampler") for channel in objects_in(channels)]
+        for channel in objects_in(channels):
+            (array, node, prop), sampler = animated(channel), channel.get("sampler")
+            if (array, prop) != ("nodes", "translation") or node not in offsets:
+                continue
+            if not is_index(sampler, len(samplers)) or not isinstance(samplers[sampler], dict):
                 continue
             output = _moved_output(document, samplers[sampler], offsets[node])
             if output is None:
@@ -140,32 +139,9 @@ def _move_animations(document: Document, count: int, offsets: Mapping[int, _Offs
     return replaced
 
 
-def _translation_of(channel: Any, count: int, samplers: list[Any]) -> tuple[int | None, int]:
-    """Return the node whose translation a channel animates, if it does, and its sampler."""
-    node, path = animated_node(channel)
-    sampler = channel.get("sampler") if isinstance(channel, dict) else None
-    if not isinstance(sampler, int) or not 0 <= sampler < len(samplers) or not isinstance(samplers[sampler], dict):
-        return None, 0
-    return (node, sampler) if node is not None and 0 <= node < count and path == "translation" else (None, 0)
-
-
-def animated_node(channel: Any) -> tuple[int | None, str]:
-    """Return the node that a channel of an animation acts on, directly or by KHR_animation_pointer, and its path."""
-    target = channel.get("target") if isinstance(channel, dict) else None
-    if not isinstance(target, dict):
-        return None, ""
-    node, path = target.get("node"), str(target.get("path"))
-    if path == "pointer":
-        extensions = target.get("extensions")
-        pointer = extensions.get("KHR_animation_pointer") if isinstance(extensions, dict) else None
-        match = _POINTER.fullmatch(str(pointer.get("pointer"))) if isinstance(pointer, dict) else None
-        return (int(match.group(1)), match.group(2)) if match else (None, "")
-    return (node, path) if isinstance(node, int) and not isinstance(node, bool) else (None, "")
-
-
 def _moved_output(document: Document, sampler: Json, offset: _Offset) -> int | None:
     output, accessors = sampler.get("output"), document.root.get("accessors", [])
-    if not isinstance(output, int) or not 0 <= output < len(accessors) or accessors[output]["type"] != "VEC3":
+    if not isinstance(output, int) or not is_index(output, len(accessors)) or accessors[output]["type"] != "VEC3":
         return None
     values = read_floats(document, output).astype(np.float64)
     moved = offset.applied(values)

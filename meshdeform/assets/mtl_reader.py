@@ -183,7 +183,7 @@ class _Described:
         elif key == "ns" and numbers and not self._has_roughness:
             material.roughness = 1.0 - (min(_numbers(value, _SHINIEST)[0], _SHINIEST) / _SHINIEST) ** 0.5
         if key in {"kd", "d", "tr"}:
-            # `Tr` is no part of the format, and programs disagree about its sense.
+            # `Tr` does not belong to the format, and programs disagree about its sense.
             alpha = 1.0 - self._transparency if self._dissolve is None else self._dissolve
             material.base_color = (*linear_color(self._color), alpha)
             material.tinted = len(set(self._color)) > 1

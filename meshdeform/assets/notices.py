@@ -2,7 +2,7 @@
 
 A ground plane or backdrop makes the object itself small in every picture that the guidance sees. Beside one that is far
 larger, the object is smaller than a few cells of a lattice, and a ground of two triangles is only a chord of the map
-that carries the object: the two would part. Such a backdrop is left as it is (`params.control.backdrop`). No
+that carries the object: the two would separate. Such a backdrop is left as it is (`params.control.backdrop`). No
 torch, because the service's check of assets uses this.
 """
 
@@ -18,11 +18,11 @@ from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, Surface
 
 _LARGE = 0.6
-"""Share of the scene's diagonal from which a part spans the scene."""
+"""Share of the scene's diagonal from which a mesh spans the scene."""
 _WIDE = 0.4
-"""Second extent over the first from which a part is a plane and not a pole."""
+"""Second extent over the first from which a mesh is a plane and not a pole."""
 _FLAT, _SMALL = 0.05, 0.5
-"""Thickness over width up to which a part is a plane, and share of the diagonal below which the rest is small."""
+"""Thickness over width up to which a mesh is a plane, and share of the diagonal below which the rest is small."""
 _SHEET, _TINY = 0.005, 0.25
 """The same for a backdrop that is left as it is: a door with a knob, or a ray with its eyes, is an object."""
 
@@ -73,7 +73,7 @@ class Backdrop:
 
 
 def find_backdrop(document: Document, surface: Surface, blocks: Sequence[Block]) -> Backdrop | None:
-    """Return the backdrop of a surface: meshes, or else connected parts of meshes."""
+    """Return the backdrop of a surface: meshes, or else connected components."""
     if not len(surface.triangles):
         return None
     starts = [block.rows.start for block in blocks]
@@ -115,7 +115,7 @@ def _planes(surface: Surface, group: _Index, flat: float, small: float) -> tuple
 
 
 def _may_have_sheet(surface: Surface) -> bool:
-    """Return whether a connected part may be a sheet beside which the rest, on it or near it, is tiny."""
+    """Return whether a connected component may be a sheet beside which the rest, on it or near it, is tiny."""
     extent = np.ptp(surface.positions, axis=0)
     return bool(extent.min() < (_TINY + _SHEET) * np.linalg.norm(extent))
 
@@ -172,12 +172,12 @@ def rounding_warnings(surface: Surface, blocks: Sequence[Block]) -> tuple[str, .
     return _rounding(max(steps), float(np.linalg.norm(np.ptp(surface.positions, axis=0))))
 
 
-def rounded_places(places: _Floats) -> tuple[str, ...]:
-    """Return a sentence about places (V, 3) of a file of 32-bit floats that are rounded in it already."""
-    if not len(places):
+def rounded_positions(positions: _Floats) -> tuple[str, ...]:
+    """Return a sentence about positions (V, 3) of a file of 32-bit floats that are rounded in it already."""
+    if not len(positions):
         return ()
-    step = float(np.spacing(np.float32(np.abs(places).max())))
-    return _rounding(step, float(np.linalg.norm(np.ptp(places, axis=0))))
+    step = float(np.spacing(np.float32(np.abs(positions).max())))
+    return _rounding(step, float(np.linalg.norm(np.ptp(positions, axis=0))))
 
 
 def _rounding(step: float, size: float) -> tuple[str, ...]:

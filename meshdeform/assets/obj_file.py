@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from meshdeform import __version__
 from meshdeform.assets.appearance import moved_texcoords
-from meshdeform.assets.build import far_origin, srgb_from_linear
+from meshdeform.assets.build import far_origin
 from meshdeform.assets.frame import FileFrame
 from meshdeform.assets.materials import Shading, TextureUse
 from meshdeform.assets.scene import MaterialTriangles, Scene
 from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.srgb import srgb_from_linear
 
 _INVALID = re.compile(r"[\s\x00-\x1f\x7f#\\]+")
 _LONGEST = 120
@@ -37,7 +38,7 @@ _KINDS = ("png", "jpg", "webp")
 
 
 def write_obj(scene: Scene, frame: FileFrame, stem: str) -> tuple[dict[str, bytes], int]:
-    """Write a scene as OBJ: an object for each place of a mesh, with a material for each primitive.
+    """Write a scene as OBJ: an object for each instance of a mesh, with a material for each primitive.
 
     `stem`: the files are `STEM.obj`, `STEM.mtl` and `STEM_textures/...`, named without spaces inside, which the format
     cannot name. Returns the files by their names relative to the OBJ, which comes first, and the number of triangles.
@@ -48,8 +49,8 @@ def write_obj(scene: Scene, frame: FileFrame, stem: str) -> tuple[dict[str, byte
     taken, lines, counts, triangles = set[str](), list[str](), np.ones(3, np.int64), 0
     at: tuple[int, int] | None = None
     for piece in scene.placed():
-        if piece.place != at:
-            at = piece.place
+        if piece.instance != at:
+            at = piece.instance
             lines.append(f"o {_line_name(piece.name, taken, f'node{at[0]}')}\n")
         lines += _piece(piece, library, frame, counts)
         triangles += len(piece.triangles)
@@ -67,12 +68,12 @@ def _piece(piece: MaterialTriangles, library: _Library, frame: FileFrame, counts
     name = library.use(piece.material)
     if name is not None:
         yield f"usemtl {name}\n"
-    positions = frame.places(piece.positions)
+    positions = frame.points(piece.positions)
     digits = "%.9g" if far_origin([positions]) is None else "%.15g"
     shading = library.scene.shading(piece.material)
     columns = positions
     if piece.colors is not None and "base_color" not in shading.textures:
-        columns = np.column_stack([positions, srgb_from_linear(piece.colors[:, :3])])
+        columns = np.column_stack([positions, srgb_from_linear(piece.colors[:, :3].astype(np.float64))])
     elif piece.colors is not None and (piece.colors != 1).any():
         library.scene.lost["colours of vertices beside a texture"] += 1
     values = [columns, library.coordinates(piece), None if piece.normals is None else frame.directions(piece.normals)]
@@ -160,7 +161,7 @@ class _Library:
         for slot, use in look.textures.items():
             if slot not in _STATEMENTS:
                 self.scene.lost["occlusion textures"] += 1
-            elif decides is not None and _place(use) != _place(decides):
+            elif decides is not None and _coordinates_of(use) != _coordinates_of(decides):
                 self.scene.lost["textures with other coordinates than the base colour"] += 1
             else:
                 lines += self._maps(look, slot, use)
@@ -185,7 +186,7 @@ def _deciding(look: Shading) -> TextureUse | None:
     return next((look.textures[slot] for slot in _STATEMENTS if slot in look.textures), None)
 
 
-def _place(use: TextureUse) -> tuple[object, ...]:
+def _coordinates_of(use: TextureUse) -> tuple[object, ...]:
     return use.texcoord, use.offset, use.rotation, use.scale
 
 

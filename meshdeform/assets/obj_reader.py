@@ -39,10 +39,10 @@ _ELEMENTS = {b"v": ("vertex", 3, 6), b"vt": ("texture coordinate", 1, 2), b"vn":
 """Content of a keyword, and the least and the largest count of its numbers."""
 
 
-def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
+def read_obj(data: bytes, archive: Archive, most_primitives: int) -> tuple[list[Primitive], tuple[str, ...]]:
     """Read an OBJ: white space and line ends of any kind, relative indices, polygons.
 
-    `archive`: holds its material libraries and their textures; `most_parts`: how many primitives it may have. Returns a
+    `archive`: holds its material libraries and their textures; `most_primitives`: how many it may have. Returns a
     primitive for each object, group and material, the last one first; and sentences about what became of the file.
     Vertices of a primitive differ in their index of the position, the texture coordinates or the normal. Where only
     some corners have texture coordinates, the others have (0, 0) of the file. Normals are given if all corners have
@@ -62,8 +62,8 @@ def read_obj(data: bytes, archive: Archive, most_parts: int) -> tuple[list[Primi
     _smooth(lines, tables, faces, sizes, corners)
     cut = cut_polygons(tables[b"v"][corners[:, 0] - 1, :3], sizes)
     groups, states = _groups(lines, faces)
-    if len(states) > most_parts:
-        raise AssetTooLargeError(f"The file has {len(states)} parts; the limit is {most_parts}.")
+    if len(states) > most_primitives:
+        raise AssetTooLargeError(f"The file has {len(states)} primitives; the limit is {most_primitives}.")
     looks, notices = _read_materials(lines, archive)
     if unread := [keyword.decode() for keyword in _UNREAD if len(lines.of(keyword))]:
         notices.append(f"Only faces are read; lines of the OBJ were left out: {', '.join(unread)}.")
@@ -109,8 +109,8 @@ class _Lines:
     def of(self, keyword: bytes) -> _Index:
         """Return the numbers (L,) of the lines with a keyword."""
         numbers = np.flatnonzero(self._initial == keyword[0])
-        for place, letter in enumerate(keyword[1:], start=1):
-            numbers = numbers[self._bytes[self._begin[numbers] + place] == letter]
+        for offset, letter in enumerate(keyword[1:], start=1):
+            numbers = numbers[self._bytes[self._begin[numbers] + offset] == letter]
         ended: NDArray[np.bool_] = self._bytes[self._begin[numbers] + len(keyword)] <= ord(" ")
         return numbers[ended]
 
@@ -137,8 +137,8 @@ class _Lines:
         text = self._bytes[self._begin[first] : self._begin[last]]
         text = text.copy() if chosen.all() else text[np.repeat(chosen, length)]
         begin = np.cumsum(length[chosen]) - length[chosen]
-        for place in range(len(keyword)):
-            text[begin + place] = ord(" ")
+        for offset in range(len(keyword)):
+            text[begin + offset] = ord(" ")
         if (text == ord("#")).any():
             text = np.frombuffer(_COMMENT.sub(b"", text.tobytes()), np.uint8)
         inside = text > ord(" ")
@@ -250,12 +250,12 @@ def _smooth(lines: _Lines, tables: dict[bytes, _Floats], faces: _Index, sizes: _
     tables[b"vn"] = np.concatenate([tables[b"vn"], normals])
 
 
-def _area_vectors(places: _Floats, sizes: _Index) -> _Floats:
+def _area_vectors(positions: _Floats, sizes: _Index) -> _Floats:
     """Return twice the area vector (P, 3) of polygons whose corners (C, 3) follow each other."""
     starts = np.cumsum(sizes) - sizes
-    following = np.arange(1, len(places) + 1)
+    following = np.arange(1, len(positions) + 1)
     following[starts + sizes - 1] = starts
-    arms = places - np.repeat(places[starts], sizes, axis=0)
+    arms = positions - np.repeat(positions[starts], sizes, axis=0)
     return np.asarray(np.add.reduceat(np.cross(arms, arms[following]), starts))
 
 

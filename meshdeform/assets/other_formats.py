@@ -9,12 +9,7 @@ import struct
 
 from meshdeform.assets.container import Data
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import (
-    AssetEmptyError,
-    AssetFormatError,
-    AssetTooLargeError,
-    AssetTruncatedError,
-)
+from meshdeform.errors import AssetEmptyError, AssetFormatError, AssetTooLargeError, AssetTruncatedError
 
 _WRITE = "bpy.ops.export_scene.gltf(filepath='out.glb')"
 _READ_BY_BLENDER = "blender -b --python-expr \"import bpy; bpy.ops.wm.{}(filepath='in.{}'); {}\""

@@ -23,6 +23,7 @@ from meshdeform.assets.document import Document, read_accessor, read_triangles
 from meshdeform.assets.inspect import UNSIGNED_BYTE
 from meshdeform.assets.part_labels import Showing
 from meshdeform.assets.subdivide import drop_lists_of_edges
+from meshdeform.assets.surface import block_primitives
 from meshdeform.errors import AssetError
 
 if TYPE_CHECKING:
@@ -113,8 +114,7 @@ def _grown(document: Document, accessor: int, sources: _Index, count: int, where
     if item["count"] != count:
         raise AssetError(f"{where} has {item['count']} elements, but POSITION has {count}.")
     if "bufferView" not in item and "sparse" not in item:  # zeros
-        document.items("accessors").append({**clone(item), "count": count + len(sources)})
-        return len(document.items("accessors")) - 1
+        return document.add("accessors", {**clone(item), "count": count + len(sources)})
     values = read_accessor(document, accessor)
     return document.append_stored(np.concatenate([values, values[sources]]), item)
 
@@ -123,21 +123,16 @@ def read_part_attribute(asset: Asset) -> dict[str, NDArray[np.bool_]]:
     """Return the flags (T,) of the triangles of each part; `parted.parts_of` documents the rest."""
     root, triangles = asset._document.root, asset.surface.triangles
     parts: dict[str, NDArray[np.bool_]] = {}
-    start = 0
-    for block in asset._blocks:
-        mesh = root["meshes"][block.mesh]
-        names = _read_names(mesh) or _read_names(root["asset"])
-        for p, count in zip(block.primitives, block.triangles, strict=True):
-            rows = slice(start, start + count)
-            start += count
-            accessor = mesh["primitives"][p]["attributes"].get(PART)
-            numbers = _numbers(asset._document, accessor, len(block.positions)) if names else None
-            if numbers is None:
-                continue
-            own = _of_triangles(numbers[triangles[rows] - block.rows.start])
-            for number, name in enumerate(names, 1):
-                if (own == number).any():
-                    parts.setdefault(name, np.zeros(len(triangles), bool))[rows] |= own == number
+    for block, _, primitive, rows in block_primitives(root, asset._blocks):
+        names = _read_names(root["meshes"][block.mesh]) or _read_names(root["asset"])
+        accessor = primitive["attributes"].get(PART)
+        numbers = _numbers(asset._document, accessor, len(block.positions)) if names else None
+        if numbers is None:
+            continue
+        own = _of_triangles(numbers[triangles[rows] - block.rows.start])
+        for number, name in enumerate(names, 1):
+            if (own == number).any():
+                parts.setdefault(name, np.zeros(len(triangles), bool))[rows] |= own == number
     return parts
 
 

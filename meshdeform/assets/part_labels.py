@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.container import Json, clone
+from meshdeform.assets.container import clone
 from meshdeform.assets.document import Document
-from meshdeform.assets.surface import Block
+from meshdeform.assets.surface import Block, block_primitives
+from meshdeform.assets.unchecked import follow_pointers
 from meshdeform.errors import AssetError, ShapeError
 
 MOST_PARTS = 255
 """So many parts have numbers of one byte."""
-_POINTER = re.compile(r"/(\w+)/(\d{1,9})/(.+)", re.ASCII)
 _Index = NDArray[np.int64]
 _Flags = NDArray[np.bool_]
 
@@ -72,11 +71,8 @@ def own_showings(document: Document, blocks: Sequence[Block], labels: PartLabels
     """
     of_node: dict[int, dict[int, _Index]] = defaultdict(dict)
     mesh_of = {block.node: block.mesh for block in blocks}
-    start = 0
-    for block in blocks:
-        for number, count in zip(block.primitives, block.triangles, strict=True):
-            of_node[block.node][number] = labels.of_triangle[start : start + count]
-            start += count
+    for block, number, _, rows in block_primitives(document.root, blocks):
+        of_node[block.node][number] = labels.of_triangle[rows]
     alike: dict[Any, list[int]] = defaultdict(list)
     for node, of_primitive in of_node.items():
         if any(part.any() for part in of_primitive.values()):
@@ -97,39 +93,3 @@ def own_showings(document: Document, blocks: Sequence[Block], labels: PartLabels
         showings.append(Showing(own, tuple(shown_by), of_node[shown_by[0]]))
     follow_pointers(document.root, "meshes", copies)
     return showings
-
-
-def follow_pointers(
-    root: Json, kind: str, copies: Mapping[int, Sequence[int]], *, only: str = "", instead: bool = False
-) -> None:
-    """Let what KHR_animation_pointer animates of an object act on its copies too, or on them instead of it.
-
-    `kind`: name of a top-level array; `only`: the one property of the objects that the copies have.
-    """
-    for channel, channels in list(channels_of(root)):
-        pointer = _pointer(channel)
-        match = _POINTER.fullmatch(str(pointer.get("pointer")))
-        if match is None or match[1] != kind or (only and match[3] != only):
-            continue
-        numbers = list(copies.get(int(match[2]), ()))
-        if numbers and instead:
-            pointer["pointer"] = f"/{kind}/{numbers.pop(0)}/{match[3]}"
-        for number in numbers:
-            channels.append(clone(channel))
-            _pointer(channels[-1])["pointer"] = f"/{kind}/{number}/{match[3]}"
-
-
-def channels_of(root: Json) -> Iterator[tuple[Json, list[Any]]]:
-    """Yield each channel of the animations, and the list that it is in."""
-    for animation in root.get("animations", []):
-        channels = animation.get("channels") if isinstance(animation, dict) else None
-        for channel in channels if isinstance(channels, list) else []:
-            if isinstance(channel, dict) and channels is not None:
-                yield channel, channels
-
-
-def _pointer(channel: Any) -> Json:
-    """Return the object of KHR_animation_pointer in a channel; an empty one if it has none."""
-    for key in ("target", "extensions", "KHR_animation_pointer"):
-        channel = channel.get(key) if isinstance(channel, dict) else None
-    return channel if isinstance(channel, dict) else {}

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document, read_triangles
 from meshdeform.assets.inspect import GPU_INSTANCING
-from meshdeform.assets.part_labels import Showing, channels_of, follow_pointers
+from meshdeform.assets.part_labels import Showing
 from meshdeform.assets.subdivide import drop_lists_of_edges
+from meshdeform.assets.unchecked import channels_of, follow_pointers
 
 _Index = NDArray[np.int64]
 
@@ -46,10 +47,8 @@ def split_materials(document: Document, showings: Sequence[Showing], names: Sequ
 
 
 def _copied_material(document: Document, material: int | None, part: str) -> int:
-    materials = document.items("materials")
-    source = {} if material is None else clone(materials[material])
-    materials.append({**source, "name": _title(part, source.get("name"))})
-    return len(materials) - 1
+    source = {} if material is None else clone(document.root["materials"][material])
+    return document.add("materials", {**source, "name": _title(part, source.get("name"))})
 
 
 def _title(part: str, name: Any) -> str:
@@ -107,7 +106,7 @@ def _hang(root: Json, at: int, made: dict[str, int], *, keeps_mesh: bool) -> Non
 def _follow_weights(root: Json, node: int, children: list[int], *, instead: bool) -> None:
     """Let what animates the weights of a node act on its children too, or on them instead of it."""
     follow_pointers(root, "nodes", {node: children}, only="weights", instead=instead)
-    for channel, channels in list(channels_of(root)):
+    for channel, channels, _ in list(channels_of(root)):
         target = channel.get("target")
         if not isinstance(target, dict) or (target.get("path"), target.get("node")) != ("weights", node):
             continue

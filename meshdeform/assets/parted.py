@@ -23,11 +23,7 @@ from meshdeform.requests.choices import PartsAs
 
 __all__ = ["PartLabels", "PartsAs", "parts_of", "with_parts"]
 
-_WRITERS = {
-    PartsAs.ATTRIBUTE: write_part_attribute,
-    PartsAs.MATERIALS: split_materials,
-    PartsAs.NODES: split_nodes,
-}
+_WRITERS = {PartsAs.ATTRIBUTE: write_part_attribute, PartsAs.MATERIALS: split_materials, PartsAs.NODES: split_nodes}
 
 
 def with_parts(

@@ -14,7 +14,7 @@ Source: glTF 2.0 specification, sections 3.5.3 (Transformations) and 3.7.3 (Skin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -58,9 +58,22 @@ def _unit(rotation: Matrix) -> Matrix:
     return rotation if abs(length - 1.0) < 1e-12 else rotation / length
 
 
+def parents_of(nodes: Sequence[Json]) -> dict[int, int]:
+    """Return the parent of each node that has one."""
+    return {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+
+
+def upwards(node: int, parents: Mapping[int, int]) -> Iterator[int]:
+    """Yield a node and those above it, up to the top."""
+    at: int | None = node
+    while at is not None:
+        yield at
+        at = parents.get(at)
+
+
 def world_matrices(nodes: list[Json]) -> list[Matrix]:
     """Return every node's transform to world space, (4, 4) float64 each; the hierarchy must be checked already."""
-    parents = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     worlds: dict[int, Matrix] = {}
     for start in range(len(nodes)):
         path, at = [start], start
@@ -172,7 +185,7 @@ class Placement:
         """By how much it lengthens an axis of the mesh's space, at most."""
         return float(np.sqrt((self.linear**2).sum(-2)).max())
 
-    def places(self, points: Floats) -> Floats:
+    def points(self, points: Floats) -> Floats:
         """Return where points (V, 3) of the mesh's space are in world space."""
         return np.asarray(_applied(self.linear, points) + self.offset)
 
@@ -254,7 +267,7 @@ class Placer:
 def skin_weights(
     document: Document, primitive: Json, count: int, joints: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Return the vertices, the places of joints in their skin, and the weights above 0, (K,) each.
+    """Return the vertices, the indices of joints in their skin, and the weights above 0, (K,) each.
 
     Returns three empty arrays if the attributes are not valid: the deformation does not need them.
     """
@@ -274,5 +287,5 @@ def skin_weights(
         chosen = np.minimum(indices[rows, columns], joints - 1)
         groups.append((rows, chosen, weights[rows, columns]))
         number += 1
-    at, which, share = (np.concatenate(part) for part in zip(*groups, strict=True))
+    at, which, share = (np.concatenate(each) for each in zip(*groups, strict=True))
     return at, which, share

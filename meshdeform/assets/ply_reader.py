@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from meshdeform.assets.archive import Archive, not_found, not_readable
 from meshdeform.assets.build import Picture, Primitive
 from meshdeform.assets.materials import portable_picture
-from meshdeform.assets.notices import rounded_places
+from meshdeform.assets.notices import rounded_positions
 from meshdeform.assets.polygons import Triangulation, cut_polygons
 from meshdeform.errors import AssetError, AssetFormatError, AssetNotFiniteError, AssetTruncatedError
 
@@ -89,20 +89,20 @@ def read_ply(data: bytes, archive: Archive) -> tuple[list[Primitive], tuple[str,
         return [], ()
     if missing := [axis for axis in "xyz" if axis not in vertex.columns]:
         raise AssetError(f"The vertices of the PLY file have no {missing[0]!r}.", advice="Export it again.")
-    places = np.stack([vertex.columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
-    if not (np.abs(places) <= np.finfo(np.float32).max).all():  # NaN compares false
+    positions = np.stack([vertex.columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    if not (np.abs(positions) <= np.finfo(np.float32).max).all():  # NaN compares false
         raise AssetNotFiniteError("The file has vertices that are not finite 32-bit floats.")
     sizes, corners = face.lists[name][0], face.lists[name][1].astype(np.int64)
-    if corners.min(initial=0) < 0 or corners.max(initial=-1) >= len(places):
-        raise AssetError(f"A face uses a vertex that the file does not have; it has {len(places)}.")
+    if corners.min(initial=0) < 0 or corners.max(initial=-1) >= len(positions):
+        raise AssetError(f"A face uses a vertex that the file does not have; it has {len(positions)}.")
     polygon = np.flatnonzero(sizes >= 3)
     of_polygon = np.repeat(sizes >= 3, sizes)
-    cut = cut_polygons(places[corners[of_polygon]], sizes[polygon])
+    cut = cut_polygons(positions[corners[of_polygon]], sizes[polygon])
     faces, triangles = polygon[cut.polygons], np.flatnonzero(of_polygon)[cut.triangles]
     notices += [*cut.notices(), *_left_out(header, vertex)]
     if header.order and vertex.columns["x"].itemsize == 4:
-        notices += rounded_places(places)
-    reader = _Mesh(vertex, face, places, sizes, corners, _textures(header, archive, notices), notices)
+        notices += rounded_positions(positions)
+    reader = _Mesh(vertex, face, positions, sizes, corners, _textures(header, archive, notices), notices)
     return list(reader.primitives(faces, triangles, cut)), tuple(notices)
 
 
@@ -149,19 +149,20 @@ def _textures(header: _Header, archive: Archive, notices: list[str]) -> list[byt
 
 
 class _Mesh:
-    """The corners of a PLY's faces with what they carry."""
+    """The corners of a PLY's faces with what belongs to them."""
 
     def __init__(
         self,
         vertex: PlyElement,
         face: PlyElement,
-        places: _Floats,
+        positions: _Floats,
         sizes: _Index,
         corners: _Index,
         textures: list[bytes],
         notices: list[str],
     ) -> None:
-        self._vertex, self._face, self._places, self._corners, self._textures = vertex, face, places, corners, textures
+        self._vertex, self._face, self._textures = vertex, face, textures
+        self._positions, self._corners = positions, corners
         self._normals = None
         if all(name in vertex.columns for name in ("nx", "ny", "nz")):
             self._normals = np.stack([vertex.columns[name].astype(np.float64) for name in ("nx", "ny", "nz")], axis=1)
@@ -198,7 +199,7 @@ class _Mesh:
             _, rows, index = np.unique(np.stack(own, axis=1), axis=0, return_index=True, return_inverse=True)
             vertices, index = vertices[rows], index.reshape(-1, 3)
         else:  # as in the file, with those that no face uses
-            vertices, index = np.arange(len(self._places)), vertices.reshape(-1, 3)
+            vertices, index = np.arange(len(self._positions)), vertices.reshape(-1, 3)
         uvs = self._uvs
         if uvs is not None:
             uvs = (uvs[corners[rows]] if self._own_uvs else uvs[vertices]) * [1.0, -1.0] + [0.0, 1.0]
@@ -206,7 +207,7 @@ class _Mesh:
         if self._face_colors is not None:
             colors = self._face_colors[np.repeat(faces, 3)[rows]]
         return Primitive(
-            self._places[vertices],
+            self._positions[vertices],
             index,
             normals=None if self._normals is None else self._normals[vertices],
             uvs=uvs,
@@ -255,8 +256,8 @@ def _of_strips(strips: PlyElement) -> PlyElement:
         return PlyElement(0)
     sizes, items = strips.lists[name]
     corners = np.insert(items.astype(np.int64), np.cumsum(sizes)[:-1], -1)
-    place, ended = np.arange(len(corners)), corners < 0
-    start = np.maximum.accumulate(np.where(ended, place + 1, 0))
+    number, ended = np.arange(len(corners)), corners < 0
+    start = np.maximum.accumulate(np.where(ended, number + 1, 0))
     first = np.flatnonzero(~(ended[:-2] | ended[1:-1] | ended[2:]))
     triangles = np.stack([corners[first + k] for k in range(3)], axis=1)
     turned = (first - start[first]) % 2 == 1
@@ -385,26 +386,26 @@ def _rows(
     values: _Floats, starts: _Index, ends: _Index, name: str, properties: list[_Property]
 ) -> tuple[PlyElement, _Index]:
     """Read rows that begin at `starts` and do not pass `ends`, one property of all of them at once; and say how far."""
-    element, place = PlyElement(len(starts)), starts
+    element, at = PlyElement(len(starts)), starts
     for each in properties:
-        if (place >= ends).any():
+        if (at >= ends).any():
             raise _truncated(name)
         if not each.length:
-            element.columns[each.name] = _typed(values[place], each.type)
-            place = place + 1
+            element.columns[each.name] = _typed(values[at], each.type)
+            at = at + 1
             continue
-        lengths_given = values[place]
-        if not ((lengths_given >= 0) & (lengths_given <= ends - place - 1)).all():
+        lengths_given = values[at]
+        if not ((lengths_given >= 0) & (lengths_given <= ends - at - 1)).all():
             raise _truncated(name)
         sizes = lengths_given.astype(np.int64)
-        flat = np.repeat(place + 1 - (np.cumsum(sizes) - sizes), sizes) + np.arange(int(sizes.sum()))
+        flat = np.repeat(at + 1 - (np.cumsum(sizes) - sizes), sizes) + np.arange(int(sizes.sum()))
         element.lists[each.name] = sizes, _typed(values[flat], each.type)
-        place = place + 1 + sizes
-    return element, place
+        at = at + 1 + sizes
+    return element, at
 
 
 def _row_lengths(values: _Floats, at: int, properties: list[_Property]) -> list[int]:
-    """Return how many numbers each property takes in the row at this place."""
+    """Return how many numbers each property takes in the row that begins here."""
     lengths = []
     for each in properties:
         size = 1
@@ -492,7 +493,7 @@ def _ragged_binary(
         (bool(each.length), np.dtype(order + (each.length or each.type)), np.dtype(order + each.type).itemsize)
         for each in properties
     ]
-    places = np.empty((len(properties), count), np.int64)
+    offsets = np.empty((len(properties), count), np.int64)
     sizes = np.ones((len(properties), count), np.int64)
     data, total = whole.tobytes(), len(whole)
     signed = [kind.kind == "i" for _, kind, _ in steps]
@@ -507,15 +508,15 @@ def _ragged_binary(
                     raise _truncated(name)
                 sizes[k, row] = size
                 at += kind.itemsize
-                places[k, row] = at
+                offsets[k, row] = at
                 at += size * width
             else:
-                places[k, row] = at
+                offsets[k, row] = at
                 at += width
     element = PlyElement(count)
     for k, each in enumerate(properties):
         kind = np.dtype(order + each.type)
-        begin = np.repeat(places[k] - kind.itemsize * (np.cumsum(sizes[k]) - sizes[k]), sizes[k])
+        begin = np.repeat(offsets[k] - kind.itemsize * (np.cumsum(sizes[k]) - sizes[k]), sizes[k])
         begin += kind.itemsize * np.arange(int(sizes[k].sum()))
         flat = _native(whole[begin[:, None] + np.arange(kind.itemsize)].reshape(-1).view(kind))
         if each.length:

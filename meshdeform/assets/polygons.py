@@ -87,8 +87,8 @@ def cut_polygons(points: _Floats, sizes: _Index) -> Triangulation:
             corners, whole = _clip(points, starts[some], sizes[some], normals[some])
             some, corners = some[whole], corners[whole]
             clipped += len(some)
-            number, place = np.nonzero(np.arange(corners.shape[1]) < sizes[some, None] - 2)
-            triangles[first[some[number]] + place] = starts[some[number], None] + corners[number, place]
+            number, ear = np.nonzero(np.arange(corners.shape[1]) < sizes[some, None] - 2)
+            triangles[first[some[number]] + ear] = starts[some[number], None] + corners[number, ear]
     return Triangulation(triangles, polygons, clipped)
 
 
@@ -146,8 +146,8 @@ def _flatten(points: _Floats, starts: _Index, sizes: _Index, normals: _Floats) -
 class _Rings:
     """The corners (P, N) that polygons have left; `cost` is the squared length of a cut, infinite but for ears."""
 
-    def __init__(self, places: _Floats, sizes: _Index) -> None:
-        self._x, self._y = places
+    def __init__(self, points: _Floats, sizes: _Index) -> None:
+        self._x, self._y = points
         numbers = np.arange(self._x.shape[1])
         self.before = np.where(numbers > 0, numbers - 1, sizes[:, None] - 1)
         self.after = np.where(numbers < sizes[:, None] - 1, numbers + 1, 0)

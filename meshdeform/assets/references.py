@@ -10,17 +10,16 @@ OMI_physics_shape, as proposed.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from meshdeform.assets.container import Json, clone
+from meshdeform.assets.unchecked import follow_pointers, member_of
 
 __all__ = ["MANIFOLD", "Collider", "colliders", "drop_manifold", "follow_copies", "own_shape", "share_positions"]
 
 MANIFOLD = "EXT_mesh_manifold"
-_MESH = re.compile(r"/meshes/(\d{1,9})(?=/|$)", re.ASCII)
 _BODIES = (
     *("KHR_physics_rigid_bodies", "EXT_physics_rigid_bodies", "KHR_rigid_bodies", "MSFT_rigid_bodies"),
     "OMI_physics_body",
@@ -37,7 +36,7 @@ class Collider:
 
     node: int
     name: str  # of the extension of the node
-    part: str  # its member: `collider` or `trigger`
+    role: str  # its member: `collider` or `trigger`
     geometry: Json  # what names a shape, a mesh or a node
     shapes: list[Json]  # those of the document that `geometry` may name
 
@@ -59,17 +58,17 @@ class Collider:
 
 def colliders(root: Json) -> Iterator[Collider]:
     """Yield what collides at the nodes of a document."""
-    lists = {name: _items(_member(root, "extensions", name), "shapes") for name in _SHAPES}
+    lists = {name: _items(member_of(root, "extensions", name), "shapes") for name in _SHAPES}
     for number, node in enumerate(_items(root, "nodes")):
         for name in _BODIES:
-            body = _member(node, "extensions", name)
+            body = member_of(node, "extensions", name)
             own = [lists[each] for each in _SHAPES if each[:3] == name[:3] and lists[each]]
             shapes = next(iter([*own, *filter(None, lists.values())]), [])
-            for part in ("collider", "trigger"):
-                holder = body.get(part)
+            for role in ("collider", "trigger"):
+                holder = body.get(role)
                 if isinstance(holder, dict):
                     geometry = holder.get("geometry")
-                    yield Collider(number, name, part, geometry if isinstance(geometry, dict) else holder, shapes)
+                    yield Collider(number, name, role, geometry if isinstance(geometry, dict) else holder, shapes)
 
 
 def own_shape(collider: Collider, shape: Json) -> None:
@@ -90,13 +89,10 @@ def follow_copies(root: Json, owners: Mapping[tuple[int, int], int]) -> None:
             copies.setdefault(mesh, []).append(own)
     if not copies:
         return
-    for animation in _items(root, "animations"):
-        channels = animation.get("channels")
-        if isinstance(channels, list):
-            channels += [copy for channel in channels for copy in _channels(channel, copies)]
-    avatar = _member(root, "extensions", "VRM")
-    groups = _items(_member(avatar, "blendShapeMaster"), "blendShapeGroups")
-    for holder, key in [*((group, "binds") for group in groups), (_member(avatar, "firstPerson"), "meshAnnotations")]:
+    follow_pointers(root, "meshes", copies)
+    avatar = member_of(root, "extensions", "VRM")
+    groups = _items(member_of(avatar, "blendShapeMaster"), "blendShapeGroups")
+    for holder, key in [*((group, "binds") for group in groups), (member_of(avatar, "firstPerson"), "meshAnnotations")]:
         named = holder.get(key)
         if isinstance(named, list):
             named += [{**clone(each), "mesh": mesh} for each in named for mesh in copies.get(_mesh(each), [])]
@@ -120,26 +116,12 @@ def _follow(collider: Collider, owners: Mapping[tuple[int, int], int]) -> None:
     own_shape(collider, copy)
 
 
-def _channels(channel: Any, copies: Mapping[int, Sequence[int]]) -> Iterator[Json]:
-    """Yield a channel of an animation for each copy of the mesh that it points to."""
-    pointer = _member(channel, "target", "extensions", "KHR_animation_pointer").get("pointer")
-    match = _MESH.match(pointer) if isinstance(pointer, str) else None
-    if match is None:
-        return
-    for mesh in copies.get(int(match[1]), []):
-        copy: Json = clone(channel)
-        copy["target"]["extensions"]["KHR_animation_pointer"]["pointer"] = (
-            f"/meshes/{mesh}{match.string[match.end() :]}"
-        )
-        yield copy
-
-
 def share_positions(root: Json, mesh: Json) -> None:
     """Give the solid of a mesh the positions of its primitives; without those that all share, it is removed."""
-    solid = _member(mesh, "extensions", MANIFOLD, "manifoldPrimitive").get("attributes")
+    solid = member_of(mesh, "extensions", MANIFOLD, "manifoldPrimitive").get("attributes")
     if not isinstance(solid, dict):
         return
-    used = {_member(primitive, "attributes").get("POSITION") for primitive in _items(mesh, "primitives")}
+    used = {member_of(primitive, "attributes").get("POSITION") for primitive in _items(mesh, "primitives")}
     if len(used) == 1:
         solid["POSITION"] = used.pop()
     else:
@@ -150,12 +132,12 @@ def drop_manifold(root: Json, mesh: Json) -> bool:
     """Remove the solid of a mesh, whose vertices are others now; return whether it had one."""
     from meshdeform.assets.compressed import drop_extension
 
-    if not _member(mesh, "extensions", MANIFOLD):
+    if not member_of(mesh, "extensions", MANIFOLD):
         return False
     del mesh["extensions"][MANIFOLD]
     if not mesh["extensions"]:
         del mesh["extensions"]
-    if not any(_member(each, "extensions", MANIFOLD) for each in _items(root, "meshes")):
+    if not any(member_of(each, "extensions", MANIFOLD) for each in _items(root, "meshes")):
         drop_extension(root, MANIFOLD)
     return True
 
@@ -169,12 +151,6 @@ def _mesh(holder: Any) -> int:
 def _number(holder: Any, key: str) -> int | None:
     value = holder.get(key) if isinstance(holder, dict) else None
     return value if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else None
-
-
-def _member(parent: Any, *keys: str) -> Json:
-    for key in keys:
-        parent = parent.get(key) if isinstance(parent, dict) else None
-    return parent if isinstance(parent, dict) else {}
 
 
 def _items(parent: Json, key: str) -> list[Json]:

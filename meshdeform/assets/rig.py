@@ -1,7 +1,7 @@
 """Find how the joints of skins move with the volume around them, so that a character still animates in its new shape.
 
 A joint's displacement is that of an affine map, fitted by weighted least squares to the displacements d_v of the
-vertices that follow it, at its place p::
+vertices that follow it, at its origin p::
 
     w_v = (weight of the joint at v) / (|x_v - p|^2 + e^2)
     D   = (K + l H) (C + l I)^-1        C, K the weighted covariances of x with x and of d with x, H the mean of J_v - I
@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.document import Document
-from meshdeform.assets.placement import Floats, skin_weights, world_matrices
+from meshdeform.assets.placement import Floats, parents_of, skin_weights, upwards, world_matrices
 from meshdeform.assets.surface import Block
 
 _NEAR = 0.1
-"""Distance within which vertices count alike, as a share of the spread of those that move a place."""
+"""Distance within which vertices count alike, as a share of the spread of those that move a node."""
 _STIFFNESS = 0.1
 """How much the mean of the Jacobians counts in the fit, relative to the spread of the vertices."""
 
@@ -37,7 +37,7 @@ _STIFFNESS = 0.1
 class RigMotion:
     """How the surface moves, in world space; rows as in `Surface`."""
 
-    # (N, 3) float64: places at rest, and displacements
+    # (N, 3) float64: positions at rest, and displacements
     positions: Floats
     moved: Floats
     jacobians: Floats  # (N, 3, 3) float64: the linear map of the deformation around each vertex
@@ -45,12 +45,12 @@ class RigMotion:
 
 @dataclass(frozen=True)
 class NodeMove:
-    """A node's place (3,) and its displacement (3,), in world space.
+    """A node's origin (3,) and its displacement (3,), in world space.
 
     `growth` is that of the volume around it along one axis, and `linear` its linear map (3, 3).
     """
 
-    place: Floats
+    origin: Floats
     shift: Floats
     growth: float
     linear: Floats = field(default_factory=lambda: np.eye(3))
@@ -78,21 +78,23 @@ def joint_moves(document: Document, blocks: Sequence[Block], motion: RigMotion) 
             own = np.concatenate(of_skins)
             by = np.ones(len(own))
         if len(own):
-            moves[joint] = carried(worlds[joint][:3, 3], own, by, motion)
+            moves[joint] = fitted_move(worlds[joint][:3, 3], own, by, motion)
     return moves
 
 
-def carried(place: Floats, rows: NDArray[np.int64], weights: Floats, motion: RigMotion, power: int = 1) -> NodeMove:
-    """Return how an affine map fitted to weighted vertices moves a place (3,).
+def fitted_move(
+    origin: Floats, rows: NDArray[np.int64], weights: Floats, motion: RigMotion, power: int = 1
+) -> NodeMove:
+    """Return how an affine map fitted to weighted vertices moves the origin (3,) of a node.
 
     `rows`, `weights`: (K,) of the vertices, and how much they count beside their distance, whose square counts to the
     power of `power`.
     """
     if not motion.moved[rows].any():
-        return NodeMove(place, np.zeros(3), 1.0)
+        return NodeMove(origin, np.zeros(3), 1.0)
     positions, moved = motion.positions[rows], motion.moved[rows]
     spread = float(((positions - np.average(positions, axis=0, weights=weights)) ** 2).sum(1).mean())
-    weights = weights / (((positions - place) ** 2).sum(1) + _NEAR**2 * spread + 1e-300) ** power
+    weights = weights / (((positions - origin) ** 2).sum(1) + _NEAR**2 * spread + 1e-300) ** power
     weights = weights / weights.sum()
     middle, shift = weights @ positions, weights @ moved
     arms, pulls = positions - middle, moved - shift
@@ -102,7 +104,7 @@ def carried(place: Floats, rows: NDArray[np.int64], weights: Floats, motion: Rig
     if stiff > 0:
         slope = np.linalg.solve(spread_matrix + stiff * np.eye(3), (pull_matrix + stiff * slope).T).T
     growth = float(np.cbrt(max(np.linalg.det(np.eye(3) + slope), 0.0)))
-    return NodeMove(place, shift + slope @ (place - middle), growth, np.eye(3) + slope)
+    return NodeMove(origin, shift + slope @ (origin - middle), growth, np.eye(3) + slope)
 
 
 def joint_shares(document: Document, blocks: Sequence[Block]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
@@ -111,20 +113,19 @@ def joint_shares(document: Document, blocks: Sequence[Block]) -> tuple[NDArray[n
     A mesh without a skin on or below a joint follows it.
     """
     nodes, skins = document.root["nodes"], document.root.get("skins", [])
-    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     all_joints = {joint for skin in skins for joint in skin["joints"]}
     groups = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))]
     for block in blocks:
-        skin, count, above = nodes[block.node].get("skin"), len(block.positions), block.node
+        skin, count = nodes[block.node].get("skin"), len(block.positions)
         if skin is not None:
             joints = np.array(skins[skin]["joints"])
             primitive = document.root["meshes"][block.mesh]["primitives"][block.primitives[0]]
             at, which, share = skin_weights(document, primitive, count, len(joints))
             groups.append((at + block.rows.start, joints[which], share))
             continue
-        while above not in all_joints and above in parents:
-            above = parents[above]
-        if above in all_joints:
-            groups.append((np.arange(block.rows.start, block.rows.stop), np.full(count, above), np.ones(count)))
-    rows, owners, shares = (np.concatenate(part) for part in zip(*groups, strict=True))
+        joint = next((at for at in upwards(block.node, parents) if at in all_joints), None)
+        if joint is not None:
+            groups.append((np.arange(block.rows.start, block.rows.stop), np.full(count, joint), np.ones(count)))
+    rows, owners, shares = (np.concatenate(each) for each in zip(*groups, strict=True))
     return rows, owners, shares

@@ -18,6 +18,7 @@ from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.inspect import TRIANGLES, Instance, instances_of
 from meshdeform.assets.materials import Shading, read_image, read_shading
 from meshdeform.assets.placement import Floats, Matrix, instance_matrices, is_invertible, unit_rows, world_matrices
+from meshdeform.assets.unchecked import member_of
 from meshdeform.errors import AssetError, AssetNotFiniteError
 
 Rows = NDArray[np.float32]
@@ -38,7 +39,7 @@ class MaterialTriangles:
     colors: Rows | None  # (V, 4) linear RGBA in 0..1; alpha is 1 if the file has none
     material: int | None
     name: str = ""  # of the node that shows it, else of its mesh
-    place: tuple[int, int] = (0, 0)  # the node, and which of its GPU instances
+    instance: tuple[int, int] = (0, 0)  # the node, and which of its GPU instances
 
 
 class Scene:
@@ -92,7 +93,7 @@ class Scene:
         return picture, "png" if picture else ""
 
     def placed(self) -> Iterator[MaterialTriangles]:
-        """Yield the triangles of each place where a mesh is shown, in the world; skins must be baked already.
+        """Yield the triangles of each instance of a mesh, in the world; skins must be baked already.
 
         Nodes that flatten their mesh to a plane or less are passed over. AssetNotFiniteError: a position is not finite.
         """
@@ -104,7 +105,7 @@ class Scene:
                 matrix = worlds[instance.node] @ copy
                 if is_invertible(matrix):
                     for piece in pieces:
-                        yield replace(moved(piece, matrix), place=(instance.node, number))
+                        yield replace(moved(piece, matrix), instance=(instance.node, number))
 
     def pieces(self, instance: Instance) -> Iterator[MaterialTriangles]:
         """Yield the triangles of a node's mesh in the space of the mesh."""
@@ -164,9 +165,9 @@ class Scene:
         """Count what no other format gets."""
         root, lost = self.root, self.lost
         lost["cameras"] += sum("camera" in node for node in objects(root, "nodes"))
-        known = root.get("extensions")
+        known = member_of(root, "extensions")
         for name, what in (("KHR_lights_punctual", "lights"), ("KHR_materials_variants", "variants of materials")):
-            lost[what] += isinstance(known, dict) and name in known
+            lost[what] += name in known
         for mesh in {instance.mesh for instance in instances_of(root)}:
             for primitive in root["meshes"][mesh].get("primitives", []):
                 if primitive.get("mode", TRIANGLES) in _LOOSE:
@@ -192,7 +193,9 @@ def moved(piece: MaterialTriangles, matrix: Matrix) -> MaterialTriangles:
     with np.errstate(over="ignore", invalid="ignore"):
         positions = piece.positions @ turn.T + matrix[:3, 3]
         if not np.isfinite(positions.astype(np.float32)).all():
-            raise AssetNotFiniteError(f"nodes[{piece.place[0]}] has vertices that are no 32-bit floats in the world.")
+            raise AssetNotFiniteError(
+                f"nodes[{piece.instance[0]}] has vertices that are no 32-bit floats in the world."
+            )
     normals = piece.normals
     if normals is not None and not np.array_equal(turn, np.eye(3)):
         # Normals follow the inverse transpose, so that they stay perpendicular under uneven scales.

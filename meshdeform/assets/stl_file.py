@@ -18,9 +18,9 @@ class Stl:
 
     data: bytes
     triangles: int
-    closed: bool  # whether every edge belongs to two triangles that face the same way; corners at one place are one
+    closed: bool  # whether every edge belongs to two triangles that face the same way; corners in one position are one
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """The point, in the file's unit and axes, that its places are relative to. It is not zero for a surface so far away
+    """The point, in the file's unit and axes, that its positions are relative to. Not zero for a surface so far away
     that 32-bit floats, which the format has, would round it; the file's header names it, too."""
 
 
@@ -33,7 +33,7 @@ def write_stl(scene: Scene, frame: FileFrame) -> Stl:
         raise AssetEmptyError("The asset has no triangles that an STL could hold.")
     scene.lost["materials"] += len({piece.material for piece in pieces} - {None})
     scene.lost["colours of vertices"] += sum(piece.colors is not None for piece in pieces)
-    positions = frame.places(np.concatenate([piece.positions for piece in pieces]))
+    positions = frame.points(np.concatenate([piece.positions for piece in pieces]))
     starts = np.cumsum([0, *(len(piece.positions) for piece in pieces)])
     triangles = np.concatenate([start + piece.triangles for start, piece in zip(starts, pieces, strict=False)])
     origin = far_origin([positions])

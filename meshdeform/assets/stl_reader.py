@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.build import Primitive
-from meshdeform.assets.notices import rounded_places
+from meshdeform.assets.notices import rounded_positions
 from meshdeform.assets.other_formats import is_ascii_stl, stl_facets
 from meshdeform.errors import AssetError, AssetNotFiniteError, AssetTooLargeError
 
@@ -23,7 +23,7 @@ _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _FLAG = 0x8000
 
 
-def read_stl(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
+def read_stl(data: bytes, most_solids: int) -> tuple[list[Primitive], tuple[str, ...]]:
     """Read the solids of an STL, with sentences about what became of it.
 
     Corners are not merged, and normals of facets are those that flat shading gives.
@@ -31,7 +31,7 @@ def read_stl(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, 
     Facets that a binary file has beyond those that it declares are read, other bytes after them are left out.
     """
     if is_ascii_stl(data):
-        return _read_text(data, most_parts)
+        return _read_text(data, most_solids)
     declared, count = stl_facets(data)
     notices: list[str] = []
     if count > declared:
@@ -41,15 +41,15 @@ def read_stl(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, 
     facets = np.frombuffer(data, _FACET, count, 84)
     corners = facets["corners"].astype(np.float64)
     solid = _primitive(corners, "geometry_0", _colors(data[:80], facets["attribute"]))
-    return [solid], (*notices, *rounded_places(solid.verts))
+    return [solid], (*notices, *rounded_positions(solid.verts))
 
 
-def _read_text(data: bytes, most_parts: int) -> tuple[list[Primitive], tuple[str, ...]]:
+def _read_text(data: bytes, most_solids: int) -> tuple[list[Primitive], tuple[str, ...]]:
     """Read a text; commas behind numbers are left out, and those in numbers are decimal points."""
     data, commas = _without_commas(data)
     heads = list(_SOLID.finditer(data))
-    if len(heads) > most_parts:
-        raise AssetTooLargeError(f"The file has {len(heads)} parts; the limit is {most_parts}.")
+    if len(heads) > most_solids:
+        raise AssetTooLargeError(f"The file has {len(heads)} solids; the limit is {most_solids}.")
     ends = [head.start() for head in heads[1:]] + [len(data)]
     primitives = []
     for number, end in enumerate(ends):

@@ -1,6 +1,6 @@
 """Split the long edges of a document's triangles, for surfaces too coarse to bend.
 
-All edges at the same place are split together, whichever primitives, meshes and instances they belong to, so that no
+All edges at the same location are split together, whichever primitives, meshes and instances they belong to, so that no
 vertex comes to lie on the edge of a neighbour. Every pass splits the longest edges in the middle, down to half of the
 longest, until all are short enough or the triangles too many.
 
@@ -20,12 +20,7 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import (
-    Document,
-    read_accessor,
-    read_floats,
-    read_triangles,
-)
+from meshdeform.assets.document import Document, read_accessor, read_floats, read_triangles
 from meshdeform.assets.inspect import TRIANGLES, instances_of
 from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.assets.references import MANIFOLD, drop_manifold, follow_copies
@@ -74,7 +69,7 @@ class _Group:
     slots: dict[str, int]  # accessor of each attribute, and of those of morph targets as `TARGET/NAME`
     columns: dict[str, NDArray[Any]]  # dict of str to (N, K) array: their elements
     triangles: _Index  # (T, 3) int64
-    owner: _Index  # (T,) int64: place of each triangle's primitive in `primitives`
+    owner: _Index  # (T,) int64: index of each triangle's primitive in `primitives`
     placements: list[Matrix]  # list of (4, 4) float64
 
 
@@ -138,7 +133,7 @@ def _groups(document: Document, excluded: frozenset[int]) -> Iterator[_Group]:
         matrix = placement_matrix(document, instance, worlds)
         if is_invertible(matrix):
             placements.setdefault(instance.mesh, []).append(matrix)
-    for mesh, places in placements.items():
+    for mesh, matrices in placements.items():
         primitives = document.root["meshes"][mesh].get("primitives", [])
         groups: dict[str, list[int]] = {}
         for p, primitive in enumerate(primitives):
@@ -146,10 +141,10 @@ def _groups(document: Document, excluded: frozenset[int]) -> Iterator[_Group]:
                 key = json.dumps([primitive["attributes"], primitive.get("targets", [])], sort_keys=True)
                 groups.setdefault(key, []).append(p)
         for numbers in groups.values():
-            yield _read(document, mesh, numbers, places)
+            yield _read(document, mesh, numbers, matrices)
 
 
-def _read(document: Document, mesh: int, numbers: list[int], places: list[Matrix]) -> _Group:
+def _read(document: Document, mesh: int, numbers: list[int], matrices: list[Matrix]) -> _Group:
     primitives = [document.root["meshes"][mesh]["primitives"][p] for p in numbers]
     slots = dict(primitives[0]["attributes"])
     for t, target in enumerate(primitives[0].get("targets", [])):
@@ -166,8 +161,8 @@ def _read(document: Document, mesh: int, numbers: list[int], places: list[Matrix
             )
     where = f"meshes[{mesh}].primitives"
     faces = [read_triangles(document, p, count, f"{where}[{n}]") for p, n in zip(primitives, numbers, strict=True)]
-    owner = np.repeat(np.arange(len(faces)), [len(part) for part in faces])
-    return _Group(mesh, numbers, slots, columns, np.concatenate(faces), owner, places)
+    owner = np.repeat(np.arange(len(faces)), [len(each) for each in faces])
+    return _Group(mesh, numbers, slots, columns, np.concatenate(faces), owner, matrices)
 
 
 def _placed(group: _Group, placement: Matrix) -> NDArray[np.float64]:
@@ -202,12 +197,12 @@ def _measured(groups: list[_Group]) -> list[_Edges]:
             offset += len(group.columns["POSITION"])
     ends_, owner = np.concatenate(ends), np.concatenate(owners)
     lengths = np.linalg.norm(everything[ends_[:, 0]] - everything[ends_[:, 1]], axis=1)
-    places = np.sort(label[ends_], axis=1)
-    _, place = np.unique(places[:, 0] * len(everything) + places[:, 1], return_inverse=True)
-    proper = places[:, 0] != places[:, 1]  # others are shorter than the tolerance
-    longest = longest_together(owner[proper], place[proper], lengths[proper], int(starts[-1]))
-    parts = np.split(longest, starts[1:-1])
-    return [_Edges(*group_edges, part) for group_edges, part in zip(edges, parts, strict=True)]
+    corners = np.sort(label[ends_], axis=1)
+    _, location = np.unique(corners[:, 0] * len(everything) + corners[:, 1], return_inverse=True)
+    proper = corners[:, 0] != corners[:, 1]  # others are shorter than the tolerance
+    longest = longest_together(owner[proper], location[proper], lengths[proper], int(starts[-1]))
+    lengths_of = np.split(longest, starts[1:-1])
+    return [_Edges(*group_edges, each) for group_edges, each in zip(edges, lengths_of, strict=True)]
 
 
 def _least_length(
@@ -242,10 +237,10 @@ def _write(document: Document, group: _Group) -> set[str]:
     """Give the primitives of a group new accessors; return the extensions that were removed from them."""
     accessors, dropped = document.root["accessors"], set[str]()
     written = {key: _append(document, group.columns[key], accessors[at], key) for key, at in group.slots.items()}
-    for place, p in enumerate(group.primitives):
+    for number, p in enumerate(group.primitives):
         primitive = document.root["meshes"][group.mesh]["primitives"][p]
         old = accessors[primitive["indices"]] if "indices" in primitive else {}
-        own = group.triangles[group.owner == place]
+        own = group.triangles[group.owner == number]
         primitive["indices"] = document.append_triangles(own, accessors[written["POSITION"]]["count"], old)
         primitive.pop("mode", None)
         if isinstance(primitive.get("extras"), dict):
@@ -321,8 +316,8 @@ def _mixed_weights(joints: _Rows, weights: _Rows, a: _Index, b: _Index) -> tuple
     both = np.concatenate([joints[a], joints[b]], axis=1).astype(np.int64)
     shares = np.concatenate([_shares(weights[a]), _shares(weights[b])], axis=1)
     base = int(joints.max(initial=0)) + 1
-    keys, place = np.unique((np.arange(count)[:, None] * base + both).reshape(-1), return_inverse=True)
-    total = np.bincount(place.reshape(-1), shares.reshape(-1), len(keys))
+    keys, inverse = np.unique((np.arange(count)[:, None] * base + both).reshape(-1), return_inverse=True)
+    total = np.bincount(inverse.reshape(-1), shares.reshape(-1), len(keys))
     keys, total = keys[total > 0], total[total > 0]
     row, joint = keys // base, keys % base
     order = np.lexsort((joint, -total, row))

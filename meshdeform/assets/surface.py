@@ -1,9 +1,9 @@
 """Gather the triangle primitives of all instances into one world-space surface, with the data for writing it back.
 
 The surface is what viewers show: skins in the pose of the file's nodes, morph targets with their weights at rest. A
-mesh that EXT_mesh_gpu_instancing draws many times has the place of its first instance.
+mesh that EXT_mesh_gpu_instancing draws many times stands where its first instance does.
 
-`read_parts` lists what it consists of: nodes, meshes, materials, which triangles belong to each, and its rig.
+`read_pieces` lists what it consists of: nodes, meshes, materials, which triangles belong to each, and its rig.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document, read_floats, read_triangles
 from meshdeform.assets.inspect import LOOSE, TRIANGLES, Instance, instances_of
-from meshdeform.assets.placement import Floats, Placement, Placer, unit_rows
+from meshdeform.assets.placement import Floats, Placement, Placer, parents_of, unit_rows, upwards
+from meshdeform.assets.unchecked import animated, channels_of, pointer_of
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
 _MAX_NAME = 200
@@ -36,7 +37,7 @@ class Surface:
     tangents: Floats  # (N, 4) float64: unit length with a handedness of +1 or -1, or NaN where the file has none
     instance_of_vertex: NDArray[np.int64]  # (N,) int64: the mesh instance of each vertex
     stays: NDArray[np.bool_]  # (N,) bool: vertices that cannot be moved, because the map of their joints has no inverse
-    skipped: list[dict[str, Any]]  # parts that are not deformed, and why
+    skipped: list[dict[str, Any]]  # primitives that are not deformed, and why
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,15 @@ class Block:
     rest: _RestTargets | None = None
 
 
+def block_primitives(root: Json, blocks: Sequence[Block]) -> Iterator[tuple[Block, int, Json, slice]]:
+    """Yield the primitives of blocks: each one's block, number in its mesh, JSON, and triangles of the surface."""
+    start = 0
+    for block in blocks:
+        for number, count in zip(block.primitives, block.triangles, strict=True):
+            yield block, number, root["meshes"][block.mesh]["primitives"][number], slice(start, start + count)
+            start += count
+
+
 @dataclass(frozen=True)
 class LocalShape:
     """A block's new vertices in mesh space, as stored in the file."""
@@ -83,7 +93,7 @@ def read_surface(
 ) -> tuple[Surface, list[Block], list[Block]]:
     """Gather the default scene's surface, or that of other instances.
 
-    `excluded`: nodes whose meshes are no part of it. Returns the surface, its blocks, and the blocks of points and
+    `excluded`: nodes whose meshes do not belong to it. Returns the surface, its blocks, and the blocks of points and
     lines, whose `rows` are empty. Raises AssetNotFiniteError: a position is NaN or infinite. Raises AssetEmptyError:
     the scene has no triangles. Raises AssetError: an index is out of range.
     """
@@ -112,8 +122,8 @@ def _read_surface(document: Document, shown: Sequence[Instance]) -> tuple[Surfac
             block = dataclasses.replace(block, rest=_rest_targets(document, instance, block))
             count = len(block.positions)
             faces = [_faces(document, block, p, count, skipped) for p in primitives]
-            block = dataclasses.replace(block, triangles=tuple(len(part) for part in faces))
-            triangles += [start + (part[:, ::-1] if placement.mirrors else part) for part in faces]
+            block = dataclasses.replace(block, triangles=tuple(map(len, faces)))
+            triangles += [start + (each[:, ::-1] if placement.mirrors else each) for each in faces]
             blocks.append(block)
             owner.append(number)
             start += count
@@ -134,8 +144,8 @@ def _placement(
     count = document.root["accessors"][primitive["attributes"]["POSITION"]]["count"]
     placement = placer.of_vertices(instance, primitive, count)
     if placement is None:
-        place = {"node": instance.node, "mesh": instance.mesh, "primitive": number}
-        skipped.append({**place, "reason": _FLATTENED})
+        told = {"node": instance.node, "mesh": instance.mesh, "primitive": number}
+        skipped.append({**told, "reason": _FLATTENED})
     return placement
 
 
@@ -173,12 +183,12 @@ def _loose_blocks(document: Document, placer: Placer, instance: Instance, skippe
         placement = _placement(document, placer, instance, primitives[0], skipped)
         if placement is not None and np.isfinite(positions).all():
             accessors, rows = (position, None, None), slice(0, 0)
-            place = instance.node, instance.mesh, tuple(primitives), (0,) * len(primitives)
-            blocks.append(Block(*place, accessors, rows, placement, positions, None, None))
+            named = instance.node, instance.mesh, tuple(primitives), (0,) * len(primitives)
+            blocks.append(Block(*named, accessors, rows, placement, positions, None, None))
         elif placement is not None:
             reason = "points or lines whose positions are not finite"
-            place_of = {"node": instance.node, "mesh": instance.mesh, "primitive": primitives[0]}
-            skipped.append({**place_of, "reason": reason})
+            told = {"node": instance.node, "mesh": instance.mesh, "primitive": primitives[0]}
+            skipped.append({**told, "reason": reason})
     return blocks
 
 
@@ -276,7 +286,7 @@ def _join(
         placement = block.placement
         instances[block.rows] = number
         shown = shown_vertices(block)
-        positions[block.rows] = placement.places(shown[0])
+        positions[block.rows] = placement.points(shown[0])
         if placement.stays is not None:
             stays[block.rows] = placement.stays
         if shown[1] is not None:
@@ -303,8 +313,8 @@ def handedness(w: NDArray[Any], *, mirrors: bool) -> Floats:
 
 
 @dataclass(frozen=True)
-class NamedParts:
-    """The named parts of a surface."""
+class SurfacePieces:
+    """What a surface consists of: nodes, meshes, materials and joints."""
 
     nodes: list[dict[str, Any]]
     """`index` and `name` of each node with triangles in or below it. A node without a name has that of its mesh, and
@@ -333,8 +343,8 @@ class NamedParts:
         return np.asarray(self.mesh_of_triangle == mesh)
 
 
-def read_parts(document: Document, blocks: Sequence[Block]) -> NamedParts:
-    """Read the parts of the surface that `read_surface` gathered in `blocks`."""
+def read_pieces(document: Document, blocks: Sequence[Block]) -> SurfacePieces:
+    """Read what the surface that `read_surface` gathered in `blocks` consists of."""
     root = document.root
     nodes, meshes = root["nodes"], root["meshes"]
     # Materials have not been checked: nothing else reads them here.
@@ -342,15 +352,14 @@ def read_parts(document: Document, blocks: Sequence[Block]) -> NamedParts:
     children = {at: node["children"] for at, node in enumerate(nodes) if node.get("children")}
     counts = [count for block in blocks for count in block.triangles]
     owners = [block.node for block in blocks for _ in block.triangles]
-    looks = [
-        _material(meshes[block.mesh]["primitives"][primitive], len(materials))
-        for block in blocks
-        for primitive in block.primitives
-    ]
+    looks = [_material(primitive, len(materials)) for _, _, primitive, _ in block_primitives(root, blocks)]
     shown = _with_ancestors({block.node for block in blocks if sum(block.triangles)}, children)
     used = sorted({look for look, count in zip(looks, counts, strict=True) if count and look >= 0})
-    return NamedParts(
-        [{"index": at, "name": _name(nodes[at]) or _name(_mesh(nodes[at], meshes))} for at in shown],
+    return SurfacePieces(
+        [
+            {"index": at, "name": _name(nodes[at]) or ("mesh" in nodes[at] and _name(meshes[nodes[at]["mesh"]])) or ""}
+            for at in shown
+        ],
         [{"index": at, "name": _name(materials[at])} for at in used],
         [{"index": at, "name": _name(meshes[at])} for at in sorted({block.mesh for block in blocks})],
         [{"index": at, "name": _name(nodes[at])} for at in _joints(document, blocks)],
@@ -377,10 +386,6 @@ def _with_ancestors(nodes: set[int], children: dict[int, list[int]]) -> list[int
             nodes_above.add(at)
             at = parents.get(at)
     return sorted(nodes_above)
-
-
-def _mesh(node: dict[str, Any], meshes: list[dict[str, Any]]) -> dict[str, Any]:
-    return meshes[node["mesh"]] if "mesh" in node else {}
 
 
 def _material(primitive: dict[str, Any], count: int) -> int:
@@ -416,25 +421,20 @@ def read_rig(document: Document, blocks: Sequence[Block]) -> Rig:
     return Rig(len(joints), targets, len(document.root.get("animations", [])))
 
 
-def turned_parts(document: Document, blocks: Sequence[Block]) -> list[str]:
+def turned_nodes(document: Document, blocks: Sequence[Block]) -> list[str]:
     """Return the names of the nodes with blocks in or below them that animations turn or scale, joints apart."""
     nodes = document.root["nodes"]
-    parents = {child: at for at, node in enumerate(nodes) for child in node.get("children", [])}
+    parents = parents_of(nodes)
     joints = {joint for skin in document.root.get("skins", []) for joint in skin["joints"]}
     turned: set[int] = set()
-    for animation in document.root.get("animations", []):
-        channels = animation.get("channels") if isinstance(animation, dict) else None
-        for channel in channels if isinstance(channels, list) else []:
-            target = channel.get("target") if isinstance(channel, dict) else None
-            if isinstance(target, dict) and target.get("path") in ("rotation", "scale"):
-                node = target.get("node")
-                if isinstance(node, int) and node not in joints:
-                    turned.add(node)
+    for channel, _, _ in channels_of(document.root):
+        array, node, prop = animated(channel)
+        if array == "nodes" and prop in ("rotation", "scale") and node not in joints and not pointer_of(channel):
+            turned.add(node)
     results = []
     for block in blocks:
-        at: int | None = None if "skin" in nodes[block.node] else block.node
-        while at is not None and at not in turned and at not in joints:
-            at = parents.get(at)
+        way = () if "skin" in nodes[block.node] else upwards(block.node, parents)
+        at = next((at for at in way if at in turned or at in joints), None)
         if at is not None and at in turned:
             results.append(_name(nodes[at]) or f"node {at}")
     return list(dict.fromkeys(results))
@@ -444,8 +444,8 @@ def rig_accessors(document: Document, blocks: Sequence[Block]) -> Iterator[int]:
     """Yield the accessors of their morph targets and inverse bind matrices."""
     nodes = document.root["nodes"]
     for block in blocks:
-        for number in block.primitives:
-            for target in document.root["meshes"][block.mesh]["primitives"][number].get("targets", []):
+        for _, _, primitive, _ in block_primitives(document.root, [block]):
+            for target in primitive.get("targets", []):
                 yield from (target[name] for name in ("POSITION", "NORMAL", "TANGENT") if name in target)
         if "skin" in nodes[block.node]:
             skin = document.root["skins"][nodes[block.node]["skin"]]

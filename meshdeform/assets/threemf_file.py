@@ -1,16 +1,14 @@
 """Write what a scene shows as 3MF, with colours and textures.
 
 A model of XML in a ZIP. trimesh writes no colours, and lib3mf has no build for Linux on ARM; the tests read the files
-with it. Corners at one place are one vertex, as slicers need them to see a closed surface.
+with it. Corners in one position are one vertex, as slicers need them to see a closed surface.
 
 Sources: 3MF Core Specification 1.3; Materials and Properties Extension 1.2.
 """
 
 from __future__ import annotations
 
-import io
 import re
-import zipfile
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from xml.sax.saxutils import escape, quoteattr
@@ -20,11 +18,13 @@ from numpy.typing import NDArray
 
 from meshdeform import __version__
 from meshdeform.assets.appearance import moved_texcoords
-from meshdeform.assets.build import far_origin, srgb_from_linear
+from meshdeform.assets.build import far_origin
 from meshdeform.assets.frame import UNITS, FileFrame
 from meshdeform.assets.materials import TextureUse
 from meshdeform.assets.scene import MaterialTriangles, Scene
 from meshdeform.errors import AssetEmptyError
+from meshdeform.geometry.srgb import srgb_from_linear
+from meshdeform.support.files import zipped
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _MATERIAL = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
@@ -38,27 +38,22 @@ _TYPES = (
     '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>'
     '<Default Extension="png" ContentType="image/png"/><Default Extension="jpg" ContentType="image/jpeg"/></Types>'
 )
-_WRITTEN = (1980, 1, 1, 0, 0, 0)  # the first time that a ZIP can hold
 _CONTROL = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _TILES = {"repeat": "wrap", "mirror": "mirror", "clamp": "clamp"}
 _WHITE = (1.0, 1.0, 1.0)
 
 
 def write_3mf(scene: Scene, frame: FileFrame) -> tuple[bytes, int]:
-    """Write a scene as 3MF: an object for each place of a mesh. The same scene gives the same bytes.
+    """Write a scene as 3MF: an object for each instance of a mesh. The same scene gives the same bytes.
 
     Returns the file and its number of triangles. Raises AssetEmptyError: nothing is shown.
     """
     model = _Model(scene, frame)
-    for _, pieces in groupby(scene.placed(), lambda piece: piece.place):
+    for _, pieces in groupby(scene.placed(), lambda piece: piece.instance):
         model.add(list(pieces))
     if not model.triangles:
         raise AssetEmptyError("The asset has no triangles that a 3MF could hold.")
-    written = io.BytesIO()
-    with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as package:
-        for name, data in model.files().items():
-            package.writestr(zipfile.ZipInfo(name, _WRITTEN), data, zipfile.ZIP_DEFLATED)
-    return written.getvalue(), model.triangles
+    return zipped(model.files()), model.triangles
 
 
 class _Model:
@@ -75,12 +70,12 @@ class _Model:
         self.triangles = 0
 
     def add(self, pieces: list[MaterialTriangles]) -> None:
-        """Add the pieces of one place as an object."""
-        positions = self._frame.places(np.concatenate([piece.positions for piece in pieces]))
+        """Add the pieces of one instance as an object."""
+        positions = self._frame.points(np.concatenate([piece.positions for piece in pieces]))
         starts = np.cumsum([0, *(len(piece.positions) for piece in pieces)])
         origin = far_origin([positions])
         precise = positions if origin is not None else positions.astype(np.float32) + np.float32(0)  # -0.0 is 0.0
-        places, at = np.unique(precise, axis=0, return_inverse=True)
+        verts, at = np.unique(precise, axis=0, return_inverse=True)
         lines: list[str] = []
         for piece, start in zip(pieces, starts, strict=False):
             corners = at.reshape(-1)[start + piece.triangles]
@@ -92,10 +87,10 @@ class _Model:
             return
         digits = "%.9g" if origin is None else "%.15g"
         vertex = f'<vertex x="{digits}" y="{digits}" z="{digits}"/>\n'
-        vertices = (vertex * len(places)) % tuple(places.astype(np.float64).reshape(-1).tolist())
+        vertices = (vertex * len(verts)) % tuple(verts.astype(np.float64).reshape(-1).tolist())
         number = self._number()
         self._objects.append(number)
-        name = quoteattr(_CONTROL.sub("", pieces[0].name) or f"node{pieces[0].place[0]}")
+        name = quoteattr(_CONTROL.sub("", pieces[0].name) or f"node{pieces[0].instance[0]}")
         mesh = ["<mesh><vertices>\n", vertices, "</vertices><triangles>\n", *lines, "</triangles></mesh>"]
         self._resources.append(f'<object id="{number}" type="model" name={name}>{"".join(mesh)}</object>\n')
 
@@ -153,9 +148,9 @@ class _Model:
             self._resources.append(f'<m:texture2d id="{number}" path="/{path}" contenttype="{media}" {style}/>\n')
         return self._textures[key]
 
-    def _coordinates(self, texture: int, places: NDArray[np.float64]) -> tuple[int, NDArray[np.int64]]:
+    def _coordinates(self, texture: int, texcoords: NDArray[np.float64]) -> tuple[int, NDArray[np.int64]]:
         number = self._number()
-        u, v = places.T
+        u, v = texcoords.T
         rows = np.stack([u, 1.0 - v], axis=1)
         entries = ('<m:tex2coord u="%.9g" v="%.9g"/>' * len(rows)) % tuple(rows.reshape(-1).tolist())
         self._resources.append(f'<m:texture2dgroup id="{number}" texid="{texture}">{entries}</m:texture2dgroup>\n')

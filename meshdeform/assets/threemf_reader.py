@@ -42,7 +42,7 @@ class _Object:
     verts: list[float] = field(default_factory=list)
     faces: list[int] = field(default_factory=list)
     looks: list[tuple[str, str, str, str]] = field(default_factory=list)  # group and entry of each corner, by triangle
-    parts: list[tuple[_Key, _Floats]] = field(default_factory=list)
+    components: list[tuple[_Key, _Floats]] = field(default_factory=list)
 
 
 @dataclass
@@ -57,14 +57,14 @@ class _Model:
 
 
 def read_3mf(archive: Archive, limits: Limits) -> tuple[list[Primitive], tuple[str, ...], float]:
-    """Read what a 3MF builds: a primitive for each mesh in each place, sentences about it, and metres of its unit."""
+    """Read what a 3MF builds: a primitive for each mesh of each item, sentences about it, and metres of its unit."""
     model, paths = _Model(), [archive.main]
     for path in paths:  # grows while it is read
         data = archive.files.get(path)
         if data is None:
             raise AssetTruncatedError(f"The 3MF has no file {path[:100]!r}, which it names.")
         _Reader(model, path, limits).read(data)
-        named = [key for each in model.objects.values() for key, _ in each.parts] + [key for key, _ in model.build]
+        named = [key for each in model.objects.values() for key, _ in each.components] + [key for key, _ in model.build]
         paths += [other for other in dict.fromkeys(other for other, _ in named) if other not in paths]
     _check_counts(model, limits)
     primitives = [
@@ -93,8 +93,8 @@ class _Reader:
             "object": self._on_object,
             "vertex": self._on_vertex,
             "triangle": self._on_triangle,
-            "component": lambda given: self._object.parts.append(self._place(given)),
-            "item": lambda given: self._model.build.append(self._place(given)),
+            "component": lambda given: self._object.components.append(self._component(given)),
+            "item": lambda given: self._model.build.append(self._component(given)),
             "base": lambda given: self._group.append((given.get("name", ""), _color(given.get("displaycolor", "")))),
             "color": lambda given: self._group.append(("", _color(given.get("color", "")))),
             **dict.fromkeys(_MATERIALS, self._on_group),
@@ -148,7 +148,7 @@ class _Reader:
         if len(self._object.faces) > 3 * self._limits.max_triangles:
             raise _too_many(self._limits)
 
-    def _place(self, given: dict[str, str]) -> tuple[_Key, _Floats]:
+    def _component(self, given: dict[str, str]) -> tuple[_Key, _Floats]:
         path = next((value for key, value in given.items() if key.rpartition(":")[2] == "path"), "")
         path = posixpath.normpath(path.lstrip("/")) if path else self._path
         numbers = np.array([float(word) for word in given.get("transform", "1 0 0 0 1 0 0 0 1 0 0 0").split()])
@@ -177,10 +177,10 @@ def _check_counts(model: _Model, limits: Limits) -> None:
             return known
         counts[key] = None
         each = model.objects[key]
-        below = [count(part, depth + 1) for part, _ in each.parts]
-        triangles = len(each.faces) // 3 + sum(part[0] for part in below)
-        counts[key] = triangles, 1 + sum(part[1] for part in below)
-        return triangles, 1 + sum(part[1] for part in below)
+        below = [count(component, depth + 1) for component, _ in each.components]
+        triangles = len(each.faces) // 3 + sum(triangles for triangles, _ in below)
+        counts[key] = triangles, 1 + sum(objects for _, objects in below)
+        return triangles, 1 + sum(objects for _, objects in below)
 
     try:
         totals = [count(key) for key, _ in model.build]
@@ -198,8 +198,8 @@ def _placed(model: _Model, key: _Key, matrix: _Floats) -> Iterator[tuple[_Key, _
     while stack:
         at, above = stack.pop()
         yield at, above
-        for part, own in reversed(model.objects[at].parts):
-            stack.append((part, np.concatenate([own[:3] @ above[:3], own[3:] @ above[:3] + above[3:]])))
+        for component, own in reversed(model.objects[at].components):
+            stack.append((component, np.concatenate([own[:3] @ above[:3], own[3:] @ above[:3] + above[3:]])))
 
 
 def _primitive(model: _Model, key: _Key, matrix: _Floats) -> Primitive:

@@ -20,13 +20,16 @@ import numpy as np
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.placement import Floats, Matrix, is_invertible
 from meshdeform.assets.references import Collider, colliders, own_shape
-from meshdeform.assets.rig import NodeMove, RigMotion, carried
+from meshdeform.assets.rig import NodeMove, RigMotion, fitted_move
+from meshdeform.assets.unchecked import is_index, member_of, objects_in
 
 __all__ = ["Volumes"]
 
 _MOST = 256
-"""How many places are compared with the surface; others stay."""
+"""How many points are compared with the surface; others stay."""
 _ROUND = ("radius", "radiusTop", "radiusBottom")
+_UNITY = np.array([1.0, 1.0, -1.0])
+"""Signs of the axes of Unity in those of glTF."""
 
 
 @dataclass
@@ -48,18 +51,17 @@ class Volumes:
         for collider in list(colliders(self.root)):
             if collider.node < len(self.worlds) and collider.shape is not None:
                 self._follow_shape(collider)
-        extensions = _dict(self.root.get("extensions"))
-        self._avatar_of_zero(_dict(extensions.get("VRM")))
-        self._avatar(_dict(extensions.get("VRMC_vrm")))
-        self._springs(_dict(extensions.get("VRMC_springBone")))
+        self._avatar_of_zero(member_of(self.root, "extensions", "VRM"))
+        self._avatar(member_of(self.root, "extensions", "VRMC_vrm"))
+        self._springs(member_of(self.root, "extensions", "VRMC_springBone"))
 
-    def _move(self, place: Floats) -> NodeMove:
-        key = place.tobytes()
+    def _move(self, point: Floats) -> NodeMove:
+        key = point.tobytes()
         if key not in self._known:
-            still = NodeMove(place, np.zeros(3), 1.0)
+            still = NodeMove(point, np.zeros(3), 1.0)
             full = len(self._known) >= _MOST
             weights = np.ones(len(self.rows))
-            self._known[key] = still if full else carried(place, self.rows, weights, self.motion, power=2)
+            self._known[key] = still if full else fitted_move(point, self.rows, weights, self.motion, power=2)
         return self._known[key]
 
     def _follow_shape(self, collider: Collider) -> None:
@@ -79,18 +81,18 @@ class Volumes:
         """Give what collides at a node a node of its own below it."""
         nodes = self.root["nodes"]
         node, body = nodes[collider.node], nodes[collider.node]["extensions"][collider.name]
-        part = {collider.part: body.pop(collider.part)}
+        moved = {collider.role: body.pop(collider.role)}
         if not body:
             del node["extensions"][collider.name]
-        name = f"{node.get('name', 'node')}_{collider.part}"
-        place = [float(value) for value in translation]
-        nodes.append({"name": name, "translation": place, "extensions": {collider.name: part}})
+        name = f"{node.get('name', 'node')}_{collider.role}"
+        described = {"name": name, "translation": translation.tolist(), "extensions": {collider.name: moved}}
+        nodes.append(described)
         node.setdefault("children", []).append(len(nodes) - 1)
 
     def _offset(self, node: Any, holder: Json, key: str, *, of_unity: bool = False) -> None:
         """Move an offset from a node, and let the radius beside it grow."""
         offset = (_of_unity if of_unity else _of_list)(holder.get(key))
-        if not isinstance(node, int) or not 0 <= node < len(self.worlds) or offset is None:
+        if not is_index(node, len(self.worlds)) or offset is None:
             return
         world = self.worlds[node]
         if not is_invertible(world):
@@ -99,41 +101,41 @@ class Volumes:
         changed = move.shift - self.shifts[node]
         if np.abs(changed).max() > 0.0:
             new = offset + np.linalg.solve(world[:3, :3], changed)
-            holder[key] = _to_unity(new) if of_unity else _to_list(new)
+            holder[key] = dict(zip("xyz", (new * _UNITY).tolist(), strict=True)) if of_unity else new.tolist()
         if _is_number(holder.get("radius")) and key == "offset":
             holder["radius"] = holder["radius"] * move.growth
 
     def _radius(self, nodes: Any, holder: Json) -> None:
         """Let the radius of a spring's joints grow as the volume around the first one does."""
-        node = next((each for each in nodes if isinstance(each, int) and 0 <= each < len(self.worlds)), None)
+        node = next((each for each in nodes if is_index(each, len(self.worlds))), None)
         if node is not None and _is_number(holder.get("hitRadius")):
             holder["hitRadius"] = holder["hitRadius"] * self._move(self.worlds[node][:3, 3]).growth
 
     def _avatar_of_zero(self, body: Json) -> None:
-        first = _dict(body.get("firstPerson"))
+        first = member_of(body, "firstPerson")
         bone = first.get("firstPersonBone")
-        bones = _dicts(_dict(body.get("humanoid")).get("humanBones"))
+        bones = objects_in(member_of(body, "humanoid").get("humanBones"))
         head = next((each.get("node") for each in bones if each.get("bone") == "head"), None)
         known = isinstance(bone, int) and bone >= 0
         self._offset(bone if known else head, first, "firstPersonBoneOffset", of_unity=True)
-        springs = _dict(body.get("secondaryAnimation"))
-        for group in _dicts(springs.get("colliderGroups")):
-            for collider in _dicts(group.get("colliders")):
+        springs = member_of(body, "secondaryAnimation")
+        for group in objects_in(springs.get("colliderGroups")):
+            for collider in objects_in(group.get("colliders")):
                 self._offset(group.get("node"), collider, "offset", of_unity=True)
-        for group in _dicts(springs.get("boneGroups")):
+        for group in objects_in(springs.get("boneGroups")):
             self._radius(group["bones"] if isinstance(group.get("bones"), list) else [], group)
 
     def _avatar(self, body: Json) -> None:
-        head = _dict(_dict(_dict(body.get("humanoid")).get("humanBones")).get("head")).get("node")
-        self._offset(head, _dict(body.get("lookAt")), "offsetFromHeadBone")
+        head = member_of(body, "humanoid", "humanBones", "head").get("node")
+        self._offset(head, member_of(body, "lookAt"), "offsetFromHeadBone")
 
     def _springs(self, body: Json) -> None:
-        for collider in _dicts(body.get("colliders")):
+        for collider in objects_in(body.get("colliders")):
             for holder in _shapes(collider):
                 self._offset(collider.get("node"), holder, "tail")
                 self._offset(collider.get("node"), holder, "offset")
-        for spring in _dicts(body.get("springs")):
-            for joint in _dicts(spring.get("joints")):
+        for spring in objects_in(body.get("springs")):
+            for joint in objects_in(spring.get("joints")):
                 self._radius([joint.get("node")], joint)
 
 
@@ -154,8 +156,8 @@ def _grow(shape: Json, stretch: Floats) -> None:
 
 def _shapes(collider: Mapping[str, Any]) -> Iterator[Json]:
     """Yield the shapes of a collider of VRMC_springBone, those of its extension included."""
-    extended = _dict(_dict(collider.get("extensions")).get("VRMC_springBone_extended_collider"))
-    for shape in (_dict(collider.get("shape")), _dict(extended.get("shape"))):
+    extended = member_of(collider, "extensions", "VRMC_springBone_extended_collider")
+    for shape in (member_of(collider, "shape"), member_of(extended, "shape")):
         yield from (each for each in shape.values() if isinstance(each, dict))
 
 
@@ -164,26 +166,10 @@ def _of_list(value: Any) -> Floats | None:
     return np.array(value, np.float64) if good else None
 
 
-def _to_list(offset: Floats) -> list[float]:
-    return [float(value) for value in offset]
-
-
 def _of_unity(value: Any) -> Floats | None:
     numbers = [value.get(axis, 0.0) for axis in "xyz"] if isinstance(value, dict) else []
-    return np.array(numbers, np.float64) * [1.0, 1.0, -1.0] if numbers and all(map(_is_number, numbers)) else None
-
-
-def _to_unity(offset: Floats) -> dict[str, float]:
-    return dict(zip("xyz", _to_list(offset * [1.0, 1.0, -1.0]), strict=True))
+    return np.array(numbers, np.float64) * _UNITY if numbers and all(map(_is_number, numbers)) else None
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e30
-
-
-def _dict(value: Any) -> Json:
-    return value if isinstance(value, dict) else {}
-
-
-def _dicts(value: Any) -> list[Json]:
-    return [each for each in value if isinstance(each, dict)] if isinstance(value, list) else []

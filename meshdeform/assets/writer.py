@@ -1,7 +1,7 @@
 """Write a new shape into a document, giving each deformed primitive new accessors in its mesh's space.
 
 Points and lines are carried along: they have no faces to deform, but belong to the object. Each of their vertices moves
-like the nearest vertices of triangles (`meshdeform.geometry.coincidence`). Data URIs move into the binary chunk, where
+like the nearest vertices of triangles (`geometry/interpolation.py`). Data URIs move into the binary chunk, where
 viewers expect them: as base64 text they cost a third more bytes, and validators warn about it.
 
 The morph targets that a mesh has are carried along with its surface: a smile stays a smile on a fat face. With J the
@@ -208,8 +208,8 @@ def _write_bounds(document: Document, shape: ShapeChange) -> None:
     for scene in document.root.get("scenes", []):
         stated = scene.get("extensions", {}).get("FB_geometry_metadata")
         if isinstance(stated, dict) and "sceneBounds" in stated:
-            places = shape.positions[np.unique(shape.surface.triangles)]
-            stated["sceneBounds"] = {"min": places.min(0).tolist(), "max": places.max(0).tolist()}
+            points = shape.positions[np.unique(shape.surface.triangles)]
+            stated["sceneBounds"] = {"min": points.min(0).tolist(), "max": points.max(0).tolist()}
 
 
 def _uniform_scale(shape: ShapeChange) -> float | None:
@@ -287,7 +287,7 @@ def _finished(document: Document, finish: Finish, replaced: list[tuple[int, int]
 
 
 def _record(document: Document, provenance: Mapping[str, Any]) -> None:
-    """Store the provenance in `asset.extras`; extras that are not an object have no place for it and stay."""
+    """Store the provenance in `asset.extras`; extras that are not an object cannot hold it and stay."""
     extras = document.root["asset"].setdefault("extras", {})
     if isinstance(extras, dict):
         extras["meshdeform"] = clone(dict(provenance))
@@ -314,10 +314,9 @@ def _own_meshes(document: Document, blocks: list[Block]) -> dict[tuple[int, int]
         for number, node in enumerate(users):
             owners[node, mesh] = mesh
             if number or others:
-                meshes.append(clone(meshes[mesh]))
-                owners[node, mesh] = len(meshes) - 1
+                owners[node, mesh] = document.add("meshes", clone(meshes[mesh]))
                 if nodes[node].get("mesh") == mesh:
-                    nodes[node]["mesh"] = len(meshes) - 1
+                    nodes[node]["mesh"] = owners[node, mesh]
     return owners
 
 
@@ -350,10 +349,10 @@ def carried_positions(
     """
     if not blocks:
         return []
-    from meshdeform.geometry.coincidence import interpolate
+    from meshdeform.geometry.interpolation import interpolate
 
     used = np.unique(surface.triangles)
-    world = [block.placement.places(block.positions.astype(np.float64)) for block in blocks]
+    world = [block.placement.points(block.positions.astype(np.float64)) for block in blocks]
     ends = np.cumsum([len(positions) for positions in world])[:-1]
     moves = np.split(interpolate(surface.positions[used], moved[used], np.concatenate(world)), ends)
     return [
@@ -424,7 +423,7 @@ def carry_targets(
                     before = read_floats(document, old)
                     if len(before) != len(maps) or before.shape[1] != 3:
                         continue
-                    after = _position(before, maps)
+                    after = np.einsum("vij,vj->vi", maps, before.astype(np.float64))
                     if name != "POSITION":
                         after = _direction(name, before, maps, *bases[name])
                     with np.errstate(over="ignore"):
@@ -435,10 +434,6 @@ def carry_targets(
                     copies[name, old] = document.append_accessor(values, like=like, bounds=name == "POSITION")
                 target[name] = copies[name, old]
     return [(old, new) for (_, old), new in copies.items()]
-
-
-def _position(before: NDArray[np.float32], maps: Floats) -> Floats:
-    return np.asarray(np.einsum("vij,vj->vi", maps, before.astype(np.float64)))
 
 
 def _direction(

@@ -16,8 +16,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from meshdeform.children.protocol import OUT_OF_MEMORY, SAID, Bounds, found_in
-from meshdeform.children.tasks import place_of
+from meshdeform.children.protocol import ANSWERS, OUT_OF_MEMORY, Bounds, found_in
+from meshdeform.children.tasks import entry_point
 from meshdeform.errors import UnavailableError
 
 __all__ = ["ChildLostError", "ended_with", "run_child", "start_child"]
@@ -109,24 +109,19 @@ def run_child(task: str, given: Mapping[str, Any], bounds: Bounds, *, temporary:
         said = json.loads(answer)
     except ValueError:
         said = None
-    if not isinstance(said, dict) or said.keys() not in SAID:
+    if not isinstance(said, dict) or said.keys() not in ANSWERS:
         raise ChildLostError(child.returncode)
     return found_in(said)
 
 
 def start_child(
-    task: str,
-    given: Mapping[str, Any],
-    bounds: Bounds,
-    *,
-    passed: Sequence[int] = (),
-    temporary: Path | None = None,
+    task: str, given: Mapping[str, Any], bounds: Bounds, *, passed: Sequence[int] = (), temporary: Path | None = None
 ) -> subprocess.Popen[bytes]:
     """Start a task, as `run_child` does, and do not wait for it; `passed`: file descriptors that it gets."""
     root = Path(__file__).resolve().parents[2]
     # -P leaves the current folder out of the module path. The task's name is for whoever lists processes.
     command = [sys.executable, "-P", "-c", _PROGRAM, str(root), task]
-    asked = {"task": place_of(task), "given": given, "bounds": asdict(bounds)}
+    asked = {"task": entry_point(task), "given": given, "bounds": asdict(bounds)}
     try:
         # Not a pipe, which holds little: the rest would have to be written while the child starts.
         with tempfile.TemporaryFile(dir=temporary) as file:

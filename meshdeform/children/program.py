@@ -10,7 +10,7 @@ import sys
 from contextlib import suppress
 
 from meshdeform.children.protocol import OUT_OF_MEMORY, Bounds, answer_of
-from meshdeform.children.tasks import task
+from meshdeform.children.tasks import loaded
 
 __all__ = ["main"]
 
@@ -23,7 +23,7 @@ def main() -> int:
     asked = json.loads(sys.stdin.buffer.read())
     Bounds(**asked["bounds"]).apply()
     try:
-        answer = json.dumps(answer_of(lambda: task(asked["task"])(asked["given"])))
+        answer = json.dumps(answer_of(lambda: loaded(asked["task"])(asked["given"])))
     except MemoryError:
         return OUT_OF_MEMORY
     if sys.platform == "linux":

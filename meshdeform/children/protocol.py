@@ -17,12 +17,12 @@ from meshdeform.errors import (
     UnavailableError,
 )
 
-__all__ = ["OUT_OF_MEMORY", "SAID", "Bounds", "StoppedError", "answer_of", "bound_memory", "found_in"]
+__all__ = ["ANSWERS", "OUT_OF_MEMORY", "Bounds", "StoppedError", "answer_of", "bound_memory", "found_in"]
 
 OUT_OF_MEMORY = 71
 """The status of a child that ends as it may not have more memory."""
-SAID = ({"found"}, {"error"}, {"stopped"})
-"""The members of an answer."""
+ANSWERS = ({"found"}, {"error"}, {"stopped"})
+"""The members that an answer has: one of these."""
 
 
 class StoppedError(Exception):

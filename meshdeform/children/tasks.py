@@ -12,7 +12,7 @@ from typing import Any
 
 from meshdeform.requests.kind_folders import merged
 
-__all__ = ["TASKS", "place_of", "task"]
+__all__ = ["TASKS", "entry_point", "loaded"]
 
 TASKS = {
     "copies": "meshdeform.children.warm:make_copies",
@@ -24,14 +24,14 @@ TASKS = {
 }
 
 
-def place_of(name: str) -> str:
-    """Return the place of a task, `module:function`."""
-    place: str = TASKS[name] if name in TASKS else merged("child_tasks", "TASKS")[name]
-    return place
+def entry_point(task: str) -> str:
+    """Return the entry point of a task, `module:function`."""
+    found: str = TASKS[task] if task in TASKS else merged("child_tasks", "TASKS")[task]
+    return found
 
 
-def task(place: str) -> Callable[..., Any]:
-    """Return the function at a place, as `place_of` has it; `ModuleNotFoundError`: a package of it is missing."""
-    module, _, name = place.partition(":")
+def loaded(entry: str) -> Callable[..., Any]:
+    """Return the function of an entry point; `ModuleNotFoundError`: a package that it needs is missing."""
+    module, _, name = entry.partition(":")
     function: Callable[..., Any] = getattr(import_module(module), name)
     return function

@@ -24,7 +24,7 @@ from typing import Any
 
 from meshdeform.children.asking import ChildLostError, start_child
 from meshdeform.children.protocol import Bounds, StoppedError, answer_of, found_in
-from meshdeform.children.tasks import place_of, task
+from meshdeform.children.tasks import entry_point, loaded
 from meshdeform.errors import DependencyError, MeshdeformError, UnavailableError
 
 __all__ = ["Asked", "WarmProcesses"]
@@ -236,7 +236,7 @@ class WarmProcesses:
             self._end_first()
             ours, theirs = socket.socketpair()
             with theirs:
-                given = {"task": place_of(self.name), "channel": theirs.fileno()}
+                given = {"task": entry_point(self.name), "channel": theirs.fileno()}
                 self._first = start_child("copies", given, _BOUNDS, passed=[theirs.fileno()])
             self._channel, self._used_at = ours, time.monotonic()
         return self._channel
@@ -257,7 +257,7 @@ def make_copies(given: dict[str, Any]) -> None:
     os.nice(_NICE)
     channel = socket.socket(fileno=given["channel"])
     try:
-        answer = task(given["task"])
+        answer = loaded(given["task"])
     except ModuleNotFoundError as error:
         answer = _refusal(DependencyError(f"{error.name} is not installed."))
     gc.freeze()  # so that collections in copies leave the pages shared

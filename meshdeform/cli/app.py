@@ -30,7 +30,8 @@ from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
 from meshdeform.requests.kind_folders import brought, merged
-from meshdeform.support.threads import limit_waiting, quick_end
+from meshdeform.support.memory import quick_end
+from meshdeform.support.threads import limit_waiting
 
 # From the click that typer uses, which may be a copy of its own.
 _UsageError: type[Exception] = typer.BadParameter.__base__ or Exception

@@ -26,7 +26,7 @@ from meshdeform.cli.environment import load_settings
 from meshdeform.cli.exits import ExitCode, OutcomeError
 from meshdeform.cli.output import ProgressView, show_progress
 from meshdeform.errors import ParameterError, UnavailableError, VocabularyError
-from meshdeform.support.threads import collection_paused
+from meshdeform.support.memory import collection_paused
 
 if TYPE_CHECKING:
     from meshdeform.assets import Asset, Limits

@@ -27,7 +27,7 @@ from scipy import sparse
 
 from meshdeform.deformation.poisson import jacobians_from_verts
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_cross, face_normals
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 
 _FACES_PER_ROUND = 8
 """Faces per simplified face for each round of averaging. Fewer leave kinks, more blur the deformation."""
@@ -43,7 +43,7 @@ class Binding:
 
     def __init__(self, simple: RestMesh, whole: RestMesh, *, closely: bool = False) -> None:
         self._simple, self._points = simple, whole.verts
-        self._places = NearestPlaces(simple, self._points, corner_normals(whole))
+        self._places = NearestPoints(simple, self._points, corner_normals(whole))
         self._average = _average_around(whole)
         ratio = whole.faces.shape[0] / simple.faces.shape[0]
         self._rounds = min(max(math.ceil(ratio / _FACES_PER_ROUND), _ROUNDS[0]), _ROUNDS[1])

@@ -36,7 +36,7 @@ from scipy.spatial import cKDTree
 from meshdeform.deformation.binding import corner_normals
 from meshdeform.deformation.settings import Rigidity
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 
 _JOIN_EDGES = 2.0
 """Edges of a stand-in over which the whole mesh joins what is kept exactly: the stand-in has joined it already."""
@@ -97,7 +97,7 @@ class Constraints:
         """Return the constraints of a simplified mesh; handles need the whole mesh."""
         freedom, mirror = self.freedom, self.mirror
         if freedom is not None:
-            nearest = NearestPlaces(whole, simple.verts, corner_normals(simple))
+            nearest = NearestPoints(whole, simple.verts, corner_normals(simple))
             freedom = nearest.blend(freedom[:, None])[:, 0]
         if mirror is not None:
             along = whole.verts[:, mirror.axis]
@@ -210,7 +210,7 @@ class Mirror:
         points, normals = mesh.verts.copy(), corner_normals(mesh)
         points[:, axis] = 2 * plane - points[:, axis]
         normals[:, axis] *= -1
-        nearest = NearestPlaces(mesh, points, normals)
+        nearest = NearestPoints(mesh, points, normals)
         count = len(points)
         rows = 3 * np.arange(count + 1)
         values, columns = nearest.weights.ravel(), nearest.corners.ravel()

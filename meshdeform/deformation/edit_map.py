@@ -22,7 +22,7 @@ from meshdeform.deformation.binding import Binding
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.shapes import simplified
 
 _FORMAT = "meshdeform-edit-map"
@@ -112,7 +112,7 @@ class EditMap:
 
     def _moved_rigidly(self, points: _Floats) -> _Floats:
         """Return points that move as the mesh does nearest to them, without a change of their distances."""
-        nearest_points = NearestPlaces(self.rest, points, np.zeros_like(points))
+        nearest_points = NearestPoints(self.rest, points, np.zeros_like(points))
         nearest = int(nearest_points.distances(points).argmin())
         around = self.rest.verts - nearest_points.blend(self.rest.verts)[nearest]
         near = np.argsort((around**2).sum(1))[: max(12, len(around) // 50)]

@@ -63,8 +63,9 @@ from meshdeform.deformation.structure import Structure
 from meshdeform.deformation.variables import Elements, IntegratedJacobians
 from meshdeform.errors import NumericalError, ParameterError
 from meshdeform.geometry.kernels import kernel
+from meshdeform.geometry.large_faces import LargeFaces, nearest_larger_faces
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import LargeFaces, count_samples, nearest_larger_faces, sample_blocks
+from meshdeform.geometry.surface_samples import count_samples, sample_blocks
 from meshdeform.geometry.tensors import sparse_product, verts_of
 
 CELLS = 24

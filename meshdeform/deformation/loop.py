@@ -43,11 +43,11 @@ from meshdeform.deformation.variables import Adam, Variables, copy_into
 from meshdeform.errors import CheckpointError, NumericalError
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.tensors import arrays_of, faces_of, tensors_of
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Framing
-from meshdeform.rendering.shading import OrthogonalGrid, Renderer, Shading
+from meshdeform.rendering.shading import Renderer, Shading, combine_views, sample_orthogonal_cameras
 
 _PULLS = "pulls"
 _REACHED = 1e-8
@@ -137,13 +137,13 @@ class Deformation:
         self._shape = guidance if isinstance(guidance, ShapeGuidance) else None
         if self._shape is not None:
             self._shape.begin(shown)
-        bounds = CameraRange(params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg)
-        self._views = OrthogonalGrid(bounds, guidance.style)
+        self._camera_range = CameraRange(
+            params.elevation_min_deg, params.elevation_max_deg, params.fov_min_deg, params.fov_max_deg
+        )
         self._framing = Framing(params.framing, params.framing_max)
         self._rest_extent = float(np.abs(shown.verts).max())
-        coloured = self._views.style.shading in ("textured", "mixed")
-        worn = self._stand_in.wear(appearance) if coloured else None
-        self._renderer = Renderer(faces_of(shown), len(shown.verts), self._views.style, device, appearance=worn)
+        worn = self._stand_in.wear(appearance) if guidance.style.shading in ("textured", "mixed") else None
+        self._renderer = Renderer(faces_of(shown), len(shown.verts), guidance.style, device, appearance=worn)
         begun = None if initial is None else tensors_of(initial)
         if checkpoint is not None:
             self._decided = Decided.stored(checkpoint.tensors)
@@ -296,10 +296,10 @@ class Deformation:
         control_points = self._variables.solve()
         verts = self._variables.verts(control_points)
         radius = self._framing.fitting_radius(self._rest_extent, float(verts.detach().abs().max()))
-        cameras = self._views.sample(self._generator, radius, self.orientation.turn_deg)
+        cameras = sample_orthogonal_cameras(self._camera_range, self._generator, radius, self.orientation.turn_deg)
         scene = self._renderer.sample_scene(len(cameras.azimuths_deg), self._generator)
         shading = self._renderer.sample_shading(self._generator)
-        image = self._views.arrange(self._renderer.render(verts.to(self._device), cameras, scene, shading))
+        image = combine_views(self._renderer.render(verts.to(self._device), cameras, scene, shading))
         context = StepContext(self.step, p.steps, cameras, self._generator)
         guidance, regional, logs = self._guided(image, verts, context)
         if self._shape is not None:
@@ -434,9 +434,9 @@ def _nearest_faces(mesh: RestMesh, variables: Variables) -> NDArray[np.int64] | 
     if isinstance(variables, LatticeField):
         lattice = variables.lattice
         middles = lattice.origin + (lattice.cells + 0.5) * lattice.spacing
-        return NearestPlaces(mesh, middles, np.zeros_like(middles)).faces
+        return NearestPoints(mesh, middles, np.zeros_like(middles)).faces
     shown = variables.rest
     if shown.faces.shape == mesh.faces.shape:
         return None
     middles = shown.verts[shown.faces].mean(1)
-    return NearestPlaces(mesh, middles, shown.normals).faces
+    return NearestPoints(mesh, middles, shown.normals).faces

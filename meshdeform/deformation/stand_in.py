@@ -31,7 +31,7 @@ from meshdeform.deformation.variables import JacobianField, Variables, placed
 from meshdeform.errors import CheckpointError
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.shapes import simplified
 
 MAX_FACES = 12_000
@@ -177,6 +177,6 @@ def _represents(simple: RestMesh, whole: RestMesh) -> bool:
         return False
     chosen = np.linspace(0, whole.faces.shape[0] - 1, _PROBES).astype(int)
     probes = whole.verts[whole.faces[chosen]].mean(1)
-    distances = NearestPlaces(simple, probes, whole.normals[chosen]).distances(probes)
+    distances = NearestPoints(simple, probes, whole.normals[chosen]).distances(probes)
     diagonal = float(np.linalg.norm(np.ptp(whole.verts, axis=0)))
     return bool((distances > _NEAR * diagonal).mean() <= _LOST)

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.places import NearestPlaces, even_samples
+from meshdeform.geometry.nearest_points import NearestPoints
+from meshdeform.geometry.surface_samples import even_samples
 
 _Floats = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def mirror_planes(mesh: RestMesh) -> tuple[int, ...]:
     """Return the axes, of 0 and 2, to which the upright mirror planes of a surface are perpendicular."""
     low, high = mesh.box
     matched, diagonal, axes = {}, float(np.linalg.norm(high - low)), (0, 2)
-    for axis, (mirrored, nearest) in zip(axes, NearestPlaces.of_mirrored(mesh, _points_on(mesh), axes), strict=True):
+    for axis, (mirrored, nearest) in zip(axes, NearestPoints.of_mirrored(mesh, _points_on(mesh), axes), strict=True):
         distances = nearest.distances(mirrored) / diagonal
         close = float((distances < NEAR).mean())
         if close >= _MATCHED or (distances < _NOT_FAR).mean() >= _NEARLY_ALL:

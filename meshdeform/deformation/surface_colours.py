@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.places import NearestPlaces, tree_of
+from meshdeform.geometry.nearest_points import NearestPoints, tree_of
+from meshdeform.geometry.srgb import srgb_from_linear
 from meshdeform.geometry.weld import WeldedMesh
-from meshdeform.rendering.base_colours import BaseColours, srgb_from_linear
+from meshdeform.rendering.base_colours import BaseColours
 
 _DETAIL = 1 / 200
 """Length of a texel as a share of the diagonal: about a pixel of a view."""
@@ -74,7 +75,7 @@ def baked_appearance(
         along = np.stack([column, row], 1) / (sides[face] - 1)[:, None]
         a, b, c = corners[face].transpose(1, 0, 2)
         points = a + along[:, :1] * (b - a) + along[:, 1:] * (c - a) if curved is None else curved(face, along)
-        nearest = NearestPlaces(whole, points, simple.normals[face], tree=tree)
+        nearest = NearestPoints(whole, points, simple.normals[face], tree=tree)
         found = _looked_up(colours, whole, nearest, 2 * simple.areas[face] / (sides[face] - 1) ** 2)
         pixels[starts[face, 1] + row, starts[face, 0] + column] = found
     last = sides - 1
@@ -126,7 +127,7 @@ def _packed(sides: _Index) -> tuple[_Index, int, int]:
     return starts, width, top
 
 
-def _looked_up(colours: BaseColours, whole: RestMesh, nearest: NearestPlaces, sizes: _Floats) -> NDArray[np.uint8]:
+def _looked_up(colours: BaseColours, whole: RestMesh, nearest: NearestPoints, sizes: _Floats) -> NDArray[np.uint8]:
     """Return sRGB and opacity (P, 4) of points on the whole mesh, for texels of areas (P,)."""
     values = (colours.values[:, colours.faces[nearest.faces]] * nearest.weights.astype(np.float32)).sum(-1)
     density = colours.texel_areas()[nearest.faces] / np.maximum(whole.areas[nearest.faces], 1e-300)

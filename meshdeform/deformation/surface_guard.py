@@ -47,7 +47,7 @@ from meshdeform.deformation.variables import Adam, Elements, Variables, placed
 from meshdeform.geometry.folds import FaceNeighbours
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, touching_pairs
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import count_samples, samples_of
+from meshdeform.geometry.surface_samples import count_samples, samples_of
 
 _BLEND_RINGS = (2, 3)
 _HOLD_RINGS = (1, 2, 3, 4, 6, 8, 12, 16, 32)

@@ -31,7 +31,7 @@ from meshdeform.exemplar.smooth_fit import in_ratio
 from meshdeform.exemplar.surface_fit import laplacian_of, nodes_of
 from meshdeform.geometry.folds import area_vectors
 from meshdeform.geometry.mesh import edges_of
-from meshdeform.geometry.places import SurfaceTree, blend_matrix
+from meshdeform.geometry.nearest_points import SurfaceTree, blend_matrix
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.samples import spread
 from meshdeform.support.giving_way import give_way

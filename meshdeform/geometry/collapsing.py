@@ -26,7 +26,7 @@ def collapsed(verts: _Floats, faces: _Index, count: int) -> tuple[_Floats, _Inde
     """Return a mesh of about `count` faces with the shape of a larger one (V, 3), (F, 3), without unused vertices.
 
     It has more faces where they cannot be collapsed, and none if all were. Borders may move. Where very many faces meet
-    at one vertex, as where copies lie in one place, the mesh is returned as it is.
+    at one vertex, as where copies lie in one position, the mesh is returned as it is.
     """
     around = np.bincount(faces.ravel())
     if float((around.astype(np.float64) ** 2).sum()) > _MOST_AROUND * len(faces):

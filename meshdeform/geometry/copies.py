@@ -1,4 +1,4 @@
-"""Find copies: a file may have thousands of one thing in one place, and whoever looks at all of them waits for ever."""
+"""Find copies: a file may have thousands of one thing in one position, and to look at all of them takes for ever."""
 
 from __future__ import annotations
 

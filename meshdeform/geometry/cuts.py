@@ -1,7 +1,7 @@
 """Test pairs of faces for cuts and contacts in numpy: what `intersections` compiles for large meshes, without numba.
 
-Both compute the same numbers in the same order, so their answers are the same to the last pair. These take twice the
-time, and nothing before the first pair, for which numba takes half a second.
+Both compute the same numbers in the same order, so their answers are the same to the last pair. These take
+eight times the time on large meshes, and nothing before the first pair, for which numba takes half a second.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _Triangles = tuple[_Floats, _Floats, _Floats]
 
 
 def candidates(low: _Floats, high: _Floats, strips: int) -> Iterator[tuple[int, _Index, _Index]]:
-    """List the pairs of boxes that meet, each once, a part at a time.
+    """List the pairs of boxes that meet, each once, a batch at a time.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def _squared_between_edges(p: _Floats, q: _Floats, a: _Floats, b: _Floats) -> _F
     return _squared(p[i] + s * (q[i] - p[i]) - a[i] - t * (b[i] - a[i]) for i in range(3))
 
 
-def _squared(parts: Iterator[_Floats]) -> _Floats:
+def _squared(coordinates: Iterator[_Floats]) -> _Floats:
     """Return the sum of the squares of three coordinates."""
-    x, y, z = parts
+    x, y, z = coordinates
     return np.asarray(x**2 + y**2 + z**2)

@@ -28,12 +28,12 @@ def split_triangles(triangles: _Index, middles: _Index, positions: NDArray[np.fl
 
     `triangles` is (T, 3) int64; `middles`, (T, 3) int64: the new vertex on each side (see `unique_edges`), or -1.
     `positions`, (V, 3) float64: positions of all vertices. Where two sides are split, the shorter diagonal of the rest
-    is taken. Returns the triangles (M, 3), those of one source triangle together and in its place, and the source
+    is taken. Returns the triangles (M, 3), those of one source triangle together and where it was, and the source
     triangle (M,) of each.
     """
     split = middles >= 0
     count = split.sum(axis=1)
-    # Turn each triangle so that one split side, or the side that is not split of three, has a fixed place.
+    # Turn each triangle so that one split side, or the side that is not split of three, comes first.
     first = np.where(count == 1, split.argmax(axis=1), np.where(count == 2, (~split).argmax(axis=1) + 1, 0)) % 3
     turn = (first[:, None] + np.arange(3)) % 3
     corners, new = np.take_along_axis(triangles, turn, 1), np.take_along_axis(middles, turn, 1)
@@ -47,21 +47,21 @@ def split_triangles(triangles: _Index, middles: _Index, positions: NDArray[np.fl
         ((count == 2) & ~by_first, [(ab, b, bc), (a, ab, c), (ab, bc, c)]),
         (count == 3, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]),
     )
-    pieces = [(np.flatnonzero(where), np.stack(part, 1)[where]) for where, parts in cases for part in parts]
+    pieces = [(np.flatnonzero(where), np.stack(piece, 1)[where]) for where, made in cases for piece in made]
     parents = np.concatenate([parent for parent, _ in pieces])
     order = np.argsort(parents, kind="stable")
-    return np.concatenate([part for _, part in pieces])[order], parents[order]
+    return np.concatenate([piece for _, piece in pieces])[order], parents[order]
 
 
-def longest_together(edges: _Index, places: _Index, lengths: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def longest_together(edges: _Index, locations: _Index, lengths: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return, for each of `count` edges, the length of the longest that must be split with it; 0 if it has no copy.
 
-    `edges` and `places`, (C,) int64: the edge that each copy is of (a mesh may be shown several times), and a number of
-    the place where it lies. Copies of one edge are split together, and so are copies at one place. `lengths`, (C,)
+    `edges` and `locations`, (C,) int64: the edge that each copy is of (a mesh may be shown several times), and the
+    number of its location. Copies of one edge are split together, and so are copies at one location. `lengths`, (C,)
     float64: length of each copy.
     """
-    nodes = count + int(places.max(initial=-1)) + 1
-    graph = sparse.coo_matrix((np.ones(len(edges), np.int8), (edges, count + places)), shape=(nodes, nodes))
+    nodes = count + int(locations.max(initial=-1)) + 1
+    graph = sparse.coo_matrix((np.ones(len(edges), np.int8), (edges, count + locations)), shape=(nodes, nodes))
     _, together = csgraph.connected_components(graph, directed=False)
     longest = np.zeros(nodes)
     np.maximum.at(longest, together[edges], lengths)

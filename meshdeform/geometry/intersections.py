@@ -1,9 +1,9 @@
 """Find the self-intersections of a triangle mesh: faces that cut another, pairs that cut or touch each other.
 
 Bounding boxes are swept along the longest axis, in strips of the second longest; faces whose boxes meet are tested.
-The number of pairs is not bounded by that of the faces: a few thousand copies of one box lie in
-one place. So a search does an amount of work that grows with the faces only, many times what the surface of an object
-takes, and gives up beyond it.
+The number of pairs is not bounded by that of the faces: a few thousand copies of one box lie in one position. So a
+search does an amount of work that grows with the faces only, many times what the surface of an object takes, and gives
+up beyond it.
 
 Two triangles cut each other if an edge of one passes through the other. The signs of five determinants decide this: the
 edge's ends lie on different sides of the plane, and the edge's line passes on the same side of all three edges of the
@@ -118,14 +118,21 @@ def _one_sided(verts: _Floats, f: _Index, g: _Index) -> bool:
 
 
 @kernel
-def faces_cut(verts: _Floats, f: _Index, g: _Index) -> bool:
-    """Return whether faces f and g (3,) of the vertices (V, 3) cut through each other."""
+def _shared(f: _Index, g: _Index) -> tuple[int, int, int]:
+    """Return how many vertices two faces (3,) share, and at which corner of each the last of them is, or -1."""
     shared, at_f, at_g = 0, -1, -1
     for i in range(3):
         for j in range(3):
             if f[i] == g[j]:
                 shared += 1
                 at_f, at_g = i, j
+    return shared, at_f, at_g
+
+
+@kernel
+def faces_cut(verts: _Floats, f: _Index, g: _Index) -> bool:
+    """Return whether faces f and g (3,) of the vertices (V, 3) cut through each other."""
+    shared, at_f, at_g = _shared(f, g)
     if shared >= 2:
         return False
     if shared == 0 and (_one_sided(verts, f, g) or _one_sided(verts, g, f)):
@@ -210,12 +217,7 @@ def _edge_touches(p: _Floats, q: _Floats, a: _Floats, b: _Floats, c: _Floats, sq
 @kernel
 def faces_touch(verts: _Floats, f: _Index, g: _Index, reach: float) -> bool:
     """Return whether faces f and g (3,) of the vertices (V, 3) cut each other, or come as close as `reach`."""
-    shared, at_f, at_g = 0, -1, -1
-    for i in range(3):
-        for j in range(3):
-            if f[i] == g[j]:
-                shared += 1
-                at_f, at_g = i, j
+    shared, at_f, at_g = _shared(f, g)
     if shared >= 2:
         return False
     for i in range(3):

@@ -33,7 +33,7 @@ def isosurface(values: _Floats, origin: _Floats, spacing: _Floats) -> tuple[_Flo
     values : (X, Y, Z) float64
         Negative inside.
     origin, spacing : (3,) float64
-        Place of the first value, and distances between neighbours.
+        Position of the first value, and distances between neighbours.
 
     Raises
     ------
@@ -75,8 +75,8 @@ def isosurface(values: _Floats, origin: _Floats, spacing: _Floats) -> tuple[_Flo
     edges = np.stack([keys // values.size, keys % values.size], 1)
     flat = values.ravel()
     share = flat[edges[:, 0]] / (flat[edges[:, 0]] - flat[edges[:, 1]])
-    places = np.stack(np.unravel_index(edges, values.shape), -1)
-    verts = origin + spacing * (places[:, 0] + share[:, None] * (places[:, 1] - places[:, 0]))
+    voxels = np.stack(np.unravel_index(edges, values.shape), -1)
+    verts = origin + spacing * (voxels[:, 0] + share[:, None] * (voxels[:, 1] - voxels[:, 0]))
     triangles = faces.reshape(-1, 3).astype(np.int64)
     outward = spacing * (np.stack(np.unravel_index(ends, values.shape), -1) @ np.eye(3))
     outward = (outward[:, :, 1] - outward[:, :, 0]).sum(1)
@@ -111,9 +111,9 @@ def continued(values: _Floats, spacing: _Floats) -> _Floats:
     for axis in range(3):
         along, level, changes = (np.moveaxis(array, axis, 0) for array in (values, flat, crossed))
         same, change = along[1:] == along[:-1], (along[1:] < 0) != (along[:-1] < 0)
-        for part in (slice(1, None), slice(None, -1)):
-            level[part] &= same
-            changes[part] |= change
+        for ends in (slice(1, None), slice(None, -1)):
+            level[ends] &= same
+            changes[ends] |= change
     beyond = np.zeros(values.shape, np.bool_)
     for side in (values, -values):
         constant = side[flat & (side > 0)]

@@ -23,7 +23,7 @@ edge of one face; copies of a face are one), and a border edge at v runs along t
 on each other have none, nor does a corner that touches a border from the side, or a sheet that stands on a face.
 Whether the two borders belong to one component does not matter. v lies within `TOLERANCE` of the diagonal from the edge
 and a hundredth of its distance from the nearer end. Of several such edges, v follows the nearest,
-and of those at one place, as welding sees it, the shortest.
+and of those in one position, as welding sees it, the shortest.
 
 Border edges are searched against a tree of boxes around border vertices, which are ordered along a Morton curve. An
 edge visits only the boxes that it crosses, so the whole takes O(n log n) where borders are spread out.
@@ -99,7 +99,7 @@ class Junctions:
             verts, ends = border_contacts(points, faces)
         except TooManyPairsError:
             verts, ends = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-        shares, distances, lengths = _places(points, verts, ends)
+        shares, distances, lengths = _projected(points, verts, ends)
         apart = distances // max(WELD_TOLERANCE * _diagonal(points[np.unique(faces)]), 1e-300)
         order = np.lexsort((ends[:, 1], ends[:, 0], lengths, apart, verts))
         first = order[np.diff(verts[order], prepend=-1) != 0]
@@ -110,7 +110,7 @@ class Junctions:
         return len(self.verts)
 
     def without(self, held: _Flags) -> Self:
-        """Return those whose vertex is none of some (V,) that are placed otherwise."""
+        """Return those whose vertex is none of some (V,) whose positions follow from something else."""
         kept = ~held[self.verts]
         return type(self)(self.count, self.verts[kept], self.ends[kept], self.shares[kept])
 
@@ -179,7 +179,7 @@ def opened(rest: _Floats, faces: _Index, points: _Floats) -> int | None:
         verts, ends = border_contacts(rest, faces)
     except TooManyPairsError:
         return None
-    before, after = (_gaps(places, verts, ends) / max(_diagonal(places), 1e-300) for places in (rest, points))
+    before, after = (_gaps(shape, verts, ends) / max(_diagonal(shape), 1e-300) for shape in (rest, points))
     return len(np.unique(verts[after - before > OPENED]))
 
 
@@ -291,7 +291,7 @@ def _search(points: _Floats, edges: _Index, order: _Index, boxes: _Floats, toler
 def _through(
     enter: float, leave: float, at: float, step: float, low: float, high: float, tolerance: float
 ) -> tuple[float, float]:
-    """Return the part of a segment, from 0 to 1, that is also between two planes or within the tolerance of them."""
+    """Return the stretch of a segment, from 0 to 1, that is also between two planes or within the tolerance of them."""
     near, far = low - tolerance - at, high + tolerance - at
     if step == 0.0:
         return (enter, leave) if near <= 0.0 <= far else (1.0, 0.0)
@@ -328,8 +328,8 @@ def _without_rings(weights: sparse.csr_matrix, labels: _Index, sizes: _Index) ->
         (entries.data[~within], (entries.row[~within], entries.col[~within])), shape=weights.shape
     )
     order = rows[np.argsort(labels[rows], kind="stable")]
-    place = np.empty(len(labels), np.int64)
-    place[order] = np.arange(len(order)) - np.searchsorted(labels[order], labels[order])
+    slot = np.empty(len(labels), np.int64)
+    slot[order] = np.arange(len(order)) - np.searchsorted(labels[order], labels[order])
     solved = [np.empty((0, 3))]
     # Rings of about one size are inverted at once.
     width = 2 ** np.ceil(np.log2(np.maximum(sizes, 1))).astype(np.int64)
@@ -339,10 +339,10 @@ def _without_rings(weights: sparse.csr_matrix, labels: _Index, sizes: _Index) ->
         systems = np.tile(np.eye(wide), (len(rings), 1, 1))
         inside = within & (width[labels[entries.row]] == wide) & (sizes[labels[entries.row]] > 1)
         row, col = entries.row[inside], entries.col[inside]
-        systems[np.searchsorted(rings, labels[row]), place[row], place[col]] -= entries.data[inside]
+        systems[np.searchsorted(rings, labels[row]), slot[row], slot[col]] -= entries.data[inside]
         inverse = np.linalg.inv(systems)
         member = np.full((len(rings), wide), -1)
-        member[ring, place[own]] = own
+        member[ring, slot[own]] = own
         used = (member[:, :, None] >= 0) & (member[:, None, :] >= 0)
         first, second = np.broadcast_arrays(member[:, :, None], member[:, None, :])
         solved.append(np.stack([first[used], second[used], inverse[used]], 1))
@@ -353,8 +353,8 @@ def _without_rings(weights: sparse.csr_matrix, labels: _Index, sizes: _Index) ->
     return ((mixed + sparse.diags(alone)) @ outside).tocsr()
 
 
-def _places(points: _Floats, verts: _Index, ends: _Index) -> tuple[_Floats, _Floats, _Floats]:
-    """Return t (P,) of the places on the lines nearest to vertices, their distances, and the edges' lengths."""
+def _projected(points: _Floats, verts: _Index, ends: _Index) -> tuple[_Floats, _Floats, _Floats]:
+    """Return t (P,) of the points of the lines nearest to vertices, their distances, and the edges' lengths."""
     begin, line = points[ends[:, 0]], points[ends[:, 1]] - points[ends[:, 0]]
     square = (line**2).sum(1)
     shares = ((points[verts] - begin) * line).sum(1) / np.maximum(square, 1e-300)
@@ -365,7 +365,7 @@ def _places(points: _Floats, verts: _Index, ends: _Index) -> tuple[_Floats, _Flo
 def _gaps(points: _Floats, verts: _Index, ends: _Index) -> _Floats:
     """Return the distances (P,) of vertices from edges."""
     begin, line = points[ends[:, 0]], points[ends[:, 1]] - points[ends[:, 0]]
-    shares = np.clip(_places(points, verts, ends)[0], 0, 1)
+    shares = np.clip(_projected(points, verts, ends)[0], 0, 1)
     return np.asarray(np.linalg.norm(points[verts] - begin - shares[:, None] * line, axis=1))
 
 

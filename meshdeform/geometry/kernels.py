@@ -28,7 +28,7 @@ class _Kernel:
             import numba
 
             self._compiled = numba.njit(cache=True, nogil=True)(self._function)
-            # numba knows compiled functions only, so they take the places of the names that the function may call.
+            # numba knows compiled functions only, so they replace those that the function may call by name.
             names = self._function.__globals__
             for name, value in list(names.items()):
                 if isinstance(value, _Kernel):

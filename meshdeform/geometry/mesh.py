@@ -127,63 +127,6 @@ def connected_components(faces: _Index, n_verts: int) -> _Index:
     return np.asarray(csgraph.connected_components(graph, directed=False)[1], np.int64)
 
 
-def _edges(mesh: TriangleMesh) -> tuple[_Floats, _Floats]:
-    """Return the edges (F, 3, 3) opposite to each corner, counter-clockwise, and the cross products (F, 3)."""
-    corners = mesh.verts[mesh.faces]
-    edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
-    return edges, np.cross(edges[:, 1], edges[:, 2])
-
-
-def effective_face_areas(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> _Floats:
-    """Return areas (F,) in squared object units, exactly zero for collapsed faces: points, lines, thin needles."""
-    edges, cross = _edges(mesh)
-    areas = 0.5 * np.linalg.norm(cross, axis=1)
-    longest_sq = (edges**2).sum(2).max(1, initial=0.0)
-    return np.where(areas > collapsed_shape * longest_sq, areas, 0.0)
-
-
-def gradient_operator(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> sparse.csr_matrix:
-    """Build the gradient of piecewise-linear functions, (3F, V), 1 / object unit.
-
-    Row 3 f + i maps vertex values to the i-th component of face f's gradient. Of a collapsed face, the gradient is the
-    derivative along its longest edge, its only well-defined direction; a face that is one point has zero rows.
-    """
-    edges, cross = _edges(mesh)
-    faces = mesh.faces
-    n_faces, n_verts = len(faces), mesh.verts.shape[0]
-    solid = effective_face_areas(mesh, collapsed_shape=collapsed_shape) > 0
-    squared = (cross**2).sum(1)
-    # n / (2 |f|) is the cross product over its square.
-    normal = cross / np.where(solid, squared, 1.0)[:, None]
-    hats = np.where(solid[:, None, None], np.cross(normal[:, None], edges), 0.0)
-    lengths_sq = (edges**2).sum(2)
-    thin = np.flatnonzero(~solid & (lengths_sq.max(1, initial=0.0) > 0))
-    longest = lengths_sq[thin].argmax(1) if len(thin) else thin
-    along = edges[thin, longest] / lengths_sq[thin, longest][:, None]
-    hats[thin, (longest + 2) % 3] = along
-    hats[thin, (longest + 1) % 3] = -along
-    rows = np.broadcast_to(np.arange(3 * n_faces).reshape(n_faces, 1, 3), hats.shape)
-    columns = np.broadcast_to(faces[:, :, None], hats.shape)
-    return sparse.csr_matrix((hats.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * n_faces, n_verts))
-
-
-def mass_matrix(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> sparse.dia_matrix:
-    """Build the diagonal matrix of face areas, three rows per face: (3F, 3F)."""
-    return sparse.diags(np.repeat(effective_face_areas(mesh, collapsed_shape=collapsed_shape), 3))
-
-
-def vertex_areas(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> _Floats:
-    """Return a third of the total area of the faces around each vertex, (V,)."""
-    areas = np.repeat(effective_face_areas(mesh, collapsed_shape=collapsed_shape) / 3, 3)
-    return np.bincount(mesh.faces.ravel(), weights=areas, minlength=mesh.verts.shape[0]).astype(np.float64)
-
-
-def cotangent_laplacian(mesh: TriangleMesh, *, collapsed_shape: float = COLLAPSED_SHAPE) -> sparse.csr_matrix:
-    """Build the positive semi-definite cotangent Laplacian L = G^T M G, (V, V), dimensionless."""
-    gradient = gradient_operator(mesh, collapsed_shape=collapsed_shape)
-    return (gradient.T @ mass_matrix(mesh, collapsed_shape=collapsed_shape) @ gradient).tocsr()
-
-
 @dataclass(frozen=True)
 class RestMesh(TriangleMesh):
     """A triangle mesh that does not move, with operators that are computed on first access."""
@@ -199,8 +142,18 @@ class RestMesh(TriangleMesh):
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:
-        """Areas (F,) in squared object units, zero for collapsed faces."""
-        return effective_face_areas(self, collapsed_shape=self.collapsed_shape)
+        """Areas (F,) in squared object units, exactly zero for collapsed faces: points, lines, thin needles."""
+        edges, cross = self._edges_and_crosses
+        areas = 0.5 * np.linalg.norm(cross, axis=1)
+        longest_sq = (edges**2).sum(2).max(1, initial=0.0)
+        return np.where(areas > self.collapsed_shape * longest_sq, areas, 0.0)
+
+    @property
+    def _edges_and_crosses(self) -> tuple[_Floats, _Floats]:
+        """The edges (F, 3, 3) opposite to each corner, counter-clockwise, and the cross products (F, 3)."""
+        corners = self.verts[self.faces]
+        edges = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+        return edges, np.cross(edges[:, 1], edges[:, 2])
 
     @cached_property
     def solid(self) -> NDArray[np.bool_]:
@@ -221,17 +174,36 @@ class RestMesh(TriangleMesh):
     @cached_property
     def vertex_areas(self) -> NDArray[np.float64]:
         """A third of the total area of the faces around each vertex, (V,)."""
-        return vertex_areas(self, collapsed_shape=self.collapsed_shape)
+        areas = np.repeat(self.areas / 3, 3)
+        return np.bincount(self.faces.ravel(), weights=areas, minlength=self.verts.shape[0]).astype(np.float64)
 
     @cached_property
     def gradient(self) -> sparse.csr_matrix:
-        """Gradient operator (3F, V), 1 / object unit."""
-        return gradient_operator(self, collapsed_shape=self.collapsed_shape)
+        """Gradient of piecewise-linear functions, (3F, V), 1 / object unit.
+
+        Row 3 f + i maps vertex values to the i-th component of face f's gradient. Of a collapsed face, the gradient is
+        the derivative along its longest edge, its only well-defined direction; a face that is one point has zero rows.
+        """
+        edges, cross = self._edges_and_crosses
+        n_faces, n_verts = len(self.faces), self.verts.shape[0]
+        squared = (cross**2).sum(1)
+        # n / (2 |f|) is the cross product over its square.
+        normal = cross / np.where(self.solid, squared, 1.0)[:, None]
+        hats = np.where(self.solid[:, None, None], np.cross(normal[:, None], edges), 0.0)
+        lengths_sq = (edges**2).sum(2)
+        thin = np.flatnonzero(~self.solid & (lengths_sq.max(1, initial=0.0) > 0))
+        longest = lengths_sq[thin].argmax(1) if len(thin) else thin
+        along = edges[thin, longest] / lengths_sq[thin, longest][:, None]
+        hats[thin, (longest + 2) % 3] = along
+        hats[thin, (longest + 1) % 3] = -along
+        rows = np.broadcast_to(np.arange(3 * n_faces).reshape(n_faces, 1, 3), hats.shape)
+        columns = np.broadcast_to(self.faces[:, :, None], hats.shape)
+        return sparse.csr_matrix((hats.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * n_faces, n_verts))
 
     @cached_property
     def laplacian(self) -> sparse.csr_matrix:
-        """Cotangent Laplacian (V, V), positive semi-definite, dimensionless."""
-        return cotangent_laplacian(self, collapsed_shape=self.collapsed_shape)
+        """Cotangent Laplacian L = G^T M G, (V, V), positive semi-definite, dimensionless."""
+        return (self.gradient.T @ sparse.diags(np.repeat(self.areas, 3)) @ self.gradient).tocsr()
 
     @cached_property
     def edges(self) -> MeshEdges:

@@ -32,8 +32,8 @@ def newly_cut(rest: _Floats, verts: _Floats, faces: _Index) -> _Flags:
     pieces = connected_components(faces, count)[faces[:, 0]]
     most = _FAR * float(np.linalg.norm(np.ptp(rest, axis=0)))
     between = [np.sort(pieces[pairs], axis=1) @ np.array([count, 1]) for pairs in (new, old)]
-    at_new, size_new = _places(rest[faces], new)
-    at_old, size_old = _places(rest[faces], old)
+    at_new, size_new = _smaller_faces(rest[faces], new)
+    at_old, size_old = _smaller_faces(rest[faces], old)
     corners = (verts - rest)[faces]
     apart = np.linalg.norm(corners[new[:, 0], :, None] - corners[new[:, 1], None], axis=3).max((1, 2))
     anew = np.ones(len(new), bool)
@@ -53,7 +53,7 @@ def newly_cut(rest: _Floats, verts: _Floats, faces: _Index) -> _Flags:
     return found
 
 
-def _places(corners: _Floats, pairs: _Index) -> tuple[_Floats, _Floats]:
+def _smaller_faces(corners: _Floats, pairs: _Index) -> tuple[_Floats, _Floats]:
     """Return the middles (P, 3) and sizes (P,) of the smaller faces of pairs; corners: (F, 3, 3)."""
     middles = corners.mean(1)
     sizes = np.linalg.norm(corners - middles[:, None], axis=2).max(1)

@@ -65,7 +65,7 @@ def picture_scales(views: Sequence[SilhouetteView]) -> _Floats:
             row[3 + number] = -1.0
             rows.append(row)
     system = np.array(rows)
-    from scipy.optimize import nnls  # a part of scipy that no other run needs
+    from scipy.optimize import nnls  # which no other run needs
 
     scales, _ = nnls(np.delete(system, 3, 1), -system[:, 3])
     squared = np.concatenate([[1.0], scales[3:]])

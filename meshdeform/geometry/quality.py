@@ -9,7 +9,7 @@ Sander et al.)::
     stretch = (Gamma' / Gamma) / s,     s = sqrt(area' / area) of the whole textured surface
 
 with a prime for the result. Division by the mean growth `s` makes it free of scale, as theirs is: a similarity of the
-whole surface has 1, and a place where texels became twice as long as `s` explains has 2. Where they became shorter, it
+whole surface has 1, and a point where texels became twice as long as `s` explains has 2. Where they became shorter, it
 is below 1. Lengths in the texture are in texels. Triangles without a texture, or without an area in it, do not count.
 
 Sources: symmetric Dirichlet energy: Smith and Schaefer 2015, Bijective Parameterization with Free Boundaries, eq. 2,
@@ -22,14 +22,14 @@ source, or that is its source scaled, moved, or stretched along an axis.
 
 ::
 
-    asymmetry   mean_p |R x'(p) - x'(q)|     p, q: places of the source that are mirror images; R: the reflection
+    asymmetry   mean_p |R x'(p) - x'(q)|     p, q: points of the source that are mirror images; R: the reflection
     flatness    rms distance of a flat piece from its best plane, over the diagonal of the piece; the mean by area
-    contacts    mean distance of places on different components that touched at rest
+    contacts    mean distance of points on different components that touched at rest
 
 A source counts as symmetric if four fifths of its surface have a mirror image within `_MATCHED`; of two such
 planes that match equally, the better kept one counts.
 
-`FitQuality` compares a mesh with a target: distances between samples of each and the nearest places on the other.
+`FitQuality` compares a mesh with a target: distances between samples of each and the nearest points of the other.
 """
 
 from __future__ import annotations
@@ -47,8 +47,9 @@ from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.folds import FaceNeighbours, longest_squared, without_rounding
 from meshdeform.geometry.intersections import TooManyPairsError, intersecting_faces, newly_cutting_pairs
 from meshdeform.geometry.junctions import opened
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces, SurfaceTree, even_samples
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_cross
+from meshdeform.geometry.nearest_points import NearestPoints, SurfaceTree
+from meshdeform.geometry.surface_samples import even_samples
 
 _Floats = NDArray[np.float64]
 _Faces = NDArray[np.int64]
@@ -75,7 +76,7 @@ _CONTACT = 0.01
 _PARTNERS = 8
 
 _CORNERS = 100_000
-"""Vertices at which contacts are sought beside the random places; twice as many are still all taken."""
+"""Vertices at which contacts are sought beside the random points; twice as many are still all taken."""
 
 _FIT_SAMPLES = 20_000
 _NEAR = 0.01
@@ -197,15 +198,10 @@ def _self_intersections(rest: _Floats, verts: _Floats, faces: _Faces) -> tuple[i
         return None, None, None
 
 
-def _cross(verts: _Floats, faces: _Faces) -> _Floats:
-    a, b, c = verts[faces[:, 0]], verts[faces[:, 1]], verts[faces[:, 2]]
-    return np.cross(b - a, c - a)
-
-
 def _volume(verts: _Floats, faces: _Faces) -> float:
     origin = verts[faces[:, 0]].mean(0) if len(faces) else np.zeros(3)
     a = verts[faces[:, 0]] - origin
-    return float((a * _cross(verts - origin, faces)).sum() / 6)
+    return float((a * face_cross(verts - origin, faces)).sum() / 6)
 
 
 def _min_angle_p1(verts: _Floats, faces: _Faces) -> float:
@@ -332,14 +328,14 @@ class StructureChanges:
 
 
 @dataclass(frozen=True)
-class _Places:
-    """Random places on the source, uniform by area: their faces' corners (P, 3) and barycentric coordinates (P, 3)."""
+class _RandomPoints:
+    """Random points on the source, uniform by area: their faces' corners (P, 3) and barycentric coordinates (P, 3)."""
 
     corners: NDArray[np.int64]
     weights: _Floats
 
     @classmethod
-    def draw(cls, rest: RestMesh) -> _Places:
+    def draw(cls, rest: RestMesh) -> _RandomPoints:
         rng = np.random.default_rng(0)
         share = np.cumsum(rest.areas)
         face = np.searchsorted(share, rng.random(_SAMPLES) * share[-1], side="right").clip(max=len(share) - 1)
@@ -353,12 +349,12 @@ class _Places:
 def measure_structure(source: TriangleMesh, result: TriangleMesh) -> StructureChanges:
     """Compare a result with its source, a mesh of the same faces whose up axis is +Y."""
     rest, before, after = RestMesh.of(source), source.verts, result.verts
-    places = _Places.draw(rest)
+    drawn = _RandomPoints.draw(rest)
     components = rest.components
     return StructureChanges(
-        _asymmetry(rest, places, after),
+        _asymmetry(rest, drawn, after),
         _flatness(rest, after),
-        _contacts(places, components, before, after),
+        _contacts(drawn, components, before, after),
         int(rest.num_components),
     )
 
@@ -367,15 +363,15 @@ def _diagonal(verts: _Floats) -> float:
     return float(np.linalg.norm(np.ptp(verts, axis=0)))
 
 
-def _asymmetry(rest: RestMesh, places: _Places, after: _Floats) -> float | None:
+def _asymmetry(rest: RestMesh, drawn: _RandomPoints, after: _Floats) -> float | None:
     before = rest.verts
-    points = places.on(before)
+    points = drawn.on(before)
     asymmetry: dict[float, float] = {}
     axes = (0, 2)
-    for axis, (mirrored, partners) in zip(axes, NearestPlaces.of_mirrored(rest, points, axes), strict=True):
+    for axis, (mirrored, partners) in zip(axes, NearestPoints.of_mirrored(rest, points, axes), strict=True):
         matched = partners.distances(mirrored) < _MATCHED * _diagonal(before)
         if (share := float(matched.mean())) >= _SYMMETRIC_SHARE:
-            old, new = (_mirror_error(places.on(v), partners.blend(v), matched, axis, v) for v in (before, after))
+            old, new = (_mirror_error(drawn.on(v), partners.blend(v), matched, axis, v) for v in (before, after))
             asymmetry[share] = min(max(0.0, new - old), asymmetry.get(share, np.inf))
     # A cart is nearly its own mirror image from front to back: that is not the symmetry to keep.
     return min((error for share, error in asymmetry.items() if share >= max(asymmetry) - _AS_GOOD), default=None)
@@ -413,12 +409,12 @@ def _unevenness(points: _Floats) -> float:
     return float(smallest / np.sqrt(len(points)) / max(_diagonal(points), 1e-300))
 
 
-def _contacts(places: _Places, components: NDArray[np.int64], before: _Floats, after: _Floats) -> float | None:
+def _contacts(drawn: _RandomPoints, components: NDArray[np.int64], before: _Floats, after: _Floats) -> float | None:
     if not components.any():
         return None
     corners = np.arange(0, len(before), max(1, len(before) // _CORNERS))
-    owner = np.concatenate([components[places.corners[:, 0]], components[corners]])
-    old, new = (np.concatenate([places.on(v), v[corners]]) for v in (before, after))
+    owner = np.concatenate([components[drawn.corners[:, 0]], components[corners]])
+    old, new = (np.concatenate([drawn.on(v), v[corners]]) for v in (before, after))
     near, index = cKDTree(old).query(old, k=_PARTNERS, distance_upper_bound=_CONTACT * _diagonal(before))
     first = np.repeat(np.arange(len(old)), _PARTNERS)
     second, valid = index.ravel(), np.isfinite(near.ravel())
@@ -458,10 +454,10 @@ def measure_fit(mesh: TriangleMesh, target: TriangleMesh) -> FitQuality:
 def distances_between(mesh: TriangleMesh, other: TriangleMesh) -> _Floats:
     """Return the distances of 20,000 samples that lie evenly on a mesh from the surface of another one."""
     rest, goal = RestMesh.of(mesh), RestMesh.of(other)
-    face, weights = even_samples(rest.areas, _FIT_SAMPLES, 0)
-    points = (rest.verts[rest.faces[face]] * weights[:, :, None]).sum(1)
+    face, shares = even_samples(rest.areas, _FIT_SAMPLES, 0)
+    points = (rest.verts[rest.faces[face]] * shares[:, :, None]).sum(1)
     verts, faces = goal.verts, goal.faces
     spacing = _SPACING * float(np.linalg.norm(np.ptp(verts[np.unique(faces)], axis=0)))
     tree = SurfaceTree(verts, faces, goal.normals, spacing=spacing, opposite=0.0)
-    nearest, places = tree.find(points, np.zeros_like(points))
-    return np.asarray(np.linalg.norm((verts[faces[nearest]] * places[:, :, None]).sum(1) - points, axis=1))
+    nearest, weights = tree.find(points, np.zeros_like(points))
+    return np.asarray(np.linalg.norm((verts[faces[nearest]] * weights[:, :, None]).sum(1) - points, axis=1))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.collapsing import collapsed
+from meshdeform.geometry.edge_splits import unique_edges
 from meshdeform.geometry.mesh import TriangleMesh, safe_normalize
 
 _Floats = NDArray[np.float64]
@@ -43,13 +44,11 @@ def icosphere(subdivisions: int = 3, radius: float = 1.0) -> TriangleMesh:
 
 def _split(verts: _Floats, faces: _Index) -> tuple[_Floats, _Index]:
     """Split every triangle into four, with shared midpoints."""
-    pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    keys, inverse = np.unique(pairs[:, 0] * len(verts) + pairs[:, 1], return_inverse=True)
-    middle = (verts[keys // len(verts)] + verts[keys % len(verts)]) / 2
-    ab, bc, ca = (inverse + len(verts)).reshape(3, -1)
-    a, b, c = faces.T
-    parts = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-    return np.concatenate([verts, middle]), np.stack([np.stack(p, 1) for p in parts], 1).reshape(-1, 3)
+    edges, sides = unique_edges(faces)
+    middle = (verts[edges[:, 0]] + verts[edges[:, 1]]) / 2
+    (a, b, c), (ab, bc, ca) = faces.T, sides.T + len(verts)
+    quarters = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return np.concatenate([verts, middle]), np.stack([np.stack(p, 1) for p in quarters], 1).reshape(-1, 3)
 
 
 def join(*meshes: TriangleMesh) -> TriangleMesh:

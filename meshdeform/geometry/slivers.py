@@ -46,9 +46,9 @@ def along_slivers(rest: _Floats, faces: NDArray[np.int64], moved: _Floats) -> _F
     usable &= ~np.isin(np.stack([a, b, np.maximum(far, 0)], 1), tip[usable]).any(1)
     a, b, tip, far = (each[usable] for each in (a, b, tip, far))
     shift = moved - rest
-    placed = moved.copy()
-    placed[tip] = rest[tip] + np.einsum("nk,nki->ni", weights[usable], np.stack([shift[a], shift[b], shift[far]], 1))
-    return placed
+    followed = moved.copy()
+    followed[tip] = rest[tip] + np.einsum("nk,nki->ni", weights[usable], np.stack([shift[a], shift[b], shift[far]], 1))
+    return followed
 
 
 def _behind(

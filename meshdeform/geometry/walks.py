@@ -1,6 +1,6 @@
-"""Walk to the nearest places on a surface in numpy: what `places` compiles for many points, without numba.
+"""Walk to the nearest points of a surface in numpy: what `nearest_points` compiles for many points, without numba.
 
-Both compute the same numbers in the same order, so they find the same places.
+Both compute the same numbers in the same order, so they find the same points.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ def walked(
 
     Returns
     -------
-    The face (P,) where each walk ends, and the barycentric coordinates (P, 3) of the nearest place on it.
+    The face (P,) where each walk ends, and the barycentric coordinates (P, 3) of the nearest point of it.
     """
-    places, coordinates = np.ascontiguousarray(points.T), np.ascontiguousarray(verts.T)
+    queries, coordinates = np.ascontiguousarray(points.T), np.ascontiguousarray(verts.T)
     corners = np.ascontiguousarray(faces.T)
     middles, radii = _balls(coordinates, corners)
     face = start.copy()
-    best, weights = _nearest(places, coordinates, corners[:, face])
+    best, weights = _nearest(queries, coordinates, corners[:, face])
     ends = np.minimum(begin[1:], begin[:-1] + most_around)
     walking = np.arange(len(points))
     for _ in range(most_moves):
@@ -58,10 +58,10 @@ def walked(
         other = around[first + np.arange(len(first))]
         owner = np.repeat(walking, counts.reshape(-1, 3).sum(1))
         # Most faces around are farther away than what was found, whatever they look like.
-        apart = np.sqrt(_squared(places[:, owner] - middles[:, other])) - radii[other]
+        apart = np.sqrt(_squared(queries[:, owner] - middles[:, other])) - radii[other]
         near = np.flatnonzero((apart < 0.0) | (apart * apart < _SURELY * best[owner]))
         owner, other = owner[near], other[near]
-        squared, there = _nearest(places[:, owner], coordinates, corners[:, other])
+        squared, there = _nearest(queries[:, owner], coordinates, corners[:, other])
         nearer = np.flatnonzero(squared < best[owner])
         if not len(nearer):
             break
@@ -85,7 +85,7 @@ def _squared(vectors: _Floats) -> _Floats:
 
 
 def _nearest(points: _Floats, verts: _Floats, corners: _Index) -> tuple[_Floats, _Floats]:
-    """Return the squared distances (P,) of points (3, P) from triangles, and the coordinates (3, P) of the places."""
+    """Return the squared distances (P,) of points (3, P) from triangles, and the coordinates (3, P) nearest to them."""
     a, b, c = (verts[:, corners[k]] for k in range(3))
     ab, ac, ap, bp, cp = b - a, c - a, points - a, points - b, points - c
     d1, d2, d3 = _dot(ab, ap), _dot(ac, ap), _dot(ab, bp)
@@ -113,5 +113,5 @@ def _dot(one: _Floats, other: _Floats) -> _Floats:
     return np.asarray(one[0] * other[0] + one[1] * other[1] + one[2] * other[2])
 
 
-def _quotient(part: _Floats, total: _Floats) -> _Floats:
-    return np.asarray(np.divide(part, total, out=np.zeros_like(part), where=total != 0.0))
+def _quotient(share: _Floats, total: _Floats) -> _Floats:
+    return np.asarray(np.divide(share, total, out=np.zeros_like(share), where=total != 0.0))

@@ -1,6 +1,6 @@
 """Weld the vertices that an asset splits at UV and normal seams, and scatter the result back to them.
 
-The solve needs a connected surface; the file needs all of its own vertices. `weld` merges vertices at the same place
+The solve needs a connected surface; the file needs all of its own vertices. `weld` merges vertices at the same position
 (within a millionth of the diagonal) and records the welded vertex of each.
 """
 
@@ -41,7 +41,7 @@ class WeldedMesh:
         return out
 
     def gather(self, source_positions: NDArray[np.float64]) -> TriangleMesh:
-        """Return the mesh with the places of the source vertices; of merged ones the first counts.
+        """Return the mesh with the positions of the source vertices; of merged ones the first counts.
 
         Parameters
         ----------
@@ -59,10 +59,7 @@ class WeldedMesh:
 
 
 def weld(
-    positions: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    *,
-    left_out: NDArray[np.bool_] | None = None,
+    positions: NDArray[np.float64], triangles: NDArray[np.int64], *, left_out: NDArray[np.bool_] | None = None
 ) -> WeldedMesh:
     """Merge vertices that coincide and drop faces that degenerate; the others keep their order.
 
@@ -72,7 +69,7 @@ def weld(
         Finite, in object units.
     triangles : (T, 3) int64
     left_out : (T,) bool, optional
-        Triangles that are no part of the mesh; they share no vertex with the others.
+        Triangles that are left out of the mesh; they share no vertex with the others.
 
     Raises
     ------

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from meshdeform.errors import AlignmentError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import even_samples
+from meshdeform.geometry.surface_samples import even_samples
 from meshdeform.guidance.landmarks import LIMITS, Landmark, diagonal_of
 
 LEAST_OVERLAP = 0.2

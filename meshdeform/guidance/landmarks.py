@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import SurfaceTree, blend_matrix
+from meshdeform.geometry.nearest_points import SurfaceTree, blend_matrix
 
 _Floats = NDArray[np.float64]
 

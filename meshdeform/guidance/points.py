@@ -26,7 +26,8 @@ from scipy import sparse
 from torch import Tensor
 
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_normals
-from meshdeform.geometry.places import SurfaceTree, blend_matrix, even_samples
+from meshdeform.geometry.nearest_points import SurfaceTree, blend_matrix
+from meshdeform.geometry.surface_samples import even_samples
 from meshdeform.geometry.tensors import sparse_product
 from meshdeform.guidance.landmarks import LIMITS, Landmark, bound, diagonal_of
 

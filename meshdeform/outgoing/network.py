@@ -14,7 +14,7 @@ __all__ = ["CONNECT_S", "PinnedAsyncNetwork", "PinnedNetwork", "Track", "network
 CONNECT_S = 5.0
 """Seconds to connect to a host."""
 Track = Callable[[httpcore.NetworkStream | None, httpcore.NetworkStream | None], None]
-"""Is told of the stream that takes the place of another; raises `ConnectError` if there shall be none."""
+"""Is told of the stream that replaces another; raises `ConnectError` if there shall be none."""
 
 
 class PinnedNetwork(httpcore.NetworkBackend):
@@ -46,10 +46,10 @@ class PinnedNetwork(httpcore.NetworkBackend):
             except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
                 failed = error
                 continue
-            return self.carry(stream)
+            return self.replace(stream)
         raise failed
 
-    def carry(self, stream: httpcore.NetworkStream) -> httpcore.NetworkStream:
+    def replace(self, stream: httpcore.NetworkStream) -> httpcore.NetworkStream:
         """Replace the current stream."""
         try:
             self._track(self.stream, stream)
@@ -63,8 +63,8 @@ class PinnedNetwork(httpcore.NetworkBackend):
 class PinnedAsyncNetwork(httpcore.AsyncNetworkBackend):
     """The same for asyncio; whoever uses it sets the deadline."""
 
-    def __init__(self, addresses: tuple[str, ...], connect_s: float = CONNECT_S) -> None:
-        self._addresses, self._connect_s = addresses, connect_s
+    def __init__(self, addresses: tuple[str, ...]) -> None:
+        self._addresses = addresses
 
     async def connect_tcp(
         self,
@@ -76,7 +76,7 @@ class PinnedAsyncNetwork(httpcore.AsyncNetworkBackend):
     ) -> httpcore.AsyncNetworkStream:
         """Connect to the first of the addresses that answers; they share the time."""
         failed: Exception = httpcore.ConnectTimeout("No time was left to connect.")
-        share = self._connect_s / len(self._addresses)
+        share = CONNECT_S / len(self._addresses)
         for address in self._addresses:
             try:
                 return await httpcore.AnyIOBackend().connect_tcp(address, port, share, local_address, socket_options)
@@ -107,7 +107,7 @@ class _TimedStream(httpcore.NetworkStream):
         timeout: float | None = None,  # noqa: ARG002
     ) -> httpcore.NetworkStream:
         left = self._left(httpcore.ConnectTimeout)
-        return self._network.carry(self._stream.start_tls(ssl_context, server_hostname, left))
+        return self._network.replace(self._stream.start_tls(ssl_context, server_hostname, left))
 
     def get_extra_info(self, info: str) -> Any:
         return self._stream.get_extra_info(info)

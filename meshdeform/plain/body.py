@@ -329,7 +329,7 @@ def body_of(asset: Asset, vertex_map: Index, rows: Index, faces: Index) -> Body:
     `vertex_map`, (N,) int64: the welded vertex of each row of the surface, or -1; `rows`, (V,) int64: a row of each
     welded vertex; `faces`, (F, 3) int64: of welded vertices.
     """
-    parts, count = asset.parts(), len(rows)
+    parts, count = asset.pieces(), len(rows)
     at, nodes, shares = asset.joint_shares()
     numbers = {joint["index"]: number for number, joint in enumerate(parts.joints)}
     known = np.isin(nodes, list(numbers))
@@ -383,7 +383,7 @@ def _joint_above(node: int, parents: Mapping[int, int], numbers: Mapping[int, in
 
 def _names(asset: Asset, vertex_map: Index, count: int) -> dict[str, Flags]:
     """Return the welded vertices of named nodes and materials, those of one name together."""
-    parts, corners = asset.parts(), vertex_map[asset.surface.triangles]
+    parts, corners = asset.pieces(), vertex_map[asset.surface.triangles]
     named = [(each, parts.in_node) for each in parts.nodes] + [(each, parts.of_material) for each in parts.materials]
     names: dict[str, Flags] = {}
     for each, triangles_of in named[:_MOST_NAMES]:

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance, Texture
+from meshdeform.geometry.srgb import linear_from_srgb
 
 Array = Any
 """A numpy array or a torch tensor."""
@@ -70,12 +71,12 @@ class Textures:
         for texture in some:
             if id(texture.pixels) not in shared:
                 levels = _halved(texture.pixels) if texture.reduced else [texture.pixels]
-                place = [at + sum(level.shape[0] * level.shape[1] for level in levels[:k]) for k in range(len(levels))]
-                shared[id(texture.pixels)] = place, [level.shape[1::-1] for level in levels]
+                begins = [at + sum(level.shape[0] * level.shape[1] for level in levels[:k]) for k in range(len(levels))]
+                shared[id(texture.pixels)] = begins, [level.shape[1::-1] for level in levels]
                 chunks += [level.reshape(-1, 4) for level in levels]
                 at += sum(level.shape[0] * level.shape[1] for level in levels)
-            place, size = shared[id(texture.pixels)]
-            starts.append([place[min(k, len(place) - 1)] for k in range(_LEVELS)])
+            begins, size = shared[id(texture.pixels)]
+            starts.append([begins[min(k, len(begins) - 1)] for k in range(_LEVELS)])
             sizes.append([size[min(k, len(size) - 1)] for k in range(_LEVELS)])
         extents = np.array(sizes, np.float32).transpose(2, 0, 1)
         wraps = np.array([[_WRAPS[mode] for mode in texture.wrap] for texture in some]).T
@@ -125,19 +126,19 @@ class Textures:
         """
         library = self._library
         copy = paint * _LEVELS + _whole(library.clip(library.floor(level), 0, _LEVELS - 1))
-        shares, places = [], []
+        shares, texels = [], []
         for axis in (0, 1):
             size, wraps = _taken(self._extents[axis], copy), self._wraps[axis]
-            place = texcoords[axis] * size - 0.5
+            position = texcoords[axis] * size - 0.5
             if self._nearest is not None:
-                place = library.where(self._nearest[paint] & (level < 0), library.round(place), place)
-            low = library.floor(place)
+                position = library.where(self._nearest[paint] & (level < 0), library.round(position), position)
+            low = library.floor(position)
             mode = None if wraps is None else wraps[paint]
-            shares.append(place - low)
-            places.append([_whole(self._wrapped(low + step, size, mode)) for step in (0, 1)])
+            shares.append(position - low)
+            texels.append([_whole(self._wrapped(low + step, size, mode)) for step in (0, 1)])
         width, start = _whole(_taken(self._extents[0], copy)), _taken(self._starts, copy)
-        rows = [row * width + start for row in places[1]]
-        return [[self._colours(row + column, channels) for column in places[0]] for row in rows], shares, copy
+        rows = [row * width + start for row in texels[1]]
+        return [[self._colours(row + column, channels) for column in texels[0]] for row in rows], shares, copy
 
     def _wrapped(self, index: Array, count: Array, mode: Array | None) -> Array:
         """Apply each wrap mode to a texel's index, a whole floating number; None repeats everywhere."""
@@ -176,20 +177,8 @@ def _halved(pixels: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     return levels
 
 
-def linear_from_srgb(values: Array, library: Any = np) -> Array:
-    """Decode sRGB in [0, 1]."""
-    curve = ((library.clip(values, 0.04045, None) + 0.055) / 1.055) ** 2.4
-    return library.where(values <= 0.04045, values / 12.92, curve)
-
-
-def srgb_from_linear(values: Array, library: Any = np) -> Array:
-    """Encode linear light in [0, 1] as sRGB."""
-    curve = 1.055 * library.clip(values, 0.0031308, None) ** (1 / 2.4) - 0.055
-    return library.where(values <= 0.0031308, values * 12.92, curve)
-
-
 class BaseColours:
-    """Base colours of an asset's surface; the parameters are those of `Textures`.
+    """Base colours of an asset's surface; `library` and `as_array` are those of `Textures`.
 
     `rows`, (M,) int64: vertex of the drawn mesh of each vertex of the appearance; `faces`, (F, 3) int64: with the
     numbers of `rows`; `paint` is (F,) int64; `values`, (C, M) float32: what to interpolate: texture coordinates, and
@@ -230,7 +219,7 @@ class BaseColours:
         -------
         (B, F)
         """
-        area = _double_area(self._places(clip, side)[:, faces])
+        area = _double_area(self._in_pixels(clip, side)[:, faces])
         return 0.5 * self._library.log2((self._texels(faces, paint) + 1e-12) / (area + 1e-6))
 
     def strides(self, clip: Array, side: int) -> Array | None:
@@ -240,7 +229,7 @@ class BaseColours:
         library = self._library
         (a, b), (s, t) = (
             (c[..., 1, :] - c[..., 0, :], c[..., 2, :] - c[..., 0, :])
-            for c in (self._places(clip, side)[:, self.faces], self._at_corners(self.faces, self.paint))
+            for c in (self._in_pixels(clip, side)[:, self.faces], self._at_corners(self.faces, self.paint))
         )
         double_area = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
         divisor = library.where(abs(double_area) > 1e-6, double_area, 1e-6)[..., None]
@@ -252,7 +241,7 @@ class BaseColours:
         """Return the areas (F,) of the faces in texels."""
         return self._texels(self.faces, self.paint) / 2
 
-    def _places(self, clip: Array, side: int) -> Array:
+    def _in_pixels(self, clip: Array, side: int) -> Array:
         """Return where vertices are in the picture, in pixels."""
         return clip[..., :2] / self._library.clip(clip[..., 3:], 1e-6, None) * (side / 2)
 

@@ -82,7 +82,7 @@ class Cameras:
         return self.azimuths_deg[0]
 
     def project(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the places (B, V, 4) of points (V, 3) in the views' clip space, each coordinate contiguous."""
+        """Return the positions (B, V, 4) of points (V, 3) in the views' clip space, each coordinate contiguous."""
         matrices = self.view_proj.reshape(-1, 4)
         clip: NDArray[np.float32] = matrices[:, :3] @ points.T + matrices[:, 3:]
         return clip.reshape(-1, 4, len(points)).mT

@@ -105,8 +105,8 @@ class _Surface:
         normals, most = np.zeros((3, len(verts))), np.zeros(len(verts))
         for corner in faces.T:
             most += np.bincount(corner, sizes, len(verts))
-            for total, part in zip(normals, planes.normals, strict=True):
-                total += np.bincount(corner, part, len(verts))
+            for total, component in zip(normals, planes.normals, strict=True):
+                total += np.bincount(corner, component, len(verts))
         length = np.linalg.norm(normals, axis=0)
         # Where faces and their backs cancel out, what is left is rounding.
         normals *= np.divide(1, length, out=np.zeros_like(length), where=length > _CANCELLED * most)
@@ -139,15 +139,15 @@ def _silhouettes(edges: MeshEdges, front: _Flags, edge_on: _Flags) -> list[_Inde
 
 @dataclass(frozen=True)
 class _Crossings:
-    """Places where outlines cross lines of pixel centres: rows if they are steep, otherwise columns.
+    """Where outlines cross lines of pixel centres: rows if they are steep, otherwise columns.
 
-    `line` is the row or column, `place` how far along it, in pixels, and `depth` that of the edge; `plus`: whether the
-    surface is on the side of the greater places.
+    `line` is the row or column, `along` how far along it, in pixels, and `depth` that of the edge; `plus`: whether the
+    surface is on the side of the greater positions.
     """
 
     by_row: _Flags
     line: _Index
-    place: _Floats
+    along: _Floats
     depth: _Floats
     plus: _Flags
 
@@ -179,8 +179,8 @@ def _crossings(clip: _Singles, edges: MeshEdges, some: _Index, side: int) -> _Cr
     item = crossed[within]
     line = np.arange(len(item)) - (np.cumsum(counts) - counts - begin)[within]
     t = (line + 0.5 - v[0, item]) / (v[1, item] - v[0, item])
-    place, depth = (a + t * (b - a) for a, b in ((u[0, item], u[1, item]), (z[i[item]], z[j[item]])))
-    return _Crossings(by_row[item], line, place, depth, plus[within])
+    along, depth = (a + t * (b - a) for a, b in ((u[0, item], u[1, item]), (z[i[item]], z[j[item]])))
+    return _Crossings(by_row[item], line, along, depth, plus[within])
 
 
 def _shares(crossings: _Crossings, depth: _Singles) -> tuple[_Index, _Index, _Floats]:
@@ -189,7 +189,7 @@ def _shares(crossings: _Crossings, depth: _Singles) -> tuple[_Index, _Index, _Fl
     Of several crossings between two pixels, the nearest counts. `depth` (S, S) is that of the surface.
     """
     c, side = crossings, len(depth)
-    left = np.floor(np.clip(c.place - 0.5, -2, _FAR)).astype(np.int64)
+    left = np.floor(np.clip(c.along - 0.5, -2, _FAR)).astype(np.int64)
     on_screen = (left >= 0) & (left + 1 < side)
     base = np.where(on_screen, np.where(c.by_row, c.line * side + left, left * side + c.line), 0)
     stride = np.where(on_screen, np.where(c.by_row, 1, side), 0)
@@ -199,7 +199,7 @@ def _shares(crossings: _Crossings, depth: _Singles) -> tuple[_Index, _Index, _Fl
     order = np.lexsort((c.depth[shown], pair))
     shown = shown[order[np.diff(pair[order], prepend=-1) > 0]]
     inside, outside, plus = inside[shown], outside[shown], c.plus[shown]
-    share = (c.place[shown] - (left[shown] + plus + 0.5)) * np.where(plus, -1.0, 1.0) - 0.5
+    share = (c.along[shown] - (left[shown] + plus + 0.5)) * np.where(plus, -1.0, 1.0) - 0.5
     spills = share > 0
     return np.where(spills, outside, inside), np.where(spills, inside, outside), np.abs(share)
 

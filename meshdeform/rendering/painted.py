@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.geometry.appearance import Appearance
-from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
+from meshdeform.geometry.srgb import linear_from_srgb, srgb_from_linear
+from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours
 from meshdeform.rendering.cameras import Cameras
 from meshdeform.rendering.visibility import FacePlanes, interpolated, nearest_faces
 
@@ -68,7 +69,7 @@ class PaintedRenderer:
             shape = (len(cameras.view_proj), self.style.view_size, self.style.view_size, 3)
             backdrops = np.broadcast_to(np.array(self.style.background, np.float32), shape)
         surface = _Surface.of(positions, normals, self._colours)
-        clip, front = cameras.project(surface.places), surface.planes.heights(cameras.eye) >= 0
+        clip, front = cameras.project(surface.verts), surface.planes.heights(cameras.eye) >= 0
         views = zip(clip, front, cameras.view[:, :3, :3], backdrops, strict=True)
         return np.stack([self._render(surface, *each) for each in views])
 
@@ -126,11 +127,11 @@ class PaintedRenderer:
 class _Surface:
     """One state of the surface.
 
-    `places`, (M, 3): of the vertices of the appearance. `values`, (C, M): what is interpolated: `normal_rows` of the
+    `verts`, (M, 3): of the vertices of the appearance. `values`, (C, M): what is interpolated: `normal_rows` of the
     normals, and of 1 where the file has one if it lacks some, and then the values of the colours.
     """
 
-    places: _Singles
+    verts: _Singles
     values: _Singles
     normal_rows: int
     planes: FacePlanes
@@ -138,13 +139,13 @@ class _Surface:
     @classmethod
     def of(cls, positions: NDArray[np.floating], normals: NDArray[np.floating], colours: BaseColours) -> _Surface:
         """Return the surface with positions and normals (N, 3)."""
-        places: _Singles = positions.astype(np.float32)[colours.rows]
+        verts: _Singles = positions.astype(np.float32)[colours.rows]
         given: _Singles = normals.astype(np.float32)[colours.rows].T
         defined = np.isfinite(given).all(0, keepdims=True)
         if not defined.all():
             given = np.concatenate([np.where(defined, given, np.float32(0)), defined])
         values = np.concatenate([given, colours.values], dtype=np.float32)
-        return cls(places, values, len(given), FacePlanes.of(places, colours.faces))
+        return cls(verts, values, len(given), FacePlanes.of(verts, colours.faces))
 
     def unit_normals(self, at: _Singles, face: _Index) -> _Singles:
         """Return unit normals (3, P) at pixels of faces (P,) with interpolated values (C, P)."""
@@ -183,8 +184,8 @@ class _Squares:
         square = row // self._factor * self._size + column // self._factor
         count = self._size * self._size
         self._covered += np.bincount(square, share, count)
-        for total, part in zip(self._light, light if share is None else light * share, strict=True):
-            total += np.bincount(square, part, count)
+        for total, channel in zip(self._light, light if share is None else light * share, strict=True):
+            total += np.bincount(square, channel, count)
 
     def over(self, backdrop: _Singles) -> _Singles:
         """Return the picture (size, size, 3) in front of a backdrop, both sRGB."""

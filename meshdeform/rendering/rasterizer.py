@@ -94,7 +94,7 @@ class _Blends(NamedTuple):
 def rasterize_spans(
     clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
-    """Rasterise on `clip`'s device; see `meshdeform.rendering.rasterizer.rasterize`.
+    """Rasterise on `clip`'s device; see `rasterize`.
 
     Returns (B, H, W) int64 face indices and (B, H, W) float32 depths.
     """
@@ -136,13 +136,7 @@ def _edge_planes(x: Tensor, y: Tensor, z: Tensor, area: Tensor) -> _Planes:
 
 
 def _fill(
-    key: Tensor,
-    face: Tensor,
-    first_row: Tensor,
-    planes: _Planes,
-    box: _Box,
-    width: int,
-    behind: Tensor | None,
+    key: Tensor, face: Tensor, first_row: Tensor, planes: _Planes, box: _Box, width: int, behind: Tensor | None
 ) -> None:
     (a, b, c, z_x, z_y, z_0), (left, right, top, bottom) = planes, box
     rows = bottom - top + 1
@@ -197,7 +191,7 @@ def _expand(counts: Tensor, ends: Tensor, start: int, stop: int) -> tuple[Tensor
 
 @kernel
 def _snapped(clip: _Floats, width: int, height: int, x: _Index, y: _Index, z: _Floats) -> None:
-    """Set the places of a view's vertices in 256ths of a pixel, and their depths, NaN behind the camera."""
+    """Set the positions of a view's vertices in 256ths of a pixel, and their depths, NaN behind the camera."""
     for v in range(len(clip)):
         w = clip[v, 3]
         if w <= 1e-6:
@@ -282,7 +276,7 @@ def _rasterize(
 def rasterize_compiled(
     clip: Tensor, faces: Tensor, height: int, width: int, behind: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
-    """Rasterise on the CPU; see `meshdeform.rendering.rasterizer.rasterize`.
+    """Rasterise on the CPU; see `rasterize`.
 
     Returns (B, H, W) int64 face indices and (B, H, W) float32 depths.
     """
@@ -441,11 +435,7 @@ class _Interpolate(torch.autograd.Function):
 
 @kernel
 def _walk(
-    clip: _Floats,
-    ends: _Index,
-    opposite: _Index,
-    depth: NDArray[np.float32],
-    removed: NDArray[np.float32] | None,
+    clip: _Floats, ends: _Index, opposite: _Index, depth: NDArray[np.float32], removed: NDArray[np.float32] | None
 ) -> tuple[_Index, _Floats]:
     """Find the visible crossings, of several between two pixels the nearest."""
     # (N, 4) int64: the pixel that takes a share of another's colour, that other pixel, the rows of the edge's ends.
@@ -475,7 +465,7 @@ def _walk(
             second, k = first, opposite[e, 1]
             if k >= 0:
                 second = dx * (y[k] - y[i]) - dy * (x[k] - x[i])
-            # A vertex behind the camera has no place in the picture, and faces with one are not drawn.
+            # A vertex behind the camera has no position in the picture, and faces with one are not drawn.
             if not first * second > 0:
                 continue
             by_row = abs(dy) >= abs(dx)
@@ -494,12 +484,7 @@ def _walk(
                 if at < 0 or at + 1 >= limit:
                     continue
                 base, stride = (
-                    ((view * height + line) * width + at, 1)
-                    if by_row
-                    else (
-                        (view * height + at) * width + line,
-                        width,
-                    )
+                    ((view * height + line) * width + at, 1) if by_row else ((view * height + at) * width + line, width)
                 )
                 inside, outside = (base + stride, base) if plus else (base, base + stride)
                 z = zi + t * (zj - zi)
@@ -535,11 +520,7 @@ def _walk(
 
 
 def _crossings_of(
-    clip: _Floats,
-    ends: _Index,
-    opposite: _Index,
-    depth: NDArray[np.float32],
-    removed: NDArray[np.float32] | None,
+    clip: _Floats, ends: _Index, opposite: _Index, depth: NDArray[np.float32], removed: NDArray[np.float32] | None
 ) -> _Blends:
     """Share the views of `_walk` among threads."""
 
@@ -597,7 +578,7 @@ def _blend_backward(
 def antialias_compiled(
     image: Tensor, clip: Tensor, ends: Tensor, opposite: Tensor, depth: Tensor, removed: Tensor | None = None
 ) -> Tensor:
-    """Blend on the CPU; see `meshdeform.rendering.rasterizer`, whose `edges` are the two (E, 2) here."""
+    """Blend on the CPU; see `antialias`, whose `edges` are the two (E, 2) here."""
     result: Tensor = _Antialias.apply(image, clip, ends, opposite, depth, removed)  # type: ignore[no-untyped-call]
     return result
 
@@ -814,7 +795,7 @@ def is_compiled(tensor: Tensor) -> bool:
 
 
 def projected(verts: Tensor, cameras: Cameras) -> Tensor:
-    """Return the places (B, V, 4) of positions (V, 3) in the views' clip space."""
+    """Return the positions (B, V, 4) of vertices (V, 3) in the views' clip space."""
     matrices = torch.from_numpy(cameras.view_proj).to(verts)
     return verts @ matrices[:, :, :3].mT + matrices[:, None, :, 3]
 

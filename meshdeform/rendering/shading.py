@@ -57,19 +57,13 @@ from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.appearance import Appearance
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import edges_of
+from meshdeform.geometry.srgb import linear_from_srgb, srgb_from_linear
 from meshdeform.geometry.tensors import area_vectors, through_normals
 from meshdeform.rendering import rasterizer
-from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours, linear_from_srgb, srgb_from_linear
+from meshdeform.rendering.base_colours import OPAQUE_ENOUGH, BaseColours
 from meshdeform.rendering.cameras import NUM_VIEWS, UNIT_SPHERE, CameraRange, Cameras, orthogonal_cameras
 from meshdeform.rendering.clay import AMBIENT, LIGHT
-from meshdeform.rendering.rasterizer import (
-    Fragments,
-    SilhouetteEdges,
-    antialias,
-    interpolate,
-    projected,
-    rasterize,
-)
+from meshdeform.rendering.rasterizer import Fragments, SilhouetteEdges, antialias, interpolate, projected, rasterize
 from meshdeform.rendering.visibility import EMPTY_DEPTH
 from meshdeform.support.threads import in_ranges
 
@@ -81,7 +75,7 @@ height, and no optimiser step is that short. The gradient is therefore limited t
 """
 
 TRUST_FROM, TRUST_OVER = 0.7, 0.25
-"""Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts in part."""
+"""Cosine between smooth and flat normal from which, and over which, the smooth one's motion counts only partly."""
 
 _SHORTEST = 1e-12
 _Floats = NDArray[np.float64]
@@ -198,7 +192,7 @@ def _normals(verts: _Floats, faces: _Index) -> tuple[_Floats, _Floats, _Floats, 
 def _backward(
     facets: _Facets, seen: _Seen, clip: _Floats, gradient: _Floats, d_normals: _Floats, d_clip: _Floats
 ) -> None:
-    """Add to the gradients of each view's unit normals (B, F, 3) and of the vertices' places in it (B, V, 4)."""
+    """Add to the gradients of each view's unit normals (B, F, 3) and of the vertices in its clip space (B, V, 4)."""
     faces, normals, share, smooth = facets.faces, facets.normals, facets.share, facets.smooth
     axes, face_ids = seen.axes, seen.face_ids
     height, width = face_ids.shape[1], face_ids.shape[2]
@@ -239,7 +233,7 @@ def _backward(
                 mean = a * g[0] + b * g[1] + (1.0 - a - b) * g[2]
                 for i in range(3):
                     j, k = (i + 1) % 3, (i + 2) % 3
-                    # The area of part i is x_j y_k - y_j x_k.
+                    # The area opposite to corner i is x_j y_k - y_j x_k.
                     d_area = trust * (g[i] - mean) / total
                     v, dx, dy = faces[f, j], d_area * y[k], -d_area * x[k]
                     d_clip[view, v, 0] += dx
@@ -340,7 +334,7 @@ class _Colour(torch.autograd.Function):
         face_ids: Tensor,
         backdrop: Tensor,
     ) -> Tensor:
-        points, places, corners, eyes, turns, ids = (
+        points, positions, corners, eyes, turns, ids = (
             t.detach().contiguous().numpy() for t in (verts, clip, faces, eye, axes, face_ids)
         )
         # One colour stays one: to repeat three numbers for each pixel takes longer than to draw.
@@ -355,7 +349,7 @@ class _Colour(torch.autograd.Function):
             _draw(facets, _Seen(eyes[at], turns[at], ids[at]), behind if alike else behind[at], pixels[at])
 
         in_ranges(draw, len(ids))
-        ctx.saved = (facets, places, eyes, turns, ids)  # type: ignore[attr-defined]
+        ctx.saved = (facets, positions, eyes, turns, ids)  # type: ignore[attr-defined]
         return image
 
     @staticmethod
@@ -374,11 +368,7 @@ class _Colour(torch.autograd.Function):
         in_ranges(through_views, len(clip))
         inverse = np.divide(1.0, lengths, out=np.zeros_like(lengths), where=lengths > _SHORTEST)
         through_normals(verts, faces, facets.normals, inverse, d_normals.sum(0), d_verts)
-        return (
-            torch.from_numpy(d_verts.astype(verts.dtype)),
-            torch.from_numpy(d_clip.astype(clip.dtype)),
-            *[None] * 5,
-        )
+        return (torch.from_numpy(d_verts.astype(verts.dtype)), torch.from_numpy(d_clip.astype(clip.dtype)), *[None] * 5)
 
 
 @dataclass(frozen=True)
@@ -579,7 +569,7 @@ class Renderer:
             Deformed positions in the cameras' frame, where the views show the unit sphere.
         cameras : Cameras
             B cameras.
-        scene : Scene, optional
+        scene : Lighting, optional
             Background and light of the B views; by default the style's fixed ones.
         shading : Shading, optional
             As from `sample_shading`; by default that of the style, or `textured` for `mixed`.
@@ -760,27 +750,3 @@ def sample_orthogonal_cameras(
     """
     shares = torch.rand(2 + NUM_VIEWS, generator=generator, dtype=torch.float64).tolist()
     return orthogonal_cameras(bounds, shares, fitting_radius, turn_deg)
-
-
-class OrthogonalGrid:
-    """Four views a quarter turn apart in one picture."""
-
-    def __init__(self, bounds: CameraRange, style: RenderStyle) -> None:
-        self._bounds = bounds
-        self.style = style
-
-    def sample(self, generator: torch.Generator, fitting_radius: float, turn_deg: float = 0.0) -> Cameras:
-        """Draw the cameras of one step.
-
-        Parameters
-        ----------
-        fitting_radius : float
-            Radius of the sphere around the origin that just fits the views.
-        turn_deg : float
-            Azimuth of the shape's front, as in `cameras.fixed_cameras`.
-        """
-        return sample_orthogonal_cameras(self._bounds, generator, fitting_radius, turn_deg)
-
-    def arrange(self, images: Tensor) -> Tensor:
-        """Combine views (4, S, S, 3) into one picture (1, 3, 2 S, 2 S)."""
-        return combine_views(images)

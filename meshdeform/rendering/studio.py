@@ -57,7 +57,7 @@ class Studio:
 
     Parameters
     ----------
-    poses : sequence of Pose
+    poses : sequence of SurfaceState
         The states that must fit the views.
     size : int
         Side of a view in pixels.
@@ -129,7 +129,7 @@ class Studio:
         back = np.linalg.inv(view_proj.astype(np.float64)).astype(np.float32)
         # Lines of sight from the near to the far plane, as rows and columns that are added up.
         near, far = ([at * row[0] - at[:, None] * row[1] + (z * row[2] + row[3]) for row in back] for z in (-1.0, 1.0))
-        near, far = ([each / places[3] for each in places[:3]] for places in (near, far))
+        near, far = ([each / points[3] for each in points[:3]] for points in (near, far))
         along = (ground - near[1]) / (far[1] - near[1])
         x, z = ((near[axis] + along * (far[axis] - near[axis])) / _SHADOW_REACH for axis in (0, 2))
         dark = np.where(along > 0, _looked_up(shadow, x, z), 0)
@@ -145,7 +145,7 @@ def _blurred(picture: _Singles, width: int) -> _Singles:
 
 
 def _looked_up(picture: _Singles, x: _Singles, y: _Singles) -> _Singles:
-    """Look up a picture (S, S), which fills -1 .. 1, at places (H, W) each, bilinearly; beyond it there are zeros."""
+    """Look up a picture (S, S), which fills -1 .. 1, at points (H, W) each, bilinearly; beyond it there are zeros."""
     side = len(picture)
     column, row = (np.clip((np.nan_to_num(each, nan=9.0) + 1) * (side / 2) + 0.5, 0, side + 0.999) for each in (x, y))
     left, above = column.astype(np.int64), row.astype(np.int64)

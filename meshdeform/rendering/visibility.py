@@ -106,8 +106,8 @@ def _snapped(points: NDArray[np.floating], seen: NDArray[np.bool_], height: int,
     x = np.rint(np.clip((x / w * 0.5 + 0.5) * width * _SUB, -_FAR, _FAR))
     y = np.rint(np.clip((0.5 - y / w * 0.5) * height * _SUB, -_FAR, _FAR))
     first, last = np.empty((len(x), 2), np.int16), np.empty((len(x), 2), np.int16)
-    for axis, (place, side) in enumerate(((x, width), (y, height))):
-        cell = place / _SUB - 0.5
+    for axis, (position, side) in enumerate(((x, width), (y, height))):
+        cell = position / _SUB - 0.5
         first[:, axis] = np.clip(np.ceil(cell), 0, _LARGEST_SIDE)
         last[:, axis] = np.clip(np.floor(cell), -1, side - 1)
     return _Corners(x, y, z / w, first.view(np.int32)[:, 0], last.view(np.int32)[:, 0])
@@ -159,8 +159,8 @@ def _triangles(corners: _Corners, faces: _Index, start: int, seen: NDArray[np.bo
     kept, (left, top), (right, bottom) = _near_centres(corners, faces, seen)
     if float(((right - left + 1.0) * (bottom - top + 1.0)).sum()) > most:
         some = faces.take(kept, 1)
-        places = [each.take(some).view(np.int64) for each in (corners.x, corners.y, corners.z)]
-        once = first_alike(np.concatenate(places).T)
+        positions = [each.take(some).view(np.int64) for each in (corners.x, corners.y, corners.z)]
+        once = first_alike(np.concatenate(positions).T)
         kept, left, top, right, bottom = (each[once] for each in (kept, left, top, right, bottom))
     faces = faces.take(kept, 1)
     x, y, z = (each.take(faces) for each in (corners.x, corners.y, corners.z))
@@ -224,7 +224,7 @@ class _Picture:
     def draw(self, triangles: _Triangles) -> None:
         """Draw triangles; of several at the same depth the first one remains."""
         t = triangles
-        for some in _parts(t.rows):
+        for some in _batches(t.rows):
             item, within = _repeated(t.rows, some)
             row = t.top.take(item) + within
             begin, end = t.left.take(item), t.right.take(item)
@@ -243,7 +243,7 @@ class _Picture:
 
     def _draw_spans(self, face: _Index, first: _Index, length: _Index, z: _Floats, z_x: _Floats) -> None:
         """Draw spans of pixels of faces (S,) with their first pixel, its depth, and the change of depth per pixel."""
-        for some in _parts(length):
+        for some in _batches(length):
             span, within = _repeated(length, some)
             pixel = first.take(span) + within
             depth = (z.take(span) + z_x.take(span) * within).astype(np.float32)
@@ -264,7 +264,7 @@ class _Picture:
         self.face[pixel.take(won)] = face.take(won)
 
 
-def _parts(counts: _Index) -> Iterator[slice]:
+def _batches(counts: _Index) -> Iterator[slice]:
     """Yield ranges of items whose counts add up to `_AT_ONCE` at most, unless a single one has more."""
     ends = np.cumsum(counts)
     start, done, total = 0, 0, int(ends[-1]) if len(ends) else 0

@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from meshdeform.assets import Asset
-from meshdeform.assets.surface import NamedParts
+from meshdeform.assets.surface import SurfacePieces
 from meshdeform.deformation.constraints import (
     TOLERANCE,
     Constraints,
@@ -30,7 +30,7 @@ from meshdeform.deformation.constraints import (
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.congruence import Component, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests import selection
@@ -258,7 +258,7 @@ def _held_point(
             detail = f"handle {number}: no triangle has the vertex {item.vertex}."
             raise _refusal("handles", detail, f"The asset's vertices are 0 to {len(sources) - 1}.", number)
         return (int(sources[item.vertex]),), (1.0,)
-    nearest = NearestPlaces(surface.mesh, np.array([item.position], np.float64), np.zeros((1, 3)))
+    nearest = NearestPoints(surface.mesh, np.array([item.position], np.float64), np.zeros((1, 3)))
     return tuple(int(corner) for corner in nearest.corners[0]), tuple(float(share) for share in nearest.weights[0])
 
 
@@ -340,7 +340,7 @@ def inspect_parts(
     its `nodes` and its `materials`. A proposal has the numbers of its `components`, whether they are
     `congruent` and `round`, and the `selectors` that select them.
     """
-    parts = asset.parts()
+    parts = asset.pieces()
     welded = welded_surface(asset)
     components = components_of(welded.mesh)
     owners = _owners(welded, parts)
@@ -378,7 +378,7 @@ def _box(welded: WeldedMesh) -> dict[str, NDArray[np.float64]]:
     return {"min": points.min(0), "max": points.max(0)}
 
 
-def _owners(welded: WeldedMesh, parts: NamedParts) -> dict[str, _Index]:
+def _owners(welded: WeldedMesh, parts: SurfacePieces) -> dict[str, _Index]:
     """Return, for `nodes` and `materials`, the distinct pairs (P, 2) of component and index."""
     component = welded.mesh.components[welded.mesh.faces[:, 0]]
     indices = {"nodes": parts.node_of_triangle, "materials": parts.material_of_triangle}

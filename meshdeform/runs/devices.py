@@ -8,7 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from meshdeform.errors import ParameterError
-from meshdeform.support.threads import choose_threads, default_threads, keep_freed_memory, usable_threads
+from meshdeform.support.memory import keep_freed_memory
+from meshdeform.support.threads import choose_threads, default_threads, usable_threads
 
 _DRIVERS = ("/dev/nvidiactl", "/dev/nvidia0", "/dev/dxg", "/dev/kfd")
 """What a Linux system has if it has a driver for a GPU: NVIDIA's, that of Windows under WSL, AMD's."""
@@ -47,7 +48,7 @@ def _may_have_cuda() -> bool:
 def use_threads(count: int) -> int:
     """Set the number of CPU threads, torch's and ours, and return it; 0 is `support.threads.default_threads`.
 
-    The process also keeps the memory of freed arrays (`support.threads.keep_freed_memory`).
+    The process also keeps the memory of freed arrays (`support.memory.keep_freed_memory`).
     """
     keep_freed_memory()
     threads = count or default_threads()

@@ -87,7 +87,7 @@ def loaded(task: dict[str, Any]) -> tuple[Asset, Body, ResolvedParams]:
 
     params = ResolvedParams.model_validate(task["params"])
     asset = load_asset(Path(task["asset"]).read_bytes(), task["filename"], Limits(**task["limits"]))
-    asset = asset.without(find_excluded(params.exclude, asset.parts().nodes))
+    asset = asset.without(find_excluded(params.exclude, asset.pieces().nodes))
     kept = _File(Path(task["reading"]), samples_of(task))
     source = ReadingSource(task["digest"], task["filename"], kept=kept)
     body = loose_body(asset, backdrop=params.backdrop is BackdropMode.DEFORM)

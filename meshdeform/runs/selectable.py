@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from meshdeform.assets.surface import NamedParts
+from meshdeform.assets.surface import SurfacePieces
 from meshdeform.errors import ParameterError
 from meshdeform.requests.selection import (
     BoxParams,
@@ -52,9 +52,9 @@ class SelectableSurface:
         return cls(asset, body.points, body.faces, np.flatnonzero(solid))
 
     @cached_property
-    def parts(self) -> NamedParts:
+    def parts(self) -> SurfacePieces:
         """Names in the asset."""
-        return self._asset.parts()
+        return self._asset.pieces()
 
     @cached_property
     def components(self) -> NDArray[np.int64]:

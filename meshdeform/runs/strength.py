@@ -69,7 +69,7 @@ class AssetPath:
         joints = None
         if with_rig:
             moves = self._source.joint_moves(self.at(share).positions, self.jacobians(share))
-            joints = {name: np.array([*each.place, *each.shift, each.growth]) for name, each in moves.values() if name}
+            joints = {name: np.array([*each.origin, *each.shift, each.growth]) for name, each in moves.values() if name}
         verts = self._result_verts if share == 1 else self._path.at(share)
         return EditMap.between(self._welded.mesh, verts, joints)
 
@@ -108,7 +108,7 @@ def matched(source: Asset, result: Asset, exclude: Sequence[str | int], limits: 
 
     `exclude`: `params.control.exclude` of the run; `limits`: those of the deployment that ran it.
     """
-    source, result = (asset.without(find_excluded(exclude, asset.parts().nodes)) for asset in (source, result))
+    source, result = (asset.without(find_excluded(exclude, asset.pieces().nodes)) for asset in (source, result))
     if len(source.surface.triangles) < len(result.surface.triangles):
         source, _ = subdivided(source, limits)
     check_same_asset(source, result)
@@ -175,8 +175,8 @@ def with_edit(asset: Asset, edit: EditMap, outside: Outside = Outside.REFUSE, *,
     jacobians = vertex_jacobians(welded, verts)
     joints = {}
     for node, (name, move) in asset.joint_moves(deformed.positions, jacobians).items():
-        same = edit.same_joint(name, move.place)
-        joints[node] = move if same is None else NodeMove(move.place, same[:3], float(same[3]))
+        same = edit.same_joint(name, move.origin)
+        joints[node] = move if same is None else NodeMove(move.origin, same[:3], float(same[3]))
     return asset.replace(*shape, jacobians=jacobians, joints=joints, compact=compact)
 
 

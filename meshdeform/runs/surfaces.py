@@ -220,7 +220,7 @@ def prepared(
 
 def _without(asset: Asset, exclude: Sequence[str | int]) -> Asset:
     try:
-        return asset.without(find_excluded(exclude, asset.parts().nodes))
+        return asset.without(find_excluded(exclude, asset.pieces().nodes))
     except AssetEmptyError as error:
         detail = "params.control.exclude: nothing is left to deform."
         raise ParameterError.at(["params", "control", "exclude"], detail, "Exclude fewer nodes.") from error

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from meshdeform.assets.check import MAX_PARTS
+from meshdeform.assets.check import MAX_LISTED
 from meshdeform.assets.inspect import AssetSummary
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
@@ -332,7 +332,7 @@ def _check_contents(request: JobRequest, params: ResolvedParams, files: Mapping[
     triangles = None if request.output.subdivide else asset.triangles
     lists = {name: getattr(asset, name) for name in ("nodes", "mesh_names", "materials", "joints")}
     # A list of that length may be incomplete; the run then refuses what selects nothing.
-    complete = {name: parts for name, parts in lists.items() if len(parts) < MAX_PARTS}
+    complete = {name: parts for name, parts in lists.items() if len(parts) < MAX_LISTED}
     if "nodes" in complete:
         find_excluded(params.exclude, asset.nodes)
     check_selections(("control", "rigid"), params.rigid, complete, triangles)

@@ -466,7 +466,7 @@ def rig_warnings(asset: Asset, mode: RigMode) -> list[str]:
     """Return a sentence about what of a file did not follow its shape, if there is anything."""
     if mode is RigMode.FOLLOW:
         return []
-    rig, turned = asset.rig(), asset.turned_parts()
+    rig, turned = asset.rig(), asset.turned_nodes()
     counted = [(rig.joints, "joint"), (rig.morph_targets, "morph target"), (len(turned), "animated node")]
     what = " and ".join(f"{count} {name}{'s' if count > 1 else ''}" for count, name in counted if count)
     if not what:

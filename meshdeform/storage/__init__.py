@@ -7,6 +7,7 @@ An object is either complete or absent. In a folder, a temporary file is written
 from __future__ import annotations
 
 from meshdeform.storage.base import StoredObject
-from meshdeform.storage.store import ObjectStore, sign_path, verify_path
+from meshdeform.storage.signatures import sign_path, verify_path
+from meshdeform.storage.store import ObjectStore
 
 __all__ = ["ObjectStore", "StoredObject", "sign_path", "verify_path"]

@@ -64,24 +64,24 @@ def is_key(text: str) -> bool:
 
 
 def check_key(key: str) -> None:
-    """Refuse an invalid key: no part may be empty or begin with a dot, so that no key leaves the store or is hidden."""
+    """Refuse an invalid key: no name in it is empty or begins with a dot: none leaves the store or is hidden."""
     if not is_key(key):
         raise NotFoundError(f"{key!r} is not a valid object key.")
 
 
-def measured(parts: Iterable[bytes]) -> StoredObject:
+def measured(chunks: Iterable[bytes]) -> StoredObject:
     """Return the size and digest of bytes given in chunks."""
     digest, size = hashlib.sha256(), 0
-    for part in parts:
-        digest.update(part)
-        size += len(part)
+    for chunk in chunks:
+        digest.update(chunk)
+        size += len(chunk)
     return StoredObject(size, digest.hexdigest())
 
 
-def parts_of(source: BinaryIO) -> Iterator[bytes]:
+def chunks_of(source: BinaryIO) -> Iterator[bytes]:
     """Yield the rest of a file in chunks."""
-    while part := source.read(CHUNK):
-        yield part
+    while chunk := source.read(CHUNK):
+        yield chunk
 
 
 @contextmanager

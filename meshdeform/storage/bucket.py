@@ -10,13 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from meshdeform.errors import (
-    DependencyError,
-    MeshdeformError,
-    NotFoundError,
-    UnavailableError,
-    install_command,
-)
+from meshdeform.errors import DependencyError, MeshdeformError, NotFoundError, UnavailableError, install_command
 from meshdeform.storage.base import is_key
 
 # obstore's defaults retry for three minutes, which is longer than a request or a worker's lease can wait.
@@ -122,13 +116,13 @@ class Bucket:
             if any(words in str(error.__cause__) for words in _NO_SUCH_RANGE) and start >= self.size(key):
                 return iter(())
             raise
-        return self._parts(key, response, last - first, chunk)
+        return self._chunks(key, response, last - first, chunk)
 
-    def _parts(self, key: str, response: Any, left: int, chunk: int) -> Iterator[bytes]:
+    def _chunks(self, key: str, response: Any, left: int, chunk: int) -> Iterator[bytes]:
         with self._errors(key):
-            for part in response.stream(min_chunk_size=chunk):
-                left -= len(part)
-                yield bytes(part)
+            for data in response.stream(min_chunk_size=chunk):
+                left -= len(data)
+                yield bytes(data)
         if left:
             raise UnavailableError(f"The object store's {key} ends {left} bytes early.")
 

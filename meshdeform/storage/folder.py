@@ -122,7 +122,7 @@ class Folder:
         with file_errors():
             size = os.fstat(file.fileno()).st_size
             file.seek(start)
-        return _parts(key, file, (size if end is None else min(end, size)) - start, chunk)
+        return _chunks(key, file, (size if end is None else min(end, size)) - start, chunk)
 
     def copy(self, source: str, destination: str) -> None:
         """Copy a file. A hard link would keep the original's age, and some file systems have none."""
@@ -222,10 +222,10 @@ def _size(path: Path) -> int:
     return status.st_size
 
 
-def _parts(key: str, file: BinaryIO, left: int, chunk: int) -> Iterator[bytes]:
+def _chunks(key: str, file: BinaryIO, left: int, chunk: int) -> Iterator[bytes]:
     with file, file_errors():
-        while left > 0 and (part := file.read(min(chunk, left))):
-            left -= len(part)
-            yield part
+        while left > 0 and (data := file.read(min(chunk, left))):
+            left -= len(data)
+            yield data
         if left > 0:
             raise UnavailableError(f"The object store's {key} ends {left} bytes early.")

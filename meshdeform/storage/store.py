@@ -1,52 +1,25 @@
-"""Provide one class for object stores in folders and in buckets.
-
-Sign and verify URLs for a store that only the API serves: HMAC-SHA256 over method, path, expiry and parameters.
-
-The holder of such a URL may use one method on one path until it expires. The URL cannot be changed: added, removed or
-repeated parameters are refused like a wrong signature.
-
-Receive resumable uploads in the folder of the object store.
-
-The bytes received so far are in `.uploads/ID`. They are synced to the disk before `append` returns, and become an
-object by one rename. Only one process at a time writes to an upload: the file itself is the lock.
-"""
+"""Provide one class for object stores in folders and in buckets."""
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import hashlib
-import hmac
 import io
 import os
 import tempfile
-import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
-from urllib.parse import parse_qsl, urlencode
 
-from meshdeform.errors import (
-    AssetTooLargeError,
-    ConflictError,
-    ForbiddenError,
-    MeshdeformError,
-    NotFoundError,
-    StoredFileError,
-    UnavailableError,
-)
-from meshdeform.storage.base import CHUNK, Backend, StoredObject, check_key, file_errors, is_key, measured, parts_of
+from meshdeform.errors import MeshdeformError, NotFoundError, StoredFileError, UnavailableError
+from meshdeform.storage.base import CHUNK, Backend, StoredObject, check_key, chunks_of, file_errors, measured
 from meshdeform.storage.bucket import Bucket
-from meshdeform.storage.folder import Folder, sync_folder
+from meshdeform.storage.folder import Folder
+from meshdeform.storage.uploads import UploadArea
 
 PATIENCE_S = 60.0
 # The limit of Signature Version 4.
 _SIGNED_S = 7 * 86_400
-_DOMAIN = "meshdeform signed url 1"
-_EXPIRES, _SIGNATURE = "expires", "signature"
-_SECRET_BYTES = 16
-_UPLOADS = ".uploads"
 
 
 class ObjectStore:
@@ -92,7 +65,7 @@ class ObjectStore:
         """
         check_key(key)
         with _opened(data) as source:
-            measured_file = known or measured(parts_of(source))
+            measured_file = known or measured(chunks_of(source))
             source.seek(0)
             self._backend.put(key, source, content_type)
         return measured_file
@@ -171,12 +144,12 @@ class ObjectStore:
         The path is replaced if it exists; its folder must exist. Raises StoredFileError: the object has another SHA-256
         than the expected one. Raises UnavailableError: the local disk is full.
         """
-        parts = self.stream(key)
+        chunks = self.stream(key)
         with file_errors():
             handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
             try:
                 with os.fdopen(handle, "wb") as file:
-                    measured_file = measured(_written(parts, file))
+                    measured_file = measured(_written(chunks, file))
                 if sha256 is not None and sha256.lower() != measured_file.sha256:
                     raise _damaged(key)
                 Path(temporary).replace(path)
@@ -210,7 +183,7 @@ class ObjectStore:
     def presign_get(self, key: str, expires_s: int) -> str | None:
         """Return a URL that permits reading an object directly from the store for 1 second to 7 days.
 
-        The response has the content type given to `put`, and the last part of the key as the file name. The key is not
+        The response has the content type given to `put`, and the last name in the key as the file name. The key is not
         checked for existence. None if the store has no URLs of its own (a folder): sign one with `sign_path`.
         """
         return self._presign("GET", key, expires_s)
@@ -238,7 +211,7 @@ class ObjectStore:
     def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
         """Append bytes to an upload durably; offset 0 begins one. Return the total bytes received for it.
 
-        `upload_id`: a valid part of a key; `offset`: position of the bytes, which must be the current size of the
+        `upload_id`: a name that a key may have; `offset`: position of the bytes, which must be the current size of the
         upload; `chunks`: if iterating raises, the bytes received so far are kept and the exception propagates;
         `max_bytes`: largest size of the whole upload. Raises ConflictError: the upload has another size
         (`extra["offset"]`), or another request is writing to it. Raises NotFoundError: there is no such upload, and the
@@ -289,168 +262,7 @@ def _opened(data: bytes | Path) -> Iterator[BinaryIO]:
         yield io.BytesIO(data)
 
 
-def _written(parts: Iterator[bytes], file: BinaryIO) -> Iterator[bytes]:
-    for part in parts:
-        file.write(part)
-        yield part
-
-
-def sign_path(
-    method: str, path: str, expires_at: int, secret: bytes, parameters: Mapping[str, str] | None = None
-) -> str:
-    """Return a signed query, without a question mark, that permits `method` on `path`.
-
-    `path`: as the server sees it: decoded, with the leading slash, without the query; `expires_at`: unix time in
-    seconds from which the URL is refused; `secret`: at least 16 bytes, the same for every process that verifies.
-    `parameters`: more query parameters to sign. None may be named `expires` or `signature`.
-    """
-    if parameters and {_EXPIRES, _SIGNATURE} & set(parameters):
-        raise ValueError("parameters must not be named expires or signature")
-    pairs = [*sorted((parameters or {}).items()), (_EXPIRES, str(int(expires_at)))]
-    return urlencode([*pairs, (_SIGNATURE, _signature(method, path, pairs, secret))])
-
-
-def verify_path(method: str, path: str, query: str, secret: bytes, now: float | None = None) -> dict[str, str]:
-    """Verify that a complete query, as received, was signed for this method and path and has not expired.
-
-    Returns the signed parameters, without `expires` and `signature`. `now` is a Unix time in seconds. Raises
-    ForbiddenError: the signature is wrong, or the URL has expired.
-    """
-    try:
-        pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True, errors="strict", max_num_fields=32)
-    except ValueError as error:
-        raise _refused() from error
-    values = dict(pairs)
-    signature, expires = values.pop(_SIGNATURE, ""), values.pop(_EXPIRES, "")
-    bound = [*sorted(values.items()), (_EXPIRES, expires)]
-    # Require the exact signed query: no parameter twice, none in another order.
-    if len(pairs) != len(bound) + 1 or [name for name, _ in pairs] != [*(name for name, _ in bound), _SIGNATURE]:
-        raise _refused()
-    if not hmac.compare_digest(signature.encode(), _signature(method, path, bound, secret).encode()):
-        raise _refused()
-    if (time.time() if now is None else now) >= int(expires):
-        raise ForbiddenError("The signed URL has expired.", advice="Request a new one.")
-    return values
-
-
-def _signature(method: str, path: str, pairs: list[tuple[str, str]], secret: bytes) -> str:
-    if len(secret) < _SECRET_BYTES:
-        raise ValueError(f"a secret must have at least {_SECRET_BYTES} bytes")
-    # Each part is percent-encoded or free of newlines, so that different requests give different texts.
-    text = "\n".join([_DOMAIN, method, urlencode({"path": path}), urlencode(pairs)])
-    return hmac.new(secret, text.encode(), hashlib.sha256).hexdigest()
-
-
-def _refused() -> ForbiddenError:
-    return ForbiddenError("The URL's signature does not match the request.", advice="Request a new signed URL.")
-
-
-class UploadArea:
-    """The unfinished uploads in the folder of an object store."""
-
-    def __init__(self, folder: Folder) -> None:
-        self._folder, self._area = folder, folder.root / _UPLOADS
-
-    def append(self, upload_id: str, offset: int, chunks: Iterable[bytes], max_bytes: int) -> int:
-        """Append bytes; see `ObjectStore.append`."""
-        path = self._path(upload_id)
-        if offset == 0:
-            self._create(path)
-        with self._locked(path) as file:
-            present = os.fstat(file.fileno()).st_size
-            if offset != present:
-                raise ConflictError(
-                    f"The upload has {present} bytes, not {offset}.", advice="Resume at its offset.", offset=present
-                )
-            file.seek(present)
-            return _write(file, present, chunks, max_bytes)
-
-    def appended(self, upload_id: str) -> StoredObject:
-        """Return the size and digest of the bytes received so far."""
-        with self._folder.errors("such upload"), self._path(upload_id).open("rb") as file:
-            return measured(parts_of(file))
-
-    def size(self, upload_id: str) -> int:
-        """Return the number of bytes received so far."""
-        with self._folder.errors("such upload"):
-            return self._path(upload_id).stat().st_size
-
-    def commit(self, upload_id: str, key: str) -> StoredObject:
-        """Turn the upload into an object; see `ObjectStore.commit_append`."""
-        path, destination = self._path(upload_id), self._folder.root / key
-        try:
-            with self._locked(path) as file, self._folder.errors(key):
-                measured_file = measured(parts_of(file))
-                # The bytes of an interrupted append may not be on the disk yet.
-                os.fsync(file.fileno())
-                self._folder.rename_into_place(path, key)
-                return measured_file
-        except NotFoundError:
-            # Already renamed, by a process that died before it could record it.
-            with self._folder.errors("such upload"), destination.open("rb") as file:
-                measured_file = measured(parts_of(file))
-                sync_folder(destination.parent)
-                return measured_file
-
-    def discard(self, upload_id: str) -> None:
-        """Remove the bytes received so far."""
-        path = self._path(upload_id)
-        with suppress(NotFoundError), self._folder.errors("such upload"):
-            path.unlink()
-
-    def _path(self, upload_id: str) -> Path:
-        if not is_key(upload_id) or "/" in upload_id:
-            raise NotFoundError(f"{upload_id!r} is not an upload.")
-        return self._area / upload_id
-
-    def _create(self, path: Path) -> None:
-        self._folder.ping()
-        with file_errors():
-            if path.exists():
-                return
-            if not self._area.exists():
-                self._area.mkdir(exist_ok=True)
-                sync_folder(self._folder.root)
-            os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600))
-            sync_folder(self._area)
-
-    @contextmanager
-    def _locked(self, path: Path) -> Iterator[BinaryIO]:
-        with self._folder.errors("such upload"):
-            file = path.open("r+b", buffering=0)
-        with file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                raise ConflictError(
-                    "Another request is writing to this upload.", advice="Request its offset and resume there."
-                ) from error
-            with self._folder.errors("such upload"):
-                # Between opening and locking, another process may have committed or removed it.
-                if not os.path.samestat(os.fstat(file.fileno()), path.stat()):
-                    raise FileNotFoundError(errno.ENOENT, "replaced")
-            yield file
-
-
-def _write(file: BinaryIO, present: int, chunks: Iterable[bytes], max_bytes: int) -> int:
-    size = present
-    try:
-        try:
-            for chunk in chunks:
-                if size + len(chunk) > max_bytes:
-                    raise AssetTooLargeError(f"The upload is over {max_bytes} bytes.")
-                with file_errors():
-                    rest = memoryview(chunk)
-                    while rest:
-                        rest = rest[file.write(rest) :]
-                size += len(chunk)
-        finally:
-            # Also if the sender disconnected: keep the received bytes, so that it can resume.
-            with file_errors():
-                os.fsync(file.fileno())
-    except MeshdeformError:
-        # Over the limit, or the disk is full: discard the bytes of this call.
-        with suppress(OSError):
-            file.truncate(present)
-        raise
-    return size
+def _written(chunks: Iterator[bytes], file: BinaryIO) -> Iterator[bytes]:
+    for chunk in chunks:
+        file.write(chunk)
+        yield chunk

@@ -1,1 +1,1 @@
-"""Provide logs, traces, atomic files and failpoints to all parts. Imports only `errors` of the package."""
+"""Provide logs, traces, atomic files and failpoints to all other folders. Imports only `errors` of the package."""

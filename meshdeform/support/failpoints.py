@@ -64,10 +64,10 @@ class _Point:
 
 def _parse(text: str) -> dict[str, _Point]:
     points = {}
-    for part in filter(None, text.split(",")):
-        match = _POINT.fullmatch(part)
+    for entry in filter(None, text.split(",")):
+        match = _POINT.fullmatch(entry)
         if match is None or match["name"] not in FAILPOINTS or (match["action"] == "pause") != bool(match["file"]):
-            raise ValueError(f"{_VARIABLE}: {part!r} is not a failpoint")
+            raise ValueError(f"{_VARIABLE}: {entry!r} is not a failpoint")
         hit = int(match["hit"]) if match["hit"] else None
         points[match["name"]] = _Point(match["action"], hit, match["file"], match["once"])
     return points

@@ -15,7 +15,7 @@ _MAX_LENGTH = 48
 
 
 def slug(text: str) -> str:
-    """Return text as part of a file name: words joined by hyphens, at most 48 characters; empty if there is no word."""
+    """Return text for a file name: words joined by hyphens, at most 48 characters; empty if there is no word."""
     return re.sub(r"\W+", "-", text).strip("-_")[:_MAX_LENGTH].strip("-_")
 
 
@@ -33,8 +33,8 @@ def result_name(artifact: str, *, source: str, goal: str, seed: int | None) -> s
     # Not `Path.stem`: the name is a client's, of any platform.
     filename = re.split(r"[\\/]", source)[-1]
     stem = filename.rpartition(".")[0] or filename
-    parts = [slug(stem), slug(goal), "" if seed is None else f"seed{seed}"]
-    base = "-".join(filter(None, parts))
+    words = [slug(stem), slug(goal), "" if seed is None else f"seed{seed}"]
+    base = "-".join(filter(None, words))
     return artifact_name(artifact, base) if base else artifact
 
 
@@ -55,8 +55,8 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Return a ZIP of files by name, compressed; their time of change is fixed, so the same files are the same ZIP."""
+def zipped(files: Mapping[str, bytes | str]) -> bytes:
+    """Return a ZIP of files by name, compressed: the same bytes for the same files. Texts become UTF-8."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         for name, data in files.items():

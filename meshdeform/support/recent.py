@@ -1,4 +1,4 @@
-"""Remember the last values of a process."""
+"""Cache the values of a process that were used last (least recently used go first)."""
 
 from __future__ import annotations
 

@@ -28,8 +28,8 @@ def build() -> str:
     return f"{__version__}+{digest_of([''])[:8]}"
 
 
-def _texts(place: Traversable, name: str) -> dict[str, bytes]:
+def _texts(node: Traversable, name: str) -> dict[str, bytes]:
     """Return the sources below a folder, or that of a module, by their names."""
-    if place.is_file():
-        return {name: place.read_bytes()} if name.endswith((".py", ".txt", ".npz")) else {}
-    return {path: text for inner in place.iterdir() for path, text in _texts(inner, f"{name}/{inner.name}").items()}
+    if node.is_file():
+        return {name: node.read_bytes()} if name.endswith((".py", ".txt", ".npz")) else {}
+    return {path: text for inner in node.iterdir() for path, text in _texts(inner, f"{name}/{inner.name}").items()}

@@ -1,4 +1,4 @@
-"""Log and trace every part.
+"""Log and trace every process of the service.
 
 Logs are lines for people, or one JSON object per line for programs. `bound` sets the job or request id of every line
 that is logged inside it. The ids are context variables, which tasks and threads of anyio inherit; start any other
@@ -88,9 +88,9 @@ def carried(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def json_line(line: str, part: str, logger: str = "output") -> str:
-    """Return a line of a part's output as one JSON object.
+    """Return a line of a process's output as one JSON object.
 
-    A line that is JSON already, from the part's own log, is returned unchanged.
+    A line that is JSON already, from the process's own log, is returned unchanged.
     """
     if line.startswith("{"):
         try:
@@ -159,7 +159,7 @@ def _log_thread_crash(arguments: threading.ExceptHookArgs) -> None:
 def start_tracing(part: str) -> bool:
     """Send spans to the collector that the environment names, if it names one; return whether it does.
 
-    The part of the service is `api` or `worker`. Its `service.name` is `meshdeform-PART` unless OTEL_SERVICE_NAME is
+    `part`: `api` or `worker`. Its `service.name` is `meshdeform-PART` unless OTEL_SERVICE_NAME is
     set. `DependencyError`: a collector is named, but the packages are not installed.
     """
     global _tracer, _provider

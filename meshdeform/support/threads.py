@@ -4,25 +4,20 @@ torch's threads meet after every operation. libgomp, its thread library on Linux
 for milliseconds before it sleeps. Where other programs use the cores too, that time is taken from the very thread that
 is waited for: on two busy cores a step took ten times the CPU time that it needs on one thread.
 
-Keep Python from searching and freeing what was loaded, and tell glibc how much freed memory to keep.
-
 Standard library only.
 """
 
 from __future__ import annotations
 
-import atexit
-import gc
 import math
 import os
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
 
@@ -34,12 +29,6 @@ _chosen = 0
 _sharing = threading.local()
 _pools: dict[tuple[int, int], ThreadPoolExecutor] = {}
 """By process, because a forked child has none of the threads, and by the number of threads."""
-HEAPS = 2
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
-"""`mallopt`'s names, from glibc's malloc.h."""
-_KEPT = 256 << 20
-_LARGEST = 32 << 20
-"""Bytes of a block that still comes from a heap; glibc accepts no more."""
 
 
 def limit_waiting() -> None:
@@ -100,9 +89,9 @@ def in_ranges(work: Callable[[int, int], T], count: int) -> list[T]:
     the first range. With one thread (`choose_threads`), or inside of such work, it takes everything. `work`: called
     with ranges that cover ``range(count)``, in order; which ranges these are must not change the result.
     """
-    parts = 1 if getattr(_sharing, "already", False) else max(1, min(usable_threads(), count))
-    bounds = [count * part // parts for part in range(parts + 1)]
-    if parts == 1:
+    ranges = 1 if getattr(_sharing, "already", False) else max(1, min(usable_threads(), count))
+    bounds = [count * at // ranges for at in range(ranges + 1)]
+    if ranges == 1:
         return [work(0, count)]
 
     def share(begin: int, end: int) -> T:
@@ -112,8 +101,8 @@ def in_ranges(work: Callable[[int, int], T], count: int) -> list[T]:
         finally:
             _sharing.already = False
 
-    key = (os.getpid(), parts - 1)
-    pool = _pools.get(key) or _pools.setdefault(key, ThreadPoolExecutor(parts - 1, "meshdeform"))
+    key = (os.getpid(), ranges - 1)
+    pool = _pools.get(key) or _pools.setdefault(key, ThreadPoolExecutor(ranges - 1, "meshdeform"))
     others = [pool.submit(share, begin, end) for begin, end in pairwise(bounds[1:])]
     try:
         first = share(bounds[0], bounds[1])
@@ -130,86 +119,3 @@ def side_by_side(*works: Callable[[], T]) -> list[T]:
     with ThreadPoolExecutor(len(works) - 1, "meshdeform") as pool:
         others = [pool.submit(work) for work in works[1:]]
         return [works[0](), *(other.result() for other in others)]
-
-
-@contextmanager
-def collection_paused(*, keep: bool = False) -> Iterator[None]:
-    """Do not look for garbage inside the block, where much is made and hardly anything dropped.
-
-    To import torch and numba makes a million objects, and a thousand collections search them for garbage that is not
-    there (docs/performance.md). Outside of programs of our own nothing is paused. With `keep`, what exists at the end
-    of the block, such as modules, is also left out of all later collections.
-    """
-    if not gc.isenabled():  # whoever turned it off, or an outer block, decides
-        yield
-        return
-    gc.disable()
-    try:
-        yield
-    finally:
-        if keep:
-            gc.freeze()
-        gc.enable()
-
-
-@contextmanager
-def quick_end() -> Iterator[None]:
-    """Let the process end without freeing memory; enter it first in a program of our own that ends by `sys.exit`.
-
-    Python searches for garbage and frees all that was ever loaded, which takes longer with torch than everything else
-    that ends. Functions registered for the end since then (`atexit`, `weakref.finalize`) run as before.
-    """
-    codes: list[int] = []
-
-    def end() -> None:
-        if codes and not hasattr(sys, "last_value"):  # nor was there an error later on, which nobody caught
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(codes[0])
-
-    atexit.register(end)  # the first one is called last
-    try:
-        yield
-    except SystemExit as ended:
-        if ended.code is None or isinstance(ended.code, int):
-            codes.append(ended.code or 0)
-        raise
-
-
-def limit_heaps() -> None:
-    """Let all threads of this process share two heaps, unless the environment sets MALLOC_ARENA_MAX.
-
-    glibc makes eight for each core, and each keeps what its threads have freed. Call this before there are threads.
-    """
-    _set(_M_ARENA_MAX, HEAPS, "MALLOC_ARENA_MAX")
-
-
-def keep_freed_memory() -> None:
-    """Keep up to 256 MB that were freed, for a process that computes; the environment's own settings win.
-
-    torch frees most of its tensors within a step. glibc returns them to the system, which has to clear every page of
-    the next step's tensors.
-    """
-    _set(_M_MMAP_THRESHOLD, _LARGEST, "MALLOC_MMAP_THRESHOLD_")
-    _set(_M_TRIM_THRESHOLD, _KEPT, "MALLOC_TRIM_THRESHOLD_")
-
-
-def return_freed_memory() -> None:
-    """Return the pages to the system on which nothing lies any more; this takes less than a millisecond.
-
-    By itself glibc returns only what is free at the end of a heap, where something of every burst of requests stays.
-    """
-    with suppress(OSError, AttributeError, TypeError):  # macOS, musl, Windows
-        _library().malloc_trim(0)
-
-
-def _set(option: int, value: int, variable: str) -> None:
-    if variable not in os.environ:
-        with suppress(OSError, AttributeError, TypeError):  # macOS, musl, Windows
-            _library().mallopt(option, value)
-
-
-def _library() -> Any:
-    import ctypes  # which commands that compute nothing do without
-
-    return ctypes.CDLL(None)

@@ -12,12 +12,12 @@ import torch
 from playwright.sync_api import Browser, Route
 
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.srgb import linear_from_srgb
 from meshdeform.kinds.surface_fit.container import encode_base, write_field
 from meshdeform.kinds.surface_fit.network import FieldNetwork
 from meshdeform.kinds.surface_fit.reader import read_field
 from meshdeform.kinds.surface_fit.scalar_fields import ScalarField
 from meshdeform.kinds.surface_fit.scalar_sections import colours_at
-from meshdeform.rendering.base_colours import linear_from_srgb
 
 PAGE = """<!doctype html><canvas width="300" height="300"></canvas>
 <script type="importmap">{"imports": {"three": "/three.module.js"}}</script>

@@ -109,8 +109,8 @@ def test_painted_faces_are_kept(page: Page, service: Service, tmp_path: Path) ->
     ranges = [range(item[0], item[1] + 1) if isinstance(item, list) else [item] for item in items]
     numbers = [number for each in ranges for number in each]
     assert 1 < len(numbers) < 100
-    names = {node["index"]: node["name"] for node in source.parts().nodes}
-    assert {names[node] for node in source.parts().node_of_triangle[numbers]} == {"right"}
+    names = {node["index"]: node["name"] for node in source.pieces().nodes}
+    assert {names[node] for node in source.pieces().node_of_triangle[numbers]} == {"right"}
     middles = source.surface.positions[source.surface.triangles[numbers]].mean(1)
     assert np.ptp(middles, axis=0).max() < 1.2, "the brush stays where it was"
     assert (middles[:, 2] > -0.2).all(), "and on the side that is seen"

@@ -89,7 +89,7 @@ def test_the_asset_comes_back_with_its_parts(api: Api, form: PartsAs, monkeypatc
         assert sorted(parts_of(asset)) == sorted(named)
         assert list(parts_of(load_asset(changed.glb))) == ["head"]
     else:
-        listed = asset.parts().materials if form is PartsAs.MATERIALS else asset.parts().nodes
+        listed = asset.pieces().materials if form is PartsAs.MATERIALS else asset.pieces().nodes
         assert set(named) <= {each["name"].partition(" (")[0] for each in listed}
     assert len(asset.surface.triangles) == len(load_asset(source).surface.triangles)
     assert load_asset(changed.glb).summary.bounds == load_asset(wider.glb).summary.bounds

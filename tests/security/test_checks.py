@@ -80,14 +80,14 @@ def test_the_child_has_limits_on_memory_time_and_files(tmp_path: Path) -> None:
 def test_a_summary_stays_small_however_much_is_skipped_or_named(tmp_path: Path) -> None:
     builder = Builder()
     mesh = builder.mesh(builder.primitive())
-    for _ in range(check.MAX_PARTS + 50):
+    for _ in range(check.MAX_LISTED + 50):
         builder.node(mesh, name="n" * 10_000)
     for _ in range(500):
         builder.node(mesh, scale=[1, 0, 1])
     path = tmp_path / "large.glb"
     path.write_bytes(builder.glb())
     found = check_asset_subprocess(path)
-    assert len(found.nodes) == check.MAX_PARTS
+    assert len(found.nodes) == check.MAX_LISTED
     assert {len(node["name"]) for node in found.nodes} == {200}
     assert len(found.skipped) == check.MAX_SKIPPED + 1
     assert found.skipped[-1] == {"reason": f"and {500 - check.MAX_SKIPPED} more"}

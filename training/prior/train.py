@@ -18,7 +18,7 @@ import torch
 from meshdeform.priors.builtin.network import WEIGHTS, PriorNetwork, write_weights
 from meshdeform.priors.builtin.vocabulary import NOUNS
 from meshdeform.support.files import file_sha256
-from meshdeform.support.threads import keep_freed_memory
+from meshdeform.support.memory import keep_freed_memory
 from training.collections.members import RealShapes
 from training.collections.sources import PRIOR
 from training.prior.dataset import PictureFolder

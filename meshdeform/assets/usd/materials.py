@@ -148,7 +148,7 @@ class _Network:
         file = "" if use is None else self._materials.texture(use.image)
         if use is None or not file:
             return ""
-        name = "".join(part.capitalize() for part in slot.split("_"))
+        name = "".join(word.capitalize() for word in slot.split("_"))
         shader = self._shader(name, "UsdUVTexture")
         self._input(shader, "file", TYPES.Asset, Sdf.AssetPath(file))
         self._input(shader, "sourceColorSpace", TYPES.Token, space)

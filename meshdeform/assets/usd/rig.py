@@ -29,8 +29,10 @@ from meshdeform.assets.placement import (
     is_invertible,
     joint_matrices,
     local_matrix,
+    parents_of,
     placement_matrix,
     skin_weights,
+    upwards,
     world_matrices,
 )
 from meshdeform.assets.scene import MaterialTriangles, Scene
@@ -47,7 +49,7 @@ class Skeleton:
     path: str
     parent: str  # the prim that it stands at, as its meshes do
     nodes: dict[int, str]  # the joint of each node, those above first
-    place: Matrix  # from the space of its meshes to that of its points, (4, 4)
+    to_points: Matrix  # from the space of its meshes to that of its points, (4, 4)
     joints: NDArray[np.int64] | None = (
         None  # (J,) skeleton's joint of each joint of the skin; None: all follow the only one
     )
@@ -58,24 +60,19 @@ class Skeleton:
 class Rigs:
     """The skeletons of a scene."""
 
-    def __init__(self, layer: Layer, scene: Scene, motion: Motion, places: Mapping[int, str]) -> None:
+    def __init__(self, layer: Layer, scene: Scene, motion: Motion, prims: Mapping[int, str]) -> None:
         self._layer, self._scene, self._motion = layer, scene, motion
         self._nodes: list[Json] = scene.root.get("nodes", [])
         self._worlds = world_matrices(self._nodes)
-        self._parents = {child: at for at, node in enumerate(self._nodes) for child in node.get("children", [])}
-        self._places = places  # the prim of each node
+        self._parents = parents_of(self._nodes)
+        self._prims = prims  # the prim of each node
         self._skins: dict[int, Skeleton] = {}
         self._made: list[Skeleton] = []
 
     def above(self, skin: int) -> int | None:
         """Return the node above all joints of a skin that is nearest to them; None if nothing is."""
-        ways = []
-        for joint in self._scene.root["skins"][skin]["joints"]:
-            way, at = list[int](), self._parents.get(joint)
-            while at is not None:
-                way.append(at)
-                at = self._parents.get(at)
-            ways.append(way[::-1])
+        joints = self._scene.root["skins"][skin]["joints"]
+        ways = [list(upwards(joint, self._parents))[:0:-1] for joint in joints]
         shared = [steps[0] for steps in zip(*ways, strict=False) if len(set(steps)) == 1]
         return shared[-1] if shared else None
 
@@ -88,10 +85,10 @@ class Rigs:
         primitives = self._scene.root["meshes"][instance.mesh].get("primitives", [])
         if not any(each.get("targets") for each in primitives):
             return None
-        place = self._places[instance.node]
-        path = self._layer.prim(place, "Skeleton", "Skeleton", schemas=_BOUND)
+        node = self._prims[instance.node]
+        path = self._layer.prim(node, "Skeleton", "Skeleton", schemas=_BOUND)
         self._describe(path, [_ALONE], [np.eye(4)], [np.eye(4)])
-        self._made.append(Skeleton(path, place, {}, np.eye(4)))
+        self._made.append(Skeleton(path, node, {}, np.eye(4)))
         return self._made[-1]
 
     def _skin(self, instance: Instance) -> Skeleton:
@@ -101,8 +98,8 @@ class Rigs:
         if above is not None and not is_invertible(self._worlds[above]):
             above = None
         back = np.eye(4) if above is None else np.linalg.inv(self._worlds[above])
-        place = back @ placement_matrix(self._scene.document, instance, self._worlds)
-        place = place if is_invertible(place) else np.eye(4)
+        to_points = back @ placement_matrix(self._scene.document, instance, self._worlds)
+        to_points = to_points if is_invertible(to_points) else np.eye(4)
         ordered: dict[int, str] = {}
         for joint in skin["joints"]:
             self._with_parents(joint, above, ordered)
@@ -110,14 +107,14 @@ class Rigs:
         bind = [back @ self._worlds[node] for node in ordered]
         for joint, inverse in zip(skin["joints"], inverse_binds(self._scene.document, skin), strict=True):
             if is_invertible(inverse):
-                bind[at[joint]] = place @ np.linalg.inv(inverse)
-        parent = self._layer.root if above is None else self._places[above]
+                bind[at[joint]] = to_points @ np.linalg.inv(inverse)
+        parent = self._layer.root if above is None else self._prims[above]
         path = self._layer.prim(parent, str(skin.get("name", "")), "Skeleton", schemas=_BOUND)
         self._describe(path, list(ordered.values()), bind, [local_matrix(self._nodes[node]) for node in ordered])
         maps = joint_matrices(self._scene.document, instance.skin, self._worlds)
         rest = int(np.abs(maps - maps.mean(axis=0)).sum(axis=(1, 2)).argmin())
         joints = np.array([at[joint] for joint in skin["joints"]])
-        self._made.append(Skeleton(path, parent, ordered, place, joints, rest))
+        self._made.append(Skeleton(path, parent, ordered, to_points, joints, rest))
         return self._made[-1]
 
     def _with_parents(self, joint: int, top: int | None, ordered: dict[int, str]) -> None:
@@ -177,7 +174,7 @@ class Rigs:
         extras = mesh.get("extras")
         names = extras.get("targetNames") if isinstance(extras, dict) else None
         tokens, paths = [], []
-        turn = skeleton.place[:3, :3]
+        turn = skeleton.to_points[:3, :3]
         for number, target in enumerate(targets):
             wanted = str(names[number]) if isinstance(names, list) and number < len(names) else f"target{number}"
             token = f"{valid_name(wanted, f'target{number}')}_{instance.node}_{number}"

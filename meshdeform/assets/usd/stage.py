@@ -15,7 +15,15 @@ from meshdeform import __version__
 from meshdeform.assets.clips import read_clips
 from meshdeform.assets.container import Json
 from meshdeform.assets.inspect import Instance, instances_of, shown_nodes
-from meshdeform.assets.placement import Floats, Matrix, instance_matrices, is_invertible, local_matrix, unit_rows
+from meshdeform.assets.placement import (
+    Floats,
+    Matrix,
+    instance_matrices,
+    is_invertible,
+    local_matrix,
+    parents_of,
+    unit_rows,
+)
 from meshdeform.assets.scene import MaterialTriangles, Scene, moved
 from meshdeform.assets.usd.layer import TYPES, Layer, floats, integers, matrix, vectors
 from meshdeform.assets.usd.materials import Materials, texcoord_name
@@ -42,8 +50,8 @@ class StageWriter:
         kind = "SkelRoot" if rigged else "Xform"
         self._layer = Layer(path, "/Root", kind, f"Meshdeform {__version__}", metres)
         self._materials = Materials(self._layer, scene, path.parent)
-        self._places: dict[int, str] = {}  # the prim of each node
-        self._rigs = Rigs(self._layer, scene, self._motion, self._places)
+        self._prims: dict[int, str] = {}  # the prim of each node
+        self._rigs = Rigs(self._layer, scene, self._motion, self._prims)
         self._shown = {instance.node: instance for instance in instances_of(scene.root)}
         self.triangles = 0
 
@@ -54,7 +62,7 @@ class StageWriter:
 
     def write(self) -> None:
         """Write the layer."""
-        parents = {child: at for at, node in enumerate(self._nodes) for child in node.get("children", [])}
+        parents = parents_of(self._nodes)
         joints = {joint for skin in self._scene.root.get("skins", []) for joint in skin["joints"]}
         shown = shown_nodes(self._scene.root)
         skins = {instance.skin for instance in self._shown.values() if instance.skin is not None}
@@ -63,15 +71,15 @@ class StageWriter:
             if node not in joints or any(child in needed for child in self._nodes[node].get("children", [])):
                 needed.add(node)
         # By node: the prim of its children, its depth, and the matrix from the node to that prim.
-        places: dict[int, tuple[str, int, Matrix]] = {}
+        spaces: dict[int, tuple[str, int, Matrix]] = {}
         for node in shown:
             if node not in needed:  # a joint, which the skeleton has
                 continue
-            above, depth, missing = places.get(parents.get(node, -1), (self._layer.root, 0, np.eye(4)))
+            above, depth, missing = spaces.get(parents.get(node, -1), (self._layer.root, 0, np.eye(4)))
             local = missing @ local_matrix(self._nodes[node])
-            self._places[node] = path = self._xform(above, node, local)
+            self._prims[node] = path = self._xform(above, node, local)
             deep = depth >= _MAX_DEPTH
-            places[node] = (above, depth, local) if deep else (path, depth + 1, np.eye(4))
+            spaces[node] = (above, depth, local) if deep else (path, depth + 1, np.eye(4))
             if deep and self._motion.moves(node):
                 self._scene.lost["movements of nodes below a node that lies too deep"] += 1
         for instance in self._shown.values():
@@ -87,10 +95,10 @@ class StageWriter:
         if self._motion.moves(node):
             self._moving(path, node, item)
         elif not np.array_equal(local, np.eye(4)):
-            self._place(path, local)
+            self._transform(path, local)
         return path
 
-    def _place(self, path: str, local: Matrix) -> None:
+    def _transform(self, path: str, local: Matrix) -> None:
         self._layer.set(path, "xformOp:transform", TYPES.Matrix4d, matrix(local))
         self._order(path, "transform")
 
@@ -116,15 +124,15 @@ class StageWriter:
         self._order(path, "translate", "orient", "scale")
 
     def _meshes(self, instance: Instance) -> None:
-        skeleton, place = self._rigs.of(instance), self._places[instance.node]
-        parents = [skeleton.parent if skeleton else place]  # a skin ignores its node
+        skeleton, prim = self._rigs.of(instance), self._prims[instance.node]
+        parents = [skeleton.parent if skeleton else prim]  # a skin ignores its node
         copies = instance_matrices(self._scene.document, instance.node)
         if len(copies) != 1 or not np.array_equal(copies[0], np.eye(4)):
             parents = []
             for copy in copies:
                 if is_invertible(copy):
-                    parents.append(self._layer.prim(place, "Copy", "Xform"))
-                    self._place(parents[-1], copy)
+                    parents.append(self._layer.prim(prim, "Copy", "Xform"))
+                    self._transform(parents[-1], copy)
         for piece in self._scene.pieces(instance):
             for parent in parents:
                 self._mesh(parent, piece, instance, skeleton)
@@ -133,7 +141,7 @@ class StageWriter:
         layer, look = self._layer, self._scene.shading(piece.material)
         schemas = ["MaterialBindingAPI", *(["SkelBindingAPI"] if skeleton else [])]
         prim = layer.prim(parent, piece.name, "Mesh", schemas=schemas)
-        shown = piece if skeleton is None else moved(piece, skeleton.place)
+        shown = piece if skeleton is None else moved(piece, skeleton.to_points)
         positions, triangles, normals = shown.positions, shown.triangles, shown.normals
         self.triangles += len(triangles)
         layer.set(prim, "points", TYPES.Point3fArray, vectors(positions))

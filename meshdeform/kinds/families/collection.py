@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from meshdeform.errors import AssetEmptyError
-from meshdeform.geometry.places import even_samples
+from meshdeform.geometry.surface_samples import even_samples
 
 FEATURES = 13
 """Number of local features of a sample."""

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from meshdeform.assets import Asset
 from meshdeform.geometry.copies import first_alike
-from meshdeform.geometry.places import SurfaceTree, even_samples, samples_of
+from meshdeform.geometry.nearest_points import SurfaceTree
+from meshdeform.geometry.surface_samples import even_samples, samples_of
 from meshdeform.kinds.families.boundary import components, welded
 from meshdeform.kinds.families.family_file import FamilyFile
 

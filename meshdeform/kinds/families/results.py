@@ -396,7 +396,7 @@ def labels_of(asset: Asset, name: str, labels: AssetLabels, parts: list[str]) ->
         for part, own in parts_of(asset).items():
             result[own] = numbers.get(part, -1)
         return result
-    known = asset.parts()
+    known = asset.pieces()
     for what, names_wanted, listed, flags in (
         ("node", labels.nodes, known.nodes, known.in_node),
         ("material", labels.materials, known.materials, known.of_material),
@@ -514,7 +514,7 @@ class SynthesisResults:
         return load_asset(self.shapes[number], self._name(number), self.limits)
 
     def _shape(self, number: int, asset: Asset) -> WallShape:
-        parts, frame = asset.parts(), self.about[number]["frame"]
+        parts, frame = asset.pieces(), self.about[number]["frame"]
         numbers = np.zeros(len(asset.surface.triangles), np.uint8)
         for node in parts.nodes:
             numbers[parts.in_node(node["index"])] = self.family.parts.index(node["name"])

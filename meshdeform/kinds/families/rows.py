@@ -52,7 +52,7 @@ def simple_surface(asset: Asset, chosen: NDArray[np.bool_] | None = None) -> Tri
 
 def standing_shape(name: str, asset: Asset, parts: Sequence[str]) -> StandingShape:
     """Return an asset whose nodes have the names of its parts."""
-    known = asset.parts()
+    known = asset.pieces()
     meshes = [simple_surface(asset, known.in_node(node["index"])) for node in known.nodes]
     starts = np.cumsum([0, *(len(mesh.verts) for mesh in meshes)])
     return StandingShape(

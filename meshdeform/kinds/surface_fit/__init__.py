@@ -96,7 +96,7 @@ def sample(
     ValueError
         The file is damaged, incomplete, or of another version.
     """
-    from meshdeform.geometry.places import blue_samples, surface_samples
+    from meshdeform.geometry.surface_samples import blue_samples, surface_samples
 
     mesh = unfold(data, _SAMPLED_LEVEL)
     if noise == "blue":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.geometry.places import SurfaceTree
+from meshdeform.geometry.nearest_points import SurfaceTree
 from meshdeform.kinds.surface_fit.patches import Level
 
 _Floats = NDArray[np.float64]

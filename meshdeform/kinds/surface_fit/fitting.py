@@ -37,7 +37,8 @@ from torch.nn import functional
 from meshdeform.deformation.checkpoint import Checkpoint
 from meshdeform.deformation.variables import Adam
 from meshdeform.errors import CheckpointError, NumericalError
-from meshdeform.geometry.places import SurfaceTree, surface_samples
+from meshdeform.geometry.nearest_points import SurfaceTree
+from meshdeform.geometry.surface_samples import surface_samples
 from meshdeform.geometry.tensors import arrays_of, tensors_of
 from meshdeform.kinds.surface_fit.base_places import border_places, places_of
 from meshdeform.kinds.surface_fit.gluing import glue

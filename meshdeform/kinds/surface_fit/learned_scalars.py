@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.errors import AssetError
-from meshdeform.geometry.places import SurfaceTree
+from meshdeform.geometry.nearest_points import SurfaceTree
 from meshdeform.kinds.surface_fit.base_places import places_of
 from meshdeform.kinds.surface_fit.patches import level_of
 from meshdeform.kinds.surface_fit.reader import NeuralField

@@ -19,7 +19,8 @@ from meshdeform.errors import AssetError
 from meshdeform.geometry.isosurface import continued, isosurface
 from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import connected_components, face_normals
-from meshdeform.geometry.places import SurfaceTree, surface_samples
+from meshdeform.geometry.nearest_points import SurfaceTree
+from meshdeform.geometry.surface_samples import surface_samples
 from meshdeform.kinds.surface_fit.cleaning import CleanMesh, clean
 from meshdeform.kinds.surface_fit.oriented_points import poisson_grid
 from meshdeform.kinds.surface_fit.params import MAX_BASE_FACES

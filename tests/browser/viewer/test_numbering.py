@@ -100,7 +100,7 @@ def test_an_excluded_node_has_no_numbers(page: Page, site: ViewerSite) -> None:
     made = KINDS["instanced"]()
     site.files["instanced"] = made.data
     asset = load_asset(made.data)
-    nodes = [node["index"] for node in asset.parts().nodes]
+    nodes = [node["index"] for node in asset.pieces().nodes]
     counts: list[int] = page.evaluate(
         """async ([name, nodes]) => {
           const viewer = await show(name);

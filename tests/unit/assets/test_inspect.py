@@ -357,7 +357,7 @@ def test_a_child_that_dies_is_an_error(
 ) -> None:
     stand_in_for_child(tmp_path, monkeypatch, child)
     with pytest.raises(error, match=message):
-        check_asset_subprocess(tmp_path / "quad.glb", timeout_s=0.5 if "sleep" in child else 60)
+        check_asset_subprocess(tmp_path / "quad.glb", limits=Limits(max_check_s=0.5 if "sleep" in child else 60.0))
 
 
 def test_a_machine_that_starts_no_process_is_not_the_files_fault(

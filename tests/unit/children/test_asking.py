@@ -12,7 +12,7 @@ import pytest
 from meshdeform.children import asking
 from meshdeform.children.asking import ChildLostError, run_child
 from meshdeform.children.protocol import OUT_OF_MEMORY, Bounds, answer_of, found_in
-from meshdeform.children.tasks import TASKS, place_of, task
+from meshdeform.children.tasks import TASKS, entry_point, loaded
 from meshdeform.errors import AssetError, DependencyError, MeshdeformError, PartNotFoundError, UnauthorizedError
 from meshdeform.requests.kind_folders import merged
 from tests.cases import each_case
@@ -38,7 +38,7 @@ def alive(pid: int) -> bool:
 
 @each_case("name", sorted(TASKS | merged("child_tasks", "TASKS")))
 def test_every_task_is_a_function(name: str) -> None:
-    assert callable(task(place_of(name)))
+    assert callable(loaded(entry_point(name)))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere only the parent stops a child")

@@ -13,7 +13,7 @@ from meshdeform.deformation import poisson
 from meshdeform.deformation.differentiable import identity_jacobians, jacobians_of, solve_linear
 from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.errors import NumericalError, ShapeError
-from meshdeform.geometry.mesh import TriangleMesh, cotangent_laplacian, gradient_operator, mass_matrix
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.tensors import faces_of, verts_of
 from tests.cases import each_case
@@ -60,7 +60,7 @@ def centred(system: PoissonSystem, verts: Tensor) -> Tensor:
 def test_the_vertices_come_back_up_to_each_components_centre(mesh: TriangleMesh) -> None:
     system = PoissonSystem(mesh)
     wanted = verts_of(mesh) + 0.2 * random(*verts_of(mesh).shape)
-    found = solve_linear(system, jacobians_of(gradient_operator(mesh), wanted))
+    found = solve_linear(system, jacobians_of(RestMesh.of(mesh).gradient, wanted))
     assert_close(centred(system, found), centred(system, wanted), atol=1e-10, rtol=0)
     assert_close(found - centred(system, found), verts_of(mesh) - centred(system, verts_of(mesh)))
 
@@ -77,8 +77,9 @@ def test_identities_give_the_rest_mesh_in_any_unit_at_any_place(mesh: TriangleMe
 def test_it_is_the_least_squares_solution(mesh: TriangleMesh) -> None:
     jacobians = random(len(mesh.faces), 3, 3)
     system = PoissonSystem(mesh)
-    right = gradient_operator(mesh).T @ mass_matrix(mesh) @ jacobians.mT.reshape(-1, 3).numpy()
-    dense = np.linalg.lstsq(cotangent_laplacian(mesh).toarray(), right, rcond=None)[0]
+    rest = RestMesh.of(mesh)
+    right = rest.gradient.T @ (np.repeat(rest.areas, 3)[:, None] * jacobians.mT.reshape(-1, 3).numpy())
+    dense = np.linalg.lstsq(rest.laplacian.toarray(), right, rcond=None)[0]
     expected = centred(system, torch.from_numpy(dense))
     assert_close(centred(system, solve_linear(system, jacobians)), expected, atol=1e-10, rtol=0)
 

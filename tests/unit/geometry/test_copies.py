@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from meshdeform.geometry.copies import first_alike
-from meshdeform.geometry.places import SurfaceTree
+from meshdeform.geometry.nearest_points import SurfaceTree
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.rendering.visibility import nearest_faces
 

@@ -17,12 +17,13 @@ from meshdeform.deformation.lattice_field import Lattice
 from meshdeform.deformation.path import ShapePath
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Adam, Elements, placed
-from meshdeform.geometry import intersections, places
+from meshdeform.geometry import intersections, nearest_points
 from meshdeform.geometry.intersections import TooManyPairsError, cutting_pairs, intersecting_faces, touching_pairs
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces, count_samples, sample_blocks, samples_of
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere, simplified
+from meshdeform.geometry.surface_samples import count_samples, sample_blocks, samples_of
 from meshdeform.requests.document import Safeguard
 from tests.displacements import VertexDisplacements
 from training.shapes import box, torus
@@ -170,7 +171,7 @@ def test_samples_come_in_blocks_with_all_of_a_face(monkeypatch: pytest.MonkeyPat
     verts, faces = mesh.verts, mesh.faces
     points, owners = samples_of(verts, faces, 0.05)
     assert count_samples(verts, faces, 0.05) == len(points)
-    monkeypatch.setattr("meshdeform.geometry.places._BLOCK", 100)
+    monkeypatch.setattr("meshdeform.geometry.surface_samples._BLOCK", 100)
     blocks = list(sample_blocks(verts, faces, 0.05))
     assert len(blocks) > 10
     assert max(len(block) for block, _ in blocks) <= 150
@@ -192,10 +193,10 @@ def test_a_lattice_around_large_faces_is_coarser_and_says_so() -> None:
 def test_the_nearest_place_is_found_with_fewer_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = RestMesh.of(torus())
     points = np.random.default_rng(2).normal(size=(500, 3))
-    usual = NearestPlaces(mesh, points, np.zeros_like(points)).distances(points)
-    monkeypatch.setattr(places, "_SAMPLES", 0)
-    monkeypatch.setattr(places, "_SAMPLES_OF_FACE", 4)
-    fewer = NearestPlaces(mesh, points, np.zeros_like(points)).distances(points)
+    usual = NearestPoints(mesh, points, np.zeros_like(points)).distances(points)
+    monkeypatch.setattr(nearest_points, "_SAMPLES", 0)
+    monkeypatch.setattr(nearest_points, "_SAMPLES_OF_FACE", 4)
+    fewer = NearestPoints(mesh, points, np.zeros_like(points)).distances(points)
     np.testing.assert_allclose(fewer, usual, atol=1e-12)
     monkeypatch.undo()
     # Needles, whose samples at the mean edge's distance would be ten million, with six coordinates each.
@@ -204,5 +205,5 @@ def test_the_nearest_place_is_found_with_fewer_samples(monkeypatch: pytest.Monke
     rest = RestMesh.of(TriangleMesh(needles.reshape(-1, 3), np.arange(6000).reshape(-1, 3)))
     above = np.array([[0.5, 0.0, 2.0]])
     with memory_below(400 * MIB):
-        distance = NearestPlaces(rest, above, np.zeros((1, 3))).distances(above)
+        distance = NearestPoints(rest, above, np.zeros((1, 3))).distances(above)
     assert distance == pytest.approx(2.0)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.deformation.poisson import completed_jacobians
-from meshdeform.geometry.mesh import TriangleMesh, effective_face_areas, face_cross
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_cross
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld
 from meshdeform.runs.surfaces import rebuild_turned_normals, transform_normals, transform_tangents
@@ -31,7 +31,7 @@ def carried(
 ) -> NDArray[np.float64]:
     jacobians = completed_jacobians(mesh, new)
     corners = mesh.faces if triangles is None else triangles
-    return transform_normals(normals, corners, jacobians, effective_face_areas(mesh))
+    return transform_normals(normals, corners, jacobians, RestMesh.of(mesh).areas)
 
 
 def smooth_map(verts: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -103,7 +103,7 @@ def test_tangents_are_carried_perpendicular_with_their_handedness() -> None:
     mesh = icosphere(3)
     new, tangents = smooth_map(mesh.verts), tangents_of(mesh)
     jacobians = completed_jacobians(mesh, new)
-    areas = effective_face_areas(mesh)
+    areas = RestMesh.of(mesh).areas
     corners = mesh.faces
     normals = transform_normals(mesh.verts, corners, jacobians, areas)
     found = transform_tangents(tangents, normals, corners, jacobians, areas)

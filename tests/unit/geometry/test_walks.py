@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from meshdeform.geometry import places
+from meshdeform.geometry import nearest_points
 from meshdeform.geometry.kernels import Worth
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.places import NearestPlaces
+from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.shapes import icosphere, join
 from tests.cases import each_case
 from training.shapes import box, torus, uv_sphere
@@ -25,8 +25,8 @@ def test_numpy_walks_to_the_same_places(mesh: TriangleMesh, monkeypatch: pytest.
     points = np.concatenate([mesh.verts, random.normal(size=(400, 3)), mesh.verts[:9] * 1e-3])
     found: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
     for compiled in (True, False):
-        monkeypatch.setattr(places, "_compiles", lambda _count, chosen=compiled: chosen)
-        nearest = NearestPlaces(rest, points, np.zeros_like(points))
+        monkeypatch.setattr(nearest_points, "_compiles", lambda _count, chosen=compiled: chosen)
+        nearest = NearestPoints(rest, points, np.zeros_like(points))
         found.append((nearest.faces, nearest.weights))
     assert np.array_equal(found[0][0], found[1][0])
     np.testing.assert_array_equal(found[0][1], found[1][1])

@@ -45,7 +45,7 @@ def test_a_file_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     folder = tmp_path / "new" / "banks"
     assert _same(_again(folder), drawn)
     assert [path.name for path in folder.iterdir()] == [f"{_NOUN}-{MEMBERS_VERSION}.npz"]
-    monkeypatch.setattr(banks, "_drawn", lambda *_: pytest.fail("it was drawn again"))
+    monkeypatch.setattr(banks, "_draw_bank", lambda *_: pytest.fail("it was drawn again"))
     assert _same(_again(folder), drawn)
 
 

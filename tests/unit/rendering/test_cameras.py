@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing, fixed_cameras
-from meshdeform.rendering.shading import OrthogonalGrid, RenderStyle, sample_orthogonal_cameras
+from meshdeform.rendering.shading import combine_views, sample_orthogonal_cameras
 from tests.cases import each_case
 
 
@@ -105,11 +105,10 @@ def test_draws_stay_in_bounds_and_follow_the_seed() -> None:
 
 
 def test_four_views_a_quarter_turn_apart_fill_one_picture() -> None:
-    views = OrthogonalGrid(CameraRange(), RenderStyle(view_size=24))
-    cameras = views.sample(torch.Generator().manual_seed(0), 1.05)
+    cameras = sample_orthogonal_cameras(CameraRange(), torch.Generator().manual_seed(0), 1.05)
     turns = [(b - a) % 360 for a, b in zip(cameras.azimuths_deg, cameras.azimuths_deg[1:], strict=False)]
     assert turns == pytest.approx([90.0] * 3)
     images = torch.arange(4.0).view(4, 1, 1, 1).expand(4, 24, 24, 3)
-    picture = views.arrange(images)
+    picture = combine_views(images)
     assert picture.shape == (1, 3, 48, 48)
     assert picture[0, 0, ::47, ::47].tolist() == [[0, 1], [2, 3]]

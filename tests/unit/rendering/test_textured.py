@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
-from meshdeform.rendering.base_colours import linear_from_srgb
+from meshdeform.geometry.srgb import linear_from_srgb
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer, RenderStyle
 from tests.cases import each_case

@@ -58,7 +58,7 @@ def test_a_rig_follows_and_a_morph_shows_the_way() -> None:
     before, after = load_asset(ASSET, "a.glb"), load_asset(files["result.glb"], "a.glb")
     assert json.loads(files["report.json"])["rig"]["mode"] == "follow"
     assert before.rig_digest() != after.rig_digest()
-    assert [joint["name"] for joint in before.parts().joints] == [joint["name"] for joint in after.parts().joints]
+    assert [joint["name"] for joint in before.pieces().joints] == [joint["name"] for joint in after.pieces().joints]
     assert np.allclose(places(files["morph.glb"]), after.surface.positions, atol=1e-5)
 
 

@@ -100,7 +100,7 @@ def test_deep_hierarchies_are_listed_and_searched_in_linear_time() -> None:
     count = 1000
     for at in range(count):
         builder.node(mesh, in_scene=at == 0, **({"children": [at + 1]} if at + 1 < count else {}))
-    parts = load_asset(builder.glb()).parts()
+    parts = load_asset(builder.glb()).pieces()
     assert [part["index"] for part in parts.nodes] == list(range(count))
     for node in (0, 400, count - 1):
         assert parts.in_node(node).sum() == 2 * (count - node)

@@ -10,11 +10,11 @@ import sys
 
 import pytest
 
-from meshdeform.support.threads import HEAPS, keep_freed_memory, limit_heaps, return_freed_memory
+from meshdeform.support.memory import HEAPS, keep_freed_memory, limit_heaps, return_freed_memory
 
 PROGRAM = """
 import ctypes, threading
-from meshdeform.support.threads import limit_heaps
+from meshdeform.support.memory import limit_heaps
 if {limited}:
     limit_heaps()
 met, library = threading.Barrier(12), ctypes.CDLL(None)
@@ -31,7 +31,7 @@ library.malloc_stats()
 
 STEPS = """
 import resource
-from meshdeform.support.threads import keep_freed_memory
+from meshdeform.support.memory import keep_freed_memory
 if {kept}:
     keep_freed_memory()
 def step():
@@ -47,7 +47,7 @@ print(step())
 # and after it returns what is free.
 BURST = """
 import os
-from meshdeform.support.threads import return_freed_memory
+from meshdeform.support.memory import return_freed_memory
 def resident():
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE") / 2**20
@@ -121,7 +121,7 @@ def test_other_libraries_of_c_are_left_alone(monkeypatch: pytest.MonkeyPatch) ->
 
 ENDING = """
 import atexit, sys, threading, weakref
-from meshdeform.support.threads import quick_end
+from meshdeform.support.memory import quick_end
 
 class Loaded:
     def __del__(self):

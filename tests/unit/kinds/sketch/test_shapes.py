@@ -46,7 +46,7 @@ def test_every_noun_has_sliders_and_a_shape_whose_nodes_are_its_parts() -> None:
         made = load_asset(shape_glb(noun, {}), "shape.glb", Limits.unlimited())
         assert len(made.surface.triangles) == len(shape(noun, {}).faces)
     teapot = load_asset(shape_glb("teapot", {}), "shape.glb", Limits.unlimited())
-    assert {str(node["name"]) for node in teapot.parts().nodes} >= {"handle", "spout"}
+    assert {str(node["name"]) for node in teapot.pieces().nodes} >= {"handle", "spout"}
 
 
 @each_case("values", [{"wings": 2}, {"width": 7}, {"width": "wide"}, {"width": float("nan")}, {"kind": "x"}])
