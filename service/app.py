@@ -57,6 +57,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         separate_input_output_schemas=False,
+        generate_unique_id_function=lambda route: route.name,
         redirect_slashes=False,
     )
     app.webhooks.include_router(webhook_routes.messages)

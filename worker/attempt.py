@@ -216,7 +216,7 @@ class Attempt:
     def _start(self) -> JobRun:
         """Start from the newest usable checkpoint, otherwise from the job's origin or its files."""
         job = self._job
-        files = {part: self._input(part, file) for part, file in job.files.items()}
+        files = {name: self._input(name, file) for name, file in job.files.items()}
 
         def load_prior(model: str) -> Prior:
             self._go_on()
@@ -272,9 +272,9 @@ class Attempt:
         before = [each for each in (made_by or "").split(", ") if each]
         self._made_by = self._checkpoints.made_by = ", ".join(dict.fromkeys([*before, build()]))
 
-    def _input(self, part: str, file: StoredFile) -> InputFile:
+    def _input(self, name: str, file: StoredFile) -> InputFile:
         """Read a file of the job and verify its SHA-256."""
-        what = f"job {self._job.id}: the file {part}"
+        what = f"job {self._job.id}: the file {name}"
         data = self._retry.until_answered(what, lambda: self._at.store.get(file.key, sha256=file.sha256))
         return InputFile(data, file.filename, file.sha256)
 
@@ -412,7 +412,7 @@ class JobRunner:
 
     def _attempt(self, job: Job) -> Ended:
         at, leases = self.at, self.at.record.leases
-        end_s = END_SHARE * costs_of(job.request.workload).seconds(job.faces, job.parts, None).once
+        end_s = END_SHARE * costs_of(job.request.workload).seconds(job.faces, job.meshes, None).once
         listen = partial(at.listen, job.id)
         with JobWatch(leases, at.worker, job, listen, at.settings.lease_s, self._turns, end_s) as watch:
             ended = Attempt(at, job, watch).run()

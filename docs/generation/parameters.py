@@ -18,7 +18,7 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
-from meshdeform.requests.groups import PLACES
+from meshdeform.requests.groups import GROUPS
 from meshdeform.requests.parameters import (
     CONSTANTS,
     FROM_PRESET,
@@ -243,7 +243,7 @@ def shown(value: float | str) -> str:
 
 def is_used(name: str, guidance: GuidanceKind) -> bool:
     """Return whether a parameter or constant has a meaning for a kind of guidance."""
-    kinds = PLACES[name][1] if name in PLACES else ()
+    kinds = GROUPS[name][1] if name in GROUPS else ()
     return guidance in kinds if kinds else guidance is GuidanceKind.SDS or name not in _OF_SDS
 
 
@@ -275,7 +275,7 @@ def guidances() -> str:
     """Return the list of the kinds of guidance with the parameters of each."""
     lines = []
     for kind, (what, title) in KINDS.items():
-        names = ", ".join(f"`{name}`" for name, (_, kinds) in PLACES.items() if kind in kinds)
+        names = ", ".join(f"`{name}`" for name, (_, kinds) in GROUPS.items() if kind in kinds)
         anchor = title.lower().replace(" ", "-")
         lines.append(f"- `{kind}`: [{what}](#{anchor}), with {names}")
     return "\n".join(lines) + "\n"

@@ -116,8 +116,8 @@ def likeness_line(likeness: Mapping[str, Any]) -> str:
     share, others = percent(likeness["probability"]), percent(likeness["next"]["probability"])
     if likeness["matches"]:
         return f"Looks like: {noun} ({share} among the judge's {likeness['nouns']} nouns); next: {other} ({others})"
-    place = f"{noun} ({share}) is number {likeness['rank']} of {likeness['nouns']}"
-    return f"Does not look like its prompt: it looks more like {other} ({others}); {place}"
+    rank = f"{noun} ({share}) is number {likeness['rank']} of {likeness['nouns']}"
+    return f"Does not look like its prompt: it looks more like {other} ({others}); {rank}"
 
 
 def kept_line(quality: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Jobs and their parts as frozen values."""
+"""Jobs and what belongs to them, as frozen values."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class Job(_Frozen):
     resolved: dict[str, Any] | None = None
     """The values of all parameters; None for jobs of older versions."""
     files: dict[str, StoredFile]
-    """Its files by the names of the parts of its kind."""
+    """Its files by the names of the fields of its kind."""
     error: JobError | None = None
     created_at: datetime
     started_at: datetime | None = None
@@ -146,7 +146,7 @@ class Job(_Frozen):
     artifacts: tuple[Artifact, ...] = ()
     """The results of a job that has succeeded, by name; read by `JobRecord.get` and `list_jobs` only."""
     faces: int | None = None
-    parts: int | None = None
+    meshes: int | None = None
     """The triangles and meshes of its asset; None if unknown."""
     made_by: str | None = None
     """The versions that computed its results, in order; None if unknown, or there are none."""
@@ -194,7 +194,7 @@ class NewJob:
     """The content of a new job."""
 
     request: JobRequest
-    files: Mapping[str, StoredFile]  # its files by the names of the parts of its kind; already stored
+    files: Mapping[str, StoredFile]  # its files by the names of the fields of its kind; already stored
     fetching: bool = False  # whether its files are still to come (`record.fetching`)
     owner_id: str = ""  # empty if keys are off
     origin: Origin | None = None
@@ -209,7 +209,7 @@ class NewJob:
     resolved: BaseModel | None = None  # the values of all parameters, as the check of the request returned them
     # The triangles and meshes of its asset, if known
     faces: int | None = None
-    parts: int | None = None
+    meshes: int | None = None
     # The idempotency key of the HTTP request, and what returns the answer from the new job; written with the job
     claim: Claim | None = None
     answer: Callable[[Job], dict[str, Any]] | None = None

@@ -14,8 +14,8 @@ from meshdeform.requests.kind_folders import kind_names
 __all__ = [
     "BUILTIN_MODEL",
     "METRES",
+    "RETIRED_FIELDS",
     "RETIRED_KINDS",
-    "RETIRED_PARTS",
     "AlignMode",
     "AppearanceMode",
     "BackdropMode",
@@ -50,7 +50,7 @@ _WEIGHTS_SUFFIX = ".safetensors"
 RETIRED_KINDS = frozenset({"prior_teach"})
 """Kinds of job that are no longer made. Those in the record are shown, and end without a run."""
 
-RETIRED_PARTS = frozenset({"meshes", "weights"})
+RETIRED_FIELDS = frozenset({"meshes", "weights"})
 """Parts of jobs that taught the builtin prior, or used what it was taught."""
 
 

@@ -127,11 +127,11 @@ def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
 
 
 def first_problem(error: ValidationError, *within: str) -> str:
-    """Return the first problem of a document, which is itself `within` another one, after the place where it is."""
+    """Return the first problem of a document, which is itself `within` another one, after the location where it is."""
     problem = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    place = ".".join(map(str, (*within, *problem["loc"])))
+    location = ".".join(map(str, (*within, *problem["loc"])))
     said = reason(problem).rstrip(".")
-    return f"{place}: {said}" if place else said
+    return f"{location}: {said}" if location else said
 
 
 @cache

@@ -71,9 +71,9 @@ __all__ = [
     "MAX_WORDS",
     "OF_OPTIMISER",
     "OPEN",
-    "SILHOUETTE_PARTS",
-    "TARGET_PARTS",
-    "WORDS_PART",
+    "SILHOUETTE_FIELDS",
+    "TARGET_FIELDS",
+    "WORDS_FIELD",
     "ControlParams",
     "DeformParams",
     "ExemplarGuidanceParams",
@@ -108,18 +108,18 @@ MAX_PROMPT_LENGTH = 1_000
 
 MAX_SILHOUETTES = 4
 
-SILHOUETTE_PARTS = tuple(f"silhouette_{number}" for number in range(1, MAX_SILHOUETTES + 1))
+SILHOUETTE_FIELDS = tuple(f"silhouette_{number}" for number in range(1, MAX_SILHOUETTES + 1))
 """The names of the parts with the pictures."""
 
 MAX_TARGETS = 8
 
-TARGET_PARTS = ("target", *(f"target_{number}" for number in range(2, MAX_TARGETS + 1)))
+TARGET_FIELDS = ("target", *(f"target_{number}" for number in range(2, MAX_TARGETS + 1)))
 """The names of the parts with target meshes; `target` guidance has the first alone."""
 
 MAX_WORDS = 8
 """Words of somebody's own that one request can name."""
 
-WORDS_PART = "words"
+WORDS_FIELD = "words"
 """The name of the part with the content of words of one's own."""
 
 _MAX_WEIGHT = 1e6

@@ -54,19 +54,19 @@ class Costs:
     parts: float = 0.0
     step_faces: float = 0.0
 
-    def seconds(self, faces: int | None, parts: int | None, safeguard: str | None) -> Seconds:
-        """Return the cost of a job with a mesh of so many faces and parts, None where unknown."""
-        large, guarded, several = features(faces, parts, safeguard)
+    def seconds(self, faces: int | None, meshes: int | None, safeguard: str | None) -> Seconds:
+        """Return the cost of a job with a mesh of so many faces and meshes, None where unknown."""
+        large, guarded, several = features(faces, meshes, safeguard)
         of_step = self.step + guarded * self.guard + several * self.parts + large * self.step_faces
         return Seconds(self.once + large * self.faces, of_step)
 
 
-def features(faces: int | None, parts: int | None, safeguard: str | None) -> tuple[float, float, float]:
+def features(faces: int | None, meshes: int | None, safeguard: str | None) -> tuple[float, float, float]:
     """Return the factors of `Costs.faces` (and of `step_faces`), `guard` and `parts`."""
     count = _USUAL_FACES if faces is None else faces
     guarded = safeguard not in (None, Safeguard.NONE)
     deformed = _DEFORMED_FACES if count > _LARGE else count
-    return count / 1e5, guarded * math.sqrt(deformed / 1e4), float(guarded and (parts or 1) > 1)
+    return count / 1e5, guarded * math.sqrt(deformed / 1e4), float(guarded and (meshes or 1) > 1)
 
 
 MEASURED: dict[str, Costs] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Path
@@ -101,6 +102,10 @@ _MODELS = (
     Problem,
 )
 _REFERENCE = "#/components/schemas/{model}"
+BYTES = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}
+"""The content of bodies that are bytes. Code generators know no other media type for them."""
+# `format: binary` comes from OpenAPI 3.0; code generators still rely on it to recognise files.
+FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
 _DESCRIPTION = (
     "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "
     "(RFC 9457) with a stable code and advice. The guide is docs/http.md."
@@ -138,8 +143,39 @@ WAITED = {"Preference-Applied": header("The longest wait that `Prefer` requested
 
 def json_body(model: str, example: dict[str, Any], *, required: bool = True) -> dict[str, Any]:
     """Return the OpenAPI description of a body that is a JSON document."""
-    content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
+    content = {"schema": {"$ref": _REFERENCE.format(model=model)}, "example": example}
     return {"requestBody": {"required": required, "content": {"application/json": content}}}
+
+
+def bytes_body(description: str) -> dict[str, Any]:
+    """Return the OpenAPI description of a body that is the bytes of a file."""
+    return {"requestBody": {"required": True, "description": description, "content": BYTES}}
+
+
+def form_body(
+    model: str, files: Mapping[str, Any], form_examples: Mapping[str, Any], document: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the OpenAPI description of a body that is a form, or its document alone.
+
+    `files`: the schemas of the form's files by name; `document`: what the media type of the document has beside its
+    schema, such as `examples`.
+    """
+    schema = {"$ref": _REFERENCE.format(model=model)}
+    form = {
+        "schema": {
+            "type": "object",
+            "required": ["request"],
+            "additionalProperties": False,
+            "properties": {**files, "request": schema},
+        },
+        "encoding": {
+            **{name: {"contentType": "application/octet-stream"} for name in files},
+            "request": {"contentType": "application/json"},
+        },
+        "examples": form_examples,
+    }
+    content = {"multipart/form-data": form, "application/json": {"schema": schema, **document}}
+    return {"requestBody": {"required": True, "content": content}}
 
 
 def describe(app: FastAPI) -> None:

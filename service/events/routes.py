@@ -105,7 +105,6 @@ class _Wanted:
 
 @router.get(
     "",
-    operation_id="get_events",
     summary="Follow a job",
     response_class=JSONResponse,
     responses={
@@ -123,7 +122,7 @@ async def get_events(
     request: Request,
     app: AppStateDep,
     viewer: ViewerDep,
-    id: JobId,  # noqa: A002 - the path's own word
+    id: JobId,
     wanted: Annotated[_Wanted, Depends()],
 ) -> Response:
     """A stream ends with the job's final event. For JSON, `Prefer: wait=N` waits for events if there are none yet."""

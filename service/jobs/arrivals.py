@@ -112,23 +112,23 @@ async def _given_up(fetches: Iterable[asyncio.Task[ReceivedFile]]) -> None:
 async def taken_along(app: AppState, owner_id: str, submission: Submission) -> Submission:
     """Return a request with the files that its document holds, or that are kept of an earlier preview."""
     files = dict(submission.files)
-    for name, (source, place) in submission.document.sources.items():
+    for name, (source, location) in submission.document.sources.items():
         path = submission.folder / name
         if isinstance(source, PreviewSource) and source.sha256 is not None:
             files[name] = app.kept_assets.fetch(owner_id, source.sha256, path)
         elif source.data is not None:
-            files[name] = await to_thread.run_sync(_decode, source, place, path)
+            files[name] = await to_thread.run_sync(_decode, source, location, path)
     return replace(submission, document=submission.document.without(files), files=files)
 
 
-def _decode(source: FileSource, place: list[str], path: Path) -> ReceivedFile:
+def _decode(source: FileSource, location: list[str], path: Path) -> ReceivedFile:
     text = source.data or ""
     if text.startswith("data:"):
         text = text.partition(",")[2]
     try:
         data = base64.b64decode("".join(text.split()), validate=True)
     except (binascii.Error, ValueError) as error:
-        raise ParameterError.at([*place, "data"], "The text is not base64.", "Encode the file's bytes.") from error
+        raise ParameterError.at([*location, "data"], "The text is not base64.", "Encode the file's bytes.") from error
     path.write_bytes(data)
     return ReceivedFile(path, clean_filename(source.filename), len(data), hashlib.sha256(data).hexdigest())
 

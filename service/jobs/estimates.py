@@ -40,7 +40,7 @@ class JobSize:
     """What is known of a job's mesh, which its time depends on, and of its safeguard."""
 
     faces: int | None = None
-    parts: int | None = None
+    meshes: int | None = None
     safeguard: str | None = None
 
 
@@ -68,7 +68,7 @@ def estimate(
         pace, basis = history.pace(request.kind, request.workload)
         if pace is None:
             return JobEstimate(basis=basis, steps=steps)
-        seconds = costs_of(request.workload).seconds(size.faces, size.parts, size.safeguard).times(pace)
+        seconds = costs_of(request.workload).seconds(size.faces, size.meshes, size.safeguard).times(pace)
         run_s = seconds.of(steps)
 
         def seconds_left(row: _Row) -> float:

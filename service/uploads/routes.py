@@ -41,7 +41,7 @@ from meshdeform.storage import sign_path, verify_path
 from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, header, json_body
 from service.http.auth import SIGNING_KEY, PrincipalDep
 from service.http.bodies import body_of, clean_filename, parse_document, receive_document
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers
 from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer, claimed, request_hash
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.state import AppState, AppStateDep
@@ -81,28 +81,24 @@ _RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18})")
 
 @router.post(
     "",
-    operation_id="create_upload",
     summary="Create an upload",
     status_code=201,
-    responses={
-        201: {
-            "model": UploadView,
-            "description": "Where to send the bytes.",
-            "headers": {
-                "Location": header("The upload's URL.", "/v1/uploads/upl_01kg9zqk2xf3v8c5m7n9p1r4t6"),
-                **REPLAY,
-            },
+    responses=answers(
+        UploadView,
+        "Where to send the bytes.",
+        AssetTooLargeError,
+        RequestError,
+        ParameterError,
+        RequestTimeoutError,
+        TooManyUploadsError,
+        *ONCE_ERRORS,
+        *CALLER_ERRORS,
+        status=201,
+        headers={
+            "Location": header("The upload's URL.", "/v1/uploads/upl_01kg9zqk2xf3v8c5m7n9p1r4t6"),
+            **REPLAY,
         },
-        **problem_responses(
-            AssetTooLargeError,
-            RequestError,
-            ParameterError,
-            RequestTimeoutError,
-            TooManyUploadsError,
-            *ONCE_ERRORS,
-            *CALLER_ERRORS,
-        ),
-    },
+    ),
     openapi_extra=json_body("UploadDocument", {"filename": "knight.glb", "size": 30720, "sha256": _SHA256}),
 )
 async def create_upload(
@@ -117,27 +113,22 @@ async def create_upload(
 
 @router.get(
     "/{id}",
-    operation_id="get_upload",
     summary="Get an upload",
-    responses={
-        200: {"model": UploadView, "description": "The upload, with a new URL while it is open."},
-        **problem_responses(NotFoundError, *CALLER_ERRORS),
-    },
+    responses=answers(UploadView, "The upload, with a new URL while it is open.", NotFoundError, *CALLER_ERRORS),
 )
-def get_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002 - the name in the path
+def get_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:
     """`offset` is the number of received bytes."""
     return _shown(view(app, app.record.uploads.get(id, principal.owner_id)))
 
 
 @router.delete(
     "/{id}",
-    operation_id="delete_upload",
     summary="Delete an upload",
     status_code=204,
     response_class=Response,
-    responses={204: {"description": "The upload is deleted."}, **problem_responses(NotFoundError, *CALLER_ERRORS)},
+    responses=answers(None, "The upload is deleted.", NotFoundError, *CALLER_ERRORS, status=204),
 )
-def delete_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
+def delete_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:
     """Jobs that use the file keep it."""
     # The bytes first: if the store does not answer, the row still refers to them.
     remove_upload(app.store, app.record.uploads.get(id, principal.owner_id).id)
@@ -147,23 +138,21 @@ def delete_upload(app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> R
 
 @router.post(
     "/{id}/complete",
-    operation_id="complete_upload",
     summary="Complete an upload",
-    responses={
-        200: {"model": UploadView, "description": "The upload is complete, and jobs may name it."},
-        **problem_responses(
-            NotFoundError,
-            ConflictError,
-            ChecksumError,
-            RequestError,
-            ParameterError,
-            RequestTimeoutError,
-            *CALLER_ERRORS,
-        ),
-    },
+    responses=answers(
+        UploadView,
+        "The upload is complete, and jobs may name it.",
+        NotFoundError,
+        ConflictError,
+        ChecksumError,
+        RequestError,
+        ParameterError,
+        RequestTimeoutError,
+        *CALLER_ERRORS,
+    ),
     openapi_extra=json_body("UploadCompletion", {"sha256": _SHA256}),
 )
-async def complete_upload(request: Request, app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:  # noqa: A002
+async def complete_upload(request: Request, app: AppStateDep, principal: PrincipalDep, id: _UploadId) -> Response:
     """Compares size and SHA-256 with the received bytes; if they differ, the upload stays open. May be repeated."""
     document = parse_document(UploadCompletion, await receive_document(request))
 
@@ -176,22 +165,22 @@ async def complete_upload(request: Request, app: AppStateDep, principal: Princip
 
 @content.put(
     "/{id}/content",
-    operation_id="send_upload",
     summary="Send bytes of an upload",
     status_code=204,
     response_class=Response,
-    responses={
-        204: {"description": "The bytes are stored.", "headers": _OFFSET},
-        **problem_responses(
-            ForbiddenError,
-            NotFoundError,
-            ConflictError,
-            AssetTooLargeError,
-            RequestError,
-            RequestTimeoutError,
-            UnavailableError,
-        ),
-    },
+    responses=answers(
+        None,
+        "The bytes are stored.",
+        ForbiddenError,
+        NotFoundError,
+        ConflictError,
+        AssetTooLargeError,
+        RequestError,
+        RequestTimeoutError,
+        UnavailableError,
+        status=204,
+        headers=_OFFSET,
+    ),
     openapi_extra={
         "security": [],
         "parameters": list(_Signed.values()),
@@ -208,7 +197,7 @@ async def complete_upload(request: Request, app: AppStateDep, principal: Princip
 async def send_upload(
     request: Request,
     app: AppStateDep,
-    id: _UploadId,  # noqa: A002
+    id: _UploadId,
     content_range: Annotated[
         str | None,
         Header(
@@ -221,17 +210,17 @@ async def send_upload(
 ) -> Response:
     """The URL is signed and needs no API key. Bytes of an interrupted body are kept; `HEAD` returns their number."""
     upload = await to_thread.run_sync(_authorized, app, request, id)
-    part = parse_content_range(content_range, upload)
+    piece = parse_content_range(content_range, upload)
     declared = request.headers.get("content-length", "")
-    if declared.isdigit() and int(declared) > part.end - part.start:
-        raise part.exceeded()
+    if declared.isdigit() and int(declared) > piece.end - piece.start:
+        raise piece.exceeded()
     async with app.bodies.slot(upload.owner_id):
-        offset = await receive_content(app, upload, part, body_of(request))
+        offset = await receive_content(app, upload, piece, body_of(request))
     return Response(status_code=204, headers={"Upload-Offset": str(offset)})
 
 
 @content.head("/{id}/content", include_in_schema=False)
-def head_content(request: Request, app: AppStateDep, id: _UploadId) -> Response:  # noqa: A002
+def head_content(request: Request, app: AppStateDep, id: _UploadId) -> Response:
     """Return the number of received bytes to the bearer of a signed URL."""
     upload = _authorized(app, request, id)
     offset = upload.size if upload.complete else received_bytes(app, upload)
@@ -371,7 +360,7 @@ def parse_content_range(header: str | None, upload: Upload) -> ContentRange:
     return ContentRange(first, last + 1)
 
 
-async def receive_content(app: AppState, upload: Upload, part: ContentRange, body: AsyncIterator[bytes]) -> int:
+async def receive_content(app: AppState, upload: Upload, piece: ContentRange, body: AsyncIterator[bytes]) -> int:
     """Append a body to an upload as it arrives, and return the number of received bytes in total.
 
     Received bytes are kept even if the body is cut off. A body that covers the whole upload replaces earlier bytes.
@@ -381,15 +370,15 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
             "The upload is complete.", advice="Create a new upload for other bytes.", offset=upload.size
         )
     present = await to_thread.run_sync(received_bytes, app, upload)
-    if part == ContentRange(0, upload.size) and present:
+    if piece == ContentRange(0, upload.size) and present:
         await to_thread.run_sync(app.store.discard_append, upload.id)
-    elif part.start != present:
+    elif piece.start != present:
         raise ConflictError(
-            f"The upload has {present} bytes; the request begins at {part.start}.",
+            f"The upload has {present} bytes; the request begins at {piece.start}.",
             advice="Send the bytes from the offset on.",
             offset=present,
         )
-    offset, block = part.start, bytearray()
+    offset, block = piece.start, bytearray()
 
     async def flush() -> None:
         nonlocal offset
@@ -399,8 +388,8 @@ async def receive_content(app: AppState, upload: Upload, part: ContentRange, bod
 
     try:
         async for chunk in body:
-            if offset + len(block) + len(chunk) > part.end:
-                raise part.exceeded()
+            if offset + len(block) + len(chunk) > piece.end:
+                raise piece.exceeded()
             block += chunk
             if len(block) >= _BLOCK:
                 await flush()
