@@ -79,19 +79,31 @@ def write_deliveries(connection: sa.Connection, database: Database, job: Job, ev
     for webhook in connection.execute(_LISTENING, {"owner": job.owner_id, "job": job.id}).all():
         if webhook.events and f"job.{event.type}" not in webhook.events:
             continue
-        now = database.now()
-        values = {
-            "id": new_id("msg"),
-            "webhook_id": webhook.id,
-            "job_id": job.id,
-            "type": f"job.{event.type}",
-            "payload": payload_of(job, event),
-            "state": "pending",
-            "attempts": 0,
-            "next_at": now,
-            "created_at": now,
-        }
-        connection.execute(sa.insert(deliveries).values(values))
+        connection.execute(new_delivery(database, webhook.id, f"job.{event.type}", payload_of(job, event), job.id))
+
+
+def new_delivery(
+    database: Database,
+    webhook_id: str,
+    kind: str,
+    payload: dict[str, Any],
+    job_id: str = "",
+    replay_of: str | None = None,
+) -> sa.Insert:
+    """Return the statement that adds a message to a webhook, which is due at once."""
+    now = database.now()
+    return sa.insert(deliveries).values(
+        id=new_id("msg"),
+        webhook_id=webhook_id,
+        job_id=job_id,
+        replay_of=replay_of,
+        type=kind,
+        payload=payload,
+        state="pending",
+        attempts=0,
+        next_at=now,
+        created_at=now,
+    )
 
 
 class Deliveries:

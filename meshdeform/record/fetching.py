@@ -13,6 +13,7 @@ from meshdeform.record import rows
 from meshdeform.record.changes import JobChange, changing
 from meshdeform.record.database import Database
 from meshdeform.record.files import FileLedger, Rooms
+from meshdeform.record.leases import ended
 from meshdeform.record.models import EventType, Job, JobError, JobState, NewJob
 from meshdeform.record.schema import job_files, job_texts, jobs
 
@@ -66,9 +67,8 @@ class Fetching:
             self._fail(change, late, JobError.of(gone))
 
     def _fail(self, change: JobChange, which: sa.ColumnElement[bool], error: JobError) -> None:
-        document = error.model_dump()
-        over = {"state": JobState.FAILED, "finished_at": self._database.now(), "phase": "done", "retry_at": None}
-        change.update(which, {**over, "error": document}, EventType.FAILED, {"error": document})
+        over = {**ended(self._database, JobState.FAILED, error), "retry_at": None}
+        change.update(which, over, EventType.FAILED, {"error": over["error"]})
 
 
 def _waits() -> sa.ColumnElement[bool]:

@@ -244,7 +244,11 @@ class Leases:
         if lease_s is not None:
             values["lease_expires_at"] = self._database.now(lease_s)
         if as_event and self._database.is_sqlite:
-            return JobState(self._write(job_id, attempt, values, EventType.PROGRESS, _progress_of).state)
+
+            def data(row: Row) -> dict[str, Any]:
+                return rows.job(row).progress.model_dump(mode="json")
+
+            return JobState(self._write(job_id, attempt, values, EventType.PROGRESS, data).state)
         # Workers do this most often, and so it is one statement.
         change = sa.update(jobs).where(rows.fenced(job_id, attempt)).values(version=jobs.c.version + 1, **values)
         statement = (
@@ -341,25 +345,23 @@ class Leases:
         if not state.terminal:
             raise ValueError(f"{state} is not terminal")
         cancel_requested = jobs.c.state == JobState.CANCELING
-        canceled_anyway = state is JobState.SUCCEEDED
+        may_lose = state is JobState.SUCCEEDED
         values = {
             **released(self._database),
-            "state": sa.case((cancel_requested, JobState.CANCELED), else_=state) if canceled_anyway else state,
-            "fraction": sa.case((cancel_requested, jobs.c.fraction), else_=1.0) if canceled_anyway else jobs.c.fraction,
+            **ended(self._database, sa.case((cancel_requested, JobState.CANCELED), else_=state) if may_lose else state),
+            "fraction": sa.case((cancel_requested, jobs.c.fraction), else_=1.0) if may_lose else jobs.c.fraction,
             "error": error.model_dump() if error else None,
-            "finished_at": self._database.now(),
-            "phase": "done",
             "step_s": step_s,
             "made_by": made_by,
         }
 
-        def ended(row: Row) -> dict[str, Any]:
+        def data(row: Row) -> dict[str, Any]:
             if row.state == JobState.SUCCEEDED:
                 return {"artifacts": sorted(result.name for result in results)}
             return {"error": row.error} if row.error else {}
 
         with changing(self._database) as change:
-            changed = change.update(rows.fenced(job_id, attempt), values, lambda row: EventType(row.state), ended)
+            changed = change.update(rows.fenced(job_id, attempt), values, lambda row: EventType(row.state), data)
             if not changed:
                 raise stale(change.connection, job_id, attempt)
             if changed[0].state == JobState.SUCCEEDED:
@@ -400,10 +402,7 @@ class Leases:
             last = sa.and_(jobs.c.state == JobState.RUNNING, jobs.c.oom_attempts + 1 >= max_attempts)
             over = {
                 **released(self._database),
-                "state": JobState.FAILED,
-                "error": JobError.of(error).model_dump(),
-                "finished_at": self._database.now(),
-                "phase": "done",
+                **ended(self._database, JobState.FAILED, JobError.of(error)),
                 "oom_attempts": jobs.c.oom_attempts + 1,
             }
             changed = change.update(sa.and_(where, last), over, EventType.FAILED, lambda row: {"error": row.error})
@@ -426,8 +425,8 @@ class Leases:
                 raise stale(change.connection, job_id, attempt)
             document = error.model_dump()
             if before + 1 >= max_attempts:
-                over = {"state": JobState.FAILED, "finished_at": self._database.now(), "phase": "done"}
-                over = {**released(self._database), **over, "error": document, "failures": before + 1}
+                over = {**released(self._database), **ended(self._database, JobState.FAILED, error)}
+                over["failures"] = before + 1
                 running = sa.and_(where, jobs.c.state == JobState.RUNNING)
                 if changed := change.update(running, over, EventType.FAILED, {"error": document}):
                     return JobState(changed[0].state)
@@ -494,16 +493,18 @@ def released(database: Database, until: Any = None) -> dict[str, Any]:
     return {"worker_id": None, "lease_expires_at": None, "eta_s": None, **more}
 
 
+def ended(database: Database, state: Any, error: JobError | None = None) -> dict[str, Any]:
+    """Return the values of a job that is over, in a state, with the error that ended it if it failed."""
+    document = {} if error is None else {"error": error.model_dump()}
+    return {"state": state, "finished_at": database.now(), "phase": "done", **document}
+
+
 def _why(reason: str) -> Callable[[Row], dict[str, Any]]:
     return lambda row: {"reason": reason} if row.state == JobState.QUEUED else {}
 
 
 def _queued_or_canceled(row: Row) -> EventType:
     return EventType(row.state)
-
-
-def _progress_of(row: Row) -> dict[str, Any]:
-    return rows.job(row).progress.model_dump(mode="json")
 
 
 def may_start(database: Database, max_running: int) -> sa.ColumnElement[bool]:

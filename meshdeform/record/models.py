@@ -10,36 +10,15 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from meshdeform.api.states import (
-    TERMINAL_STATES,
-    EventType,
-    JobError,
-    JobState,
-    OriginMode,
-    Progress,
-    WebhookEvent,
-)
+from meshdeform.api.states import TERMINAL_STATES as TERMINAL_STATES
+from meshdeform.api.states import EventType as EventType
+from meshdeform.api.states import JobError as JobError
+from meshdeform.api.states import JobState as JobState
+from meshdeform.api.states import OriginMode as OriginMode
+from meshdeform.api.states import Progress as Progress
+from meshdeform.api.states import WebhookEvent as WebhookEvent
 from meshdeform.errors import UnreadableJobError
 from meshdeform.requests.document import MAX_PRIORITY, JobKind, JobRequest, read_stored
-
-__all__ = [
-    "TERMINAL_STATES",
-    "Artifact",
-    "CheckpointRef",
-    "Claim",
-    "Event",
-    "EventType",
-    "Job",
-    "JobError",
-    "JobState",
-    "NewJob",
-    "Origin",
-    "OriginMode",
-    "Page",
-    "Progress",
-    "StoredFile",
-    "WebhookEvent",
-]
 
 
 class _Frozen(BaseModel):

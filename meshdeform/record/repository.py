@@ -57,7 +57,6 @@ from meshdeform.record.usage import UsageLedger
 from meshdeform.record.webhooks import WebhookBook
 from meshdeform.record.words import WordLedger
 
-_LOCK = sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(sa.bindparam("owner", type_=sa.String))))
 _CLOCKS_DIFFER = timedelta(hours=1)
 _BEGINNING = datetime.min.replace(tzinfo=UTC)
 _HELD_S = 30.0
@@ -286,9 +285,7 @@ class JobRecord:
     def _hold_to_limits(self, connection: sa.Connection, new: NewJob) -> int:
         if not new.max_active and not new.max_stored_bytes:
             return 0
-        if not self._database.is_sqlite:
-            # Serialise the counts: two concurrent requests would both find room for one more job.
-            connection.execute(_LOCK, {"owner": new.owner_id})
+        self._database.serialise(connection, new.owner_id)
         check_number(connection, new.owner_id, new.max_active)
         return self._rooms.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
 

@@ -8,37 +8,12 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import TypeVar
 
-from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Rigidity, Safeguard
+from meshdeform.deformation.settings import Carrier as Carrier
+from meshdeform.deformation.settings import GuidanceKind as GuidanceKind
+from meshdeform.deformation.settings import OrientationMode as OrientationMode
+from meshdeform.deformation.settings import Rigidity as Rigidity
+from meshdeform.deformation.settings import Safeguard as Safeguard
 from meshdeform.requests.kind_folders import kind_names
-
-__all__ = [
-    "BUILTIN_MODEL",
-    "METRES",
-    "RETIRED_FIELDS",
-    "RETIRED_KINDS",
-    "AlignMode",
-    "AppearanceMode",
-    "BackdropMode",
-    "Carrier",
-    "Easing",
-    "GuidanceKind",
-    "JobKind",
-    "LengthUnit",
-    "OrientationMode",
-    "PartsAs",
-    "Preset",
-    "RegionAction",
-    "RigMode",
-    "Rigidity",
-    "Safeguard",
-    "StartMode",
-    "Symmetry",
-    "UpAxis",
-    "is_builtin",
-    "is_retired",
-    "is_weights_file",
-    "member_of",
-]
 
 E = TypeVar("E", bound=StrEnum)
 

@@ -25,58 +25,21 @@ from pydantic import (
 from pydantic_core import SchemaValidator
 
 from meshdeform.errors import KindRetiredError, ParameterError, UnreadableJobError
-from meshdeform.requests.choices import (
-    BUILTIN_MODEL,
-    RETIRED_KINDS,
-    AppearanceMode,
-    Carrier,
-    Easing,
-    GuidanceKind,
-    JobKind,
-    Preset,
-    RigMode,
-    Safeguard,
-    is_builtin,
-)
+from meshdeform.requests.choices import BUILTIN_MODEL as BUILTIN_MODEL
+from meshdeform.requests.choices import RETIRED_KINDS, AppearanceMode, Carrier, Easing, RigMode, is_builtin
+from meshdeform.requests.choices import GuidanceKind as GuidanceKind
+from meshdeform.requests.choices import JobKind as JobKind
+from meshdeform.requests.choices import Preset as Preset
+from meshdeform.requests.choices import Safeguard as Safeguard
+from meshdeform.requests.declaration import StrictModel
 from meshdeform.requests.kind_folders import merged
-from meshdeform.requests.parameters import (
-    MAX_PROMPT_LENGTH,
-    MAX_STEPS,
-    DeformParams,
-    ResolvedParams,
-    StrictModel,
-    active_prompts,
-)
+from meshdeform.requests.parameters import MAX_PROMPT_LENGTH as MAX_PROMPT_LENGTH
+from meshdeform.requests.parameters import MAX_STEPS as MAX_STEPS
+from meshdeform.requests.parameters import DeformParams as DeformParams
+from meshdeform.requests.parameters import ResolvedParams as ResolvedParams
+from meshdeform.requests.parameters import active_prompts
 from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.problems import reason
-
-__all__ = [
-    "BUILTIN_MODEL",
-    "MAX_DEADLINE_S",
-    "MAX_FRAMES",
-    "MAX_METADATA_ENTRIES",
-    "MAX_METADATA_NAME",
-    "MAX_METADATA_VALUE",
-    "MAX_PRIORITY",
-    "MAX_PROMPT_LENGTH",
-    "MAX_RETENTION_S",
-    "MAX_STEPS",
-    "PARAMS_OF_KIND",
-    "DeformParams",
-    "GuidanceKind",
-    "JobKind",
-    "JobRequest",
-    "MorphParams",
-    "OutputParams",
-    "Preset",
-    "ResolvedParams",
-    "Safeguard",
-    "first_problem",
-    "read_stored",
-    "read_unbounded",
-    "resolve",
-]
-
 
 M = TypeVar("M", bound=BaseModel)
 

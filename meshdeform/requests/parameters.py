@@ -58,38 +58,6 @@ from meshdeform.requests.selection import (
     SelectionParams,
 )
 
-__all__ = [
-    "CONSTANTS",
-    "FROM_PRESET",
-    "GUIDANCES",
-    "MAX_PROMPTS",
-    "MAX_PROMPT_LENGTH",
-    "MAX_SEED",
-    "MAX_SILHOUETTES",
-    "MAX_STEPS",
-    "MAX_TARGETS",
-    "MAX_WORDS",
-    "OF_OPTIMISER",
-    "OPEN",
-    "SILHOUETTE_FIELDS",
-    "TARGET_FIELDS",
-    "WORDS_FIELD",
-    "ControlParams",
-    "DeformParams",
-    "ExemplarGuidanceParams",
-    "InputParams",
-    "OpenGuidanceParams",
-    "PromptGuidanceParams",
-    "ResolvedParams",
-    "SilhouetteGuidanceParams",
-    "StrictModel",
-    "TargetGuidanceParams",
-    "ViewParams",
-    "WeightedPromptParams",
-    "active_prompts",
-    "prompt_words",
-]
-
 MAX_PROMPTS = 8
 
 _MAX_LENGTH = 1_000

@@ -161,7 +161,7 @@ async def _stream(
     yield f"retry: {_RETRY_MS}\n\n"
     while True:
         for event in events:
-            yield _written(event)
+            yield f"id: {event.seq}\nevent: {event.type}\ndata: {EventView.of(event).model_dump_json()}\n\n"
             after, over = event.seq, event.type.terminal
         # If the process is ending, the client reconnects to another one, or to the next.
         if over or waiters.closing:
@@ -195,10 +195,6 @@ def _next_events(app: AppState, job_id: str, after: int, owner: str | None = Non
 
 def _more(after: int) -> Callable[[JobPosition | None], bool]:
     return lambda head: head is None or head.seq > after or head.state.terminal
-
-
-def _written(event: Event) -> str:
-    return f"id: {event.seq}\nevent: {event.type}\ndata: {EventView.of(event).model_dump_json()}\n\n"
 
 
 def _wants_stream(request: Request) -> bool:

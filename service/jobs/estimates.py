@@ -106,13 +106,10 @@ class _History:
                 count = len(measured)
                 return pace_of(measured), f"{count} job{'s' * (count > 1)} of this kind {words}"
         basis = "no job of this kind has succeeded here yet"
-        if costs_of(workload) == Costs() or not self._is_builtin(workload):
+        # Costs were measured with the builtin model.
+        if costs_of(workload) == Costs() or not is_builtin(workload.split("/")[2] or self._default_model):
             return None, basis
         return Seconds(1.0, 1.0), f"{basis}: a rough figure, by the pace of another machine"
-
-    def _is_builtin(self, workload: str) -> bool:
-        """Return whether the model of a workload is the one that costs were measured with."""
-        return is_builtin(workload.split("/")[2] or self._default_model)
 
     def _measured(self, alike: sa.ColumnElement[bool]) -> list[tuple[Seconds, Seconds]]:
         """Return the expected and the actual seconds of the newest successful jobs."""

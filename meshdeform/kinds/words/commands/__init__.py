@@ -16,7 +16,7 @@ from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, write_all
 from meshdeform.cli.options import ForceOption, JsonOption, Where, option, output_option
 from meshdeform.cli.output import emit, plain, table
-from meshdeform.kinds.words.commands.places import FolderWords, ServiceWords
+from meshdeform.kinds.words.commands.keepers import FolderWords, ServiceWords
 from meshdeform.requests.kind_folders import brought
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)

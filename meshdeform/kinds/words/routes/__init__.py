@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 from anyio import to_thread
@@ -21,7 +22,6 @@ from meshdeform.errors import (
 from meshdeform.kinds.words.process import drawn_word
 from meshdeform.kinds.words.routes.documents import WordDocument
 from meshdeform.kinds.words.routes.making import MESHES, WORD, add_words, remove_contents, view_members
-from meshdeform.record.words import KeptWord
 from meshdeform.words.file import NAME, SUFFIX
 from meshdeform.words.limits import MAX_NAME
 from service.documentation.responses import (
@@ -211,9 +211,6 @@ async def draw_word(
         return Response(status_code=304, headers=headers)
     with app.workspace.temporary_folder() as folder:
         async with app.wording.slot(principal.owner_id):
-            picture = await to_thread.run_sync(lambda: drawn_word(_content(app, kept), folder))
+            content = await to_thread.run_sync(partial(app.store.get, kept.key, sha256=kept.sha256))
+            picture = await to_thread.run_sync(drawn_word, content, folder)
     return Response(picture, headers=headers, media_type="image/png")
-
-
-def _content(app: AppStateDep, kept: KeptWord) -> bytes:
-    return app.store.get(kept.key, sha256=kept.sha256)

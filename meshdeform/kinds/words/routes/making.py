@@ -25,7 +25,7 @@ from service.state import AppState
 from service.words.known import as_word
 
 MESHES, WORD = "meshes", "word"
-"""The parts with meshes, and with a file of words."""
+"""The fields of meshes, and of a file of words."""
 
 
 def add_words(
