@@ -606,8 +606,8 @@ def test_an_outage_costs_no_attempt(world: World, monkeypatch: pytest.MonkeyPatc
 def test_a_checkpoint_that_cannot_be_stored_is_stored_a_little_later(
     world: World, monkeypatch: pytest.MonkeyPatch, part: str, method: str
 ) -> None:
-    monkeypatch.setattr("worker.attempt._PAUSE_S", 0.0)
-    monkeypatch.setattr("worker.attempt._PAUSE_PER_S", 0.0)
+    monkeypatch.setattr("worker.checkpoints._PAUSE_S", 0.0)
+    monkeypatch.setattr("worker.checkpoints._PAUSE_PER_S", 0.0)
     job = world.create()
     fail_for_a_while(monkeypatch, _part(world, part), method, times=3)
     done = world.run(job)
