@@ -22,9 +22,10 @@ from meshdeform.errors import (
     StaleAttemptError,
     UnavailableError,
 )
-from meshdeform.record.leases import HANDED_BACK, HANDED_OVER, OUTAGE, Turns, WorkerIdentity
+from meshdeform.record.leases import HANDED_BACK, HANDED_OVER, OUTAGE, WorkerIdentity
 from meshdeform.record.models import Artifact, Job, JobError, JobState, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.turns import Turns
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput, StartRun
 from meshdeform.runs.costs import END_SHARE, costs_of
 from meshdeform.runs.kept_readings import FolderReadings, Several

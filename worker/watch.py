@@ -17,8 +17,9 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from meshdeform.errors import MeshdeformError, NotFoundError, StaleAttemptError
-from meshdeform.record.leases import USUAL, Leases, Turns, WorkerIdentity
+from meshdeform.record.leases import Leases, WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress
+from meshdeform.record.turns import USUAL, Turns
 from meshdeform.runs.base import StepReport
 from meshdeform.support.telemetry import carried
 

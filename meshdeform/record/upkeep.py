@@ -13,9 +13,10 @@ from meshdeform.errors import KindRetiredError, WorkerLostError
 from meshdeform.record import rows
 from meshdeform.record.changes import JobChange, changing
 from meshdeform.record.database import Database
-from meshdeform.record.leases import ended, may_start, released
+from meshdeform.record.leases import ended, released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
 from meshdeform.record.schema import discarded, events, idempotency, jobs, uploads, webhooks
+from meshdeform.record.turns import may_start
 from meshdeform.requests.choices import RETIRED_KINDS
 
 _BATCH = 100

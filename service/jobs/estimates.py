@@ -15,10 +15,11 @@ import sqlalchemy as sa
 from meshdeform.api.documents import JobEstimate
 from meshdeform.errors import UnreadableJobError
 from meshdeform.record.database import Database
-from meshdeform.record.leases import Leases, Turns
+from meshdeform.record.leases import Leases
 from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
+from meshdeform.record.turns import Turns
 from meshdeform.requests.choices import is_builtin
 from meshdeform.requests.document import JobRequest, read_stored
 from meshdeform.runs import kind_of

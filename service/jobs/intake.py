@@ -33,9 +33,9 @@ from meshdeform.errors import (
 )
 from meshdeform.priors import public_names
 from meshdeform.record.files import FileLeases
-from meshdeform.record.leases import Turns
 from meshdeform.record.models import Claim, NewJob, StoredFile
 from meshdeform.record.repository import check_priority
+from meshdeform.record.turns import Turns
 from meshdeform.requests.choices import GuidanceKind, PartsAs
 from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest, ResolvedParams

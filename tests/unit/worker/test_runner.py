@@ -17,10 +17,11 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import CheckpointError, DependencyError, MeshdeformError, ModelError, NumericalError
-from meshdeform.record.leases import Turns, WorkerIdentity
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs, workers
+from meshdeform.record.turns import Turns
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import start_run
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
