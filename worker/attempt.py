@@ -113,14 +113,16 @@ class _InterruptedError(Exception):
 class Attempt:
     """One attempt at a claimed job, under a running watch."""
 
-    def __init__(self, at: WorkerContext, job: Job, watch: JobWatch) -> None:
-        self._at, self._job, self._watch = at, job, watch
-        self._retry = Retry(self._go_on, at.retry_for_s)
+    def __init__(self, context: WorkerContext, job: Job, watch: JobWatch) -> None:
+        self._context, self._job, self._watch = context, job, watch
+        self._retry = Retry(self._go_on, context.retry_for_s)
         self._made_by = build()
-        self._checkpoints = CheckpointStore(at.record, at.store, job, at.settings.checkpoints_kept, self._made_by)
+        self._checkpoints = CheckpointStore(
+            context.record, context.store, job, context.settings.checkpoints_kept, self._made_by
+        )
         self._run: JobRun | None = None
         self._steps, self._steps_s = 0, 0.0
-        self._max_run_s = time_limit(job.document, at.settings.max_run_s)
+        self._max_run_s = time_limit(job.document, context.settings.max_run_s)
         self._ends = time.monotonic() + self._max_run_s - job.ran_s
 
     def run(self) -> Ended:
@@ -150,13 +152,13 @@ class Attempt:
         if stopped is not None:
             return self._ended(stopped)
         self._phase("writing")
-        artifacts = versions_told(run.finish(), self._made_by)
+        artifacts = with_versions(run.finish(), self._made_by)
         failpoint("worker.finished")
         if self._watch.canceled:
             return self._ended(AttemptOutcome.CANCELED)
         self._phase("uploading")
         with span("upload"):
-            results = store_results(self._at.store, self._job, artifacts, self._retry)
+            results = store_results(self._context.store, self._job, artifacts, self._retry)
         failpoint("worker.results.stored")
         if self._watch.canceled:
             return self._ended(AttemptOutcome.CANCELED)
@@ -168,7 +170,7 @@ class Attempt:
         began = time.monotonic()
         for report in run:
             self._steps, self._steps_s = self._steps + 1, self._steps_s + time.monotonic() - began
-            self._at.pulse.beat()
+            self._context.pulse.beat()
             self._watch.step(report)
             failpoint("worker.step")
             stop, more = self._must_stop(), report.step < report.total_steps
@@ -192,7 +194,7 @@ class Attempt:
 
         def load_prior(model: str) -> Prior:
             self._go_on()
-            prior = self._at.load_prior(model)
+            prior = self._context.load_prior(model)
             self._go_on()
             return prior
 
@@ -205,13 +207,15 @@ class Attempt:
                 checkpoint=checkpoint,
                 initial=initial,
                 load_prior=load_prior,
-                default_model=self._at.settings.model,
-                limits=Limits.from_settings(self._at.settings),
-                device=self._at.device,
-                readings=Several(FolderReadings(self._at.settings.cache_folder), StoredReadings(self._at.store)),
+                default_model=self._context.settings.model,
+                limits=Limits.from_settings(self._context.settings),
+                device=self._context.device,
+                readings=Several(
+                    FolderReadings(self._context.settings.cache_folder), StoredReadings(self._context.store)
+                ),
                 on_wait=self._go_on,
             )
-            return self._at.start(job_input)
+            return self._context.start(job_input)
 
         for checkpoint, made_by in self._checkpoints.usable(self._retry):
             try:
@@ -247,11 +251,11 @@ class Attempt:
     def _input(self, name: str, file: StoredFile) -> InputFile:
         """Read a file of the job and verify its SHA-256."""
         what = f"job {self._job.id}: the file {name}"
-        data = self._retry.until_answered(what, lambda: self._at.store.get(file.key, sha256=file.sha256))
+        data = self._retry.until_answered(what, lambda: self._context.store.get(file.key, sha256=file.sha256))
         return InputFile(data, file.filename, file.sha256)
 
     def _phase(self, name: str, run: JobRun | None = None) -> None:
-        self._at.pulse.beat()
+        self._context.pulse.beat()
         if self._watch.canceled:
             raise _InterruptedError
         if run is None:
@@ -262,10 +266,10 @@ class Attempt:
     def _must_stop(self) -> bool:
         if self._watch.lost:
             raise StaleAttemptError("The lease is lost.")
-        return self._watch.canceled or self._at.stopping()
+        return self._watch.canceled or self._context.stopping()
 
     def _go_on(self) -> None:
-        self._at.pulse.beat()
+        self._context.pulse.beat()
         if self._must_stop() or self._watch.yields:
             raise _InterruptedError
         if time.monotonic() >= self._ends:
@@ -274,7 +278,7 @@ class Attempt:
     def _interrupted(self) -> AttemptOutcome:
         if self._watch.canceled:
             return AttemptOutcome.CANCELED
-        return AttemptOutcome.HANDED_BACK if self._at.stopping() else AttemptOutcome.HANDED_OVER
+        return AttemptOutcome.HANDED_BACK if self._context.stopping() else AttemptOutcome.HANDED_OVER
 
     def _stopped(self) -> Ended:
         return self._ended(self._interrupted())
@@ -292,8 +296,8 @@ class Attempt:
         """Return whether another attempt may not fail so: another worker may have what this one lacks."""
         if not isinstance(error, DependencyError | ModelError):
             return error.transient
-        leases = self._at.record.leases
-        others = self._retry.until_answered("the other workers", lambda: leases.alive(self._at.worker.queue)) > 1
+        leases = self._context.record.leases
+        others = self._retry.until_answered("the other workers", lambda: leases.alive(self._context.worker.queue)) > 1
         if others:
             leases.leave_to_others(self._job.id)
         return others
@@ -327,7 +331,7 @@ class Attempt:
 class JobRunner:
     """Runs jobs, one at a time, for the lifetime of its process."""
 
-    at: WorkerContext
+    context: WorkerContext
 
     def run(self, job_id: str) -> None:
         """Run the next job, which need not be `job_id`: that is the job for which a message was sent, if there was one.
@@ -337,17 +341,17 @@ class JobRunner:
         `UnavailableError`: the record does not answer, so nothing is claimed.
         """
         failpoint("worker.told")
-        self.at.pulse.beat()
+        self.context.pulse.beat()
         try:
             # The job that may start now that this one has stopped may have no message left.
             while self._run_one(job_id):
                 job_id = ""
         finally:
-            self.at.pulse.rest()
+            self.context.pulse.rest()
 
     def _run_one(self, job_id: str) -> bool:
         """Run the next job, and return whether to look for another one at once."""
-        job = self.at.record.leases.claim_next(self.at.worker.id, self.at.settings.lease_s, self._turns)
+        job = self.context.record.leases.claim_next(self.context.worker.id, self.context.settings.lease_s, self._turns)
         if job is None:
             if job_id:
                 _log.info("message for job %s, but none is queued (a duplicate, or another worker has it)", job_id)
@@ -357,11 +361,11 @@ class JobRunner:
                 _log.info("message for job %s; job %s comes first", job_id, job.id)
             outcome = self._claimed(job)
         limited = self._turns.max_running and outcome is not AttemptOutcome.OUT_OF_MEMORY
-        return bool(limited or outcome is AttemptOutcome.HANDED_OVER) and not self.at.stopping()
+        return bool(limited or outcome is AttemptOutcome.HANDED_OVER) and not self.context.stopping()
 
     @property
     def _turns(self) -> Turns:
-        return Turns.of(self.at.settings)
+        return Turns.of(self.context.settings)
 
     def _claimed(self, job: Job) -> AttemptOutcome | None:
         """Run an attempt and record its end; return None if another one has the job, or will."""
@@ -383,30 +387,30 @@ class JobRunner:
         return None
 
     def _attempt(self, job: Job) -> Ended:
-        at, leases = self.at, self.at.record.leases
+        context, leases = self.context, self.context.record.leases
         end_s = END_SHARE * costs_of(job.request.workload).seconds(job.faces, job.meshes, None).once
-        listen = partial(at.listen, job.id)
-        with JobWatch(leases, at.worker, job, listen, at.settings.lease_s, self._turns, end_s) as watch:
-            ended = Attempt(at, job, watch).run()
+        listen = partial(context.listen, job.id)
+        with JobWatch(leases, context.worker, job, listen, context.settings.lease_s, self._turns, end_s) as watch:
+            ended = Attempt(context, job, watch).run()
             if watch.lost:
                 raise StaleAttemptError("The lease is lost.")
         return ended
 
     def _record(self, job: Job, ended: Ended) -> None:
         """Record how the attempt ended, with retries; the record refuses it if another attempt has the job by then."""
-        retry = Retry(self._between, self.at.retry_for_s)
-        record, about = self.at.record, f"job {job.id}: its end"
+        retry = Retry(self._between, self.context.retry_for_s)
+        record, about = self.context.record, f"job {job.id}: its end"
         if ended.outcome is AttemptOutcome.OUT_OF_MEMORY:
-            attempts = self.at.settings.max_attempts
+            attempts = self.context.settings.max_attempts
             try:
                 retry.until_answered(about, lambda: record.leases.out_of_memory(job.id, job.attempt, attempts))
             finally:
-                self.at.renew()
+                self.context.renew()
         elif ended.outcome in (AttemptOutcome.HANDED_BACK, AttemptOutcome.HANDED_OVER):
             reason = HANDED_OVER if ended.outcome is AttemptOutcome.HANDED_OVER else HANDED_BACK
             retry.until_answered(about, lambda: record.leases.release(job.id, job.attempt, reason))
         elif ended.may_pass and ended.error is not None:
-            arguments = ended.error, self.at.settings.max_attempts, self.at.settings.retry_delay_s
+            arguments = ended.error, self.context.settings.max_attempts, self.context.settings.retry_delay_s
             retry.until_answered(about, lambda: record.leases.postpone(job.id, job.attempt, *arguments))
         else:
             finish = partial(record.leases.finish, job.id, job.attempt, _TERMINAL[ended.outcome], ended.error)
@@ -414,18 +418,18 @@ class JobRunner:
             retry.until_answered(about, about_it)
 
     def _between(self) -> None:
-        self.at.pulse.beat()
-        if self.at.stopping():
+        self.context.pulse.beat()
+        if self.context.stopping():
             raise UnavailableError("The worker is stopping.")
 
     def _leave(self, job: Job) -> None:
         try:
-            self.at.record.leases.release(job.id, job.attempt, OUTAGE)
+            self.context.record.leases.release(job.id, job.attempt, OUTAGE)
         except MeshdeformError as error:
             _log.warning("job %s: stays claimed until its lease expires: %s", job.id, error.detail)
 
 
-def versions_told(artifacts: dict[str, ArtifactData], made_by: str) -> dict[str, ArtifactData]:
+def with_versions(artifacts: dict[str, ArtifactData], made_by: str) -> dict[str, ArtifactData]:
     """Return results whose report says so if several versions computed them."""
     report = artifacts.get("report.json")
     if report is None or ", " not in made_by:

@@ -27,7 +27,7 @@ from meshdeform.errors import (
     AssetTruncatedError,
 )
 from meshdeform.geometry import COLLAPSED_SHAPE
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.support.recent import Recent
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def check_given(given: dict[str, Any]) -> dict[str, Any]:
 def _reader_of(content: FileContent) -> Callable[[Path, str, Limits], dict[str, Any]]:
     """Return the function that checks a file."""
     own = {"mesh": decode_mesh, "silhouette": _read_picture, "collection": _read_collection, "words": _read_words}
-    read: Callable[[Path, str, Limits], dict[str, Any]] = own.get(content) or merged("contents", "READERS")[content]
+    read: Callable[[Path, str, Limits], dict[str, Any]] = own.get(content) or kind_table("contents", "READERS")[content]
     return read
 
 

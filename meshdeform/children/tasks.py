@@ -10,7 +10,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 
 __all__ = ["TASKS", "place_of", "task"]
 
@@ -26,7 +26,7 @@ TASKS = {
 
 def place_of(name: str) -> str:
     """Return the place of a task, `module:function`."""
-    place: str = TASKS[name] if name in TASKS else merged("child_tasks", "TASKS")[name]
+    place: str = TASKS[name] if name in TASKS else kind_table("child_tasks", "TASKS")[name]
     return place
 
 

@@ -16,7 +16,7 @@ from meshdeform.cli.options import Here, JobWhere, Printed
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.support.files import zipped
 
 
@@ -68,7 +68,7 @@ def _outputs(kind: str, output: Path, level: int) -> tuple[dict[str, Path], bool
     """Return the paths of artifacts, and whether they are all those of the kind, in a folder."""
     from meshdeform.runs import kind_of
 
-    named = merged("commands", "OUTPUTS").get(kind, {})  # by ending; the first is written in any case
+    named = kind_table("commands", "OUTPUTS").get(kind, {})  # by ending; the first is written in any case
     if not named or not output.suffix or output.is_dir():
         return {artifact.name: output / artifact.name for artifact in kind_of(kind).artifacts}, True
     if output.suffix.lower() not in named:

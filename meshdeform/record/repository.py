@@ -21,7 +21,7 @@ from meshdeform.record.counters import read_counters
 from meshdeform.record.database import MAX_CONNECTIONS, Database, NewRow, insert
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.fetching import FETCHING_S, Fetching
-from meshdeform.record.files import FileLedger, Rooms, check_number, measure
+from meshdeform.record.files import FileLedger, StorageQuotas, check_number, measure
 from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
 from meshdeform.record.keys import KeyRing
@@ -75,8 +75,8 @@ class JobRecord:
         self.keys = KeyRing(self._database)
         self.words = WordLedger(self._database, self.files)
         self.usage = UsageLedger(self._database)
-        self._rooms = Rooms()
-        self.fetching = Fetching(self._database, self.files, self._rooms)
+        self._quotas = StorageQuotas()
+        self.fetching = Fetching(self._database, self.files, self._quotas)
 
     def close(self) -> None:
         """Close every connection."""
@@ -122,7 +122,7 @@ class JobRecord:
             if new.claim is not None:
                 assert new.answer is not None
                 self.idempotency.complete(new.claim, new.answer(job), connection)
-        self._rooms.accepted(new.owner_id, added)
+        self._quotas.accepted(new.owner_id, added)
         return job
 
     def get(self, job_id: str, owner: str | None = None) -> Job:
@@ -195,7 +195,7 @@ class JobRecord:
         return job
 
     def delete(self, job_id: str, owner: str | None = None) -> list[str]:
-        """Delete a finished job. Its objects are due for removal from then on (`files.remove_job`).
+        """Delete a finished job. Its objects are due for removal from then on (`reconciler.remove_job`).
 
         Returns the keys of the files that it used, with the checkpoint of its origin: other jobs may use them.
         `ConflictError`: the job is not over.
@@ -270,14 +270,14 @@ class JobRecord:
         """
         if limit:
             with self._database.read() as connection:
-                self._rooms.check(connection, owner_id, files, limit)
+                self._quotas.check(connection, owner_id, files, limit)
 
     def _hold_to_limits(self, connection: sa.Connection, new: NewJob) -> int:
         if not new.max_active and not new.max_stored_bytes:
             return 0
         self._database.serialise(connection, new.owner_id)
         check_number(connection, new.owner_id, new.max_active)
-        return self._rooms.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
+        return self._quotas.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
 
 
 def _with_artifacts(connection: sa.Connection, jobs_found: list[Job]) -> list[Job]:

@@ -115,7 +115,7 @@ job_files = sa.Table(
     sa.Index(None, "owner_id", "key", "size"),
 )
 
-# The text to search: prompt, file names and labels of a job (`search.py`). A table of its own is small enough to scan
+# The text to search: prompt, file names and labels of a job. A table of its own is small enough to scan
 # on SQLite. On PostgreSQL it has an index of trigrams, unless the server refuses that, so the migration makes it apart.
 job_texts = sa.Table(
     "job_texts",

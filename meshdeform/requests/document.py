@@ -32,7 +32,7 @@ from meshdeform.requests.choices import JobKind as JobKind
 from meshdeform.requests.choices import Preset as Preset
 from meshdeform.requests.choices import Safeguard as Safeguard
 from meshdeform.requests.declaration import StrictModel
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.requests.parameters import MAX_PROMPT_LENGTH as MAX_PROMPT_LENGTH
 from meshdeform.requests.parameters import MAX_STEPS as MAX_STEPS
 from meshdeform.requests.parameters import DeformParams as DeformParams
@@ -66,7 +66,7 @@ _MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADAT
 _MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 PARAMS_OF_KIND: dict[JobKind, type[BaseModel]] = {
     JobKind.TEXT_DEFORM: DeformParams,
-    **{JobKind(kind): model for kind, model in merged("params", "PARAMS").items()},
+    **{JobKind(kind): model for kind, model in kind_table("params", "PARAMS").items()},
 }
 """The model of the parameters of each kind of job."""
 _JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
@@ -339,7 +339,7 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     if kind == JobKind.TEXT_DEFORM:
         params = _with_guidance_of_its_time(params)
     if isinstance(params, Mapping):
-        retired = merged("params", "RETIRED").get(str(kind), ())
+        retired = kind_table("params", "RETIRED").get(str(kind), ())
         params = {name: value for name, value in params.items() if name not in retired}
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
     if model is None:

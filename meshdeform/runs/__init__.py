@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from meshdeform.errors import KindRetiredError, ParameterError
 from meshdeform.requests.choices import RETIRED_FIELDS, is_retired
 from meshdeform.requests.document import JobRequest, OutputParams
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import kind_modules
 from meshdeform.runs.base import JobFile, JobRun, Kind, RunInput
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
@@ -27,7 +27,7 @@ __all__ = ["check_request", "file_fields", "kind_of", "kinds", "start_run"]
 
 @cache
 def _kinds() -> dict[str, Kind]:
-    further = [kind for module in brought("description") for kind in module.KINDS]
+    further = [kind for module in kind_modules("description") for kind in module.KINDS]
     return {kind.name: kind for kind in (TEXT_DEFORM, *further)}
 
 

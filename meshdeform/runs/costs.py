@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from meshdeform.requests.choices import Safeguard
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 
 END_SHARE = 0.75
 """How much of a job's time outside its steps comes after the last one."""
@@ -81,7 +81,7 @@ MEASURED: dict[str, Costs] = {
 def costs_of(workload: str) -> Costs:
     """Return the costs of a workload; of kinds that were not measured, a second for each step and one for the rest."""
     name = "/".join(workload.split("/")[:2])
-    found: Costs = MEASURED.get(name) or merged("description", "COSTS").get(name, Costs())
+    found: Costs = MEASURED.get(name) or kind_table("description", "COSTS").get(name, Costs())
     return found
 
 

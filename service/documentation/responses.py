@@ -40,7 +40,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.ids import JOB_ID_PATTERN
 from meshdeform.requests.document import PARAMS_OF_KIND, JobKind
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import kind_modules
 from meshdeform.serving import DEFAULT_URL
 from service.http.idempotency import REPLAYED
 from service.jobs.documents import (
@@ -186,7 +186,7 @@ def describe(app: FastAPI) -> None:
         if app.openapi_schema is None:
             document = generate()
             others = [model for kind, model in PARAMS_OF_KIND.items() if kind != JobKind.TEXT_DEFORM]
-            bring = brought("routes")
+            bring = kind_modules("routes")
             models: list[type[BaseModel]] = [*_MODELS, *(model for each in bring for model in each.MODELS), *others]
             _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)
             schemas = document.setdefault("components", {}).setdefault("schemas", {})

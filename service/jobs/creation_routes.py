@@ -47,7 +47,7 @@ from service.http.bodies import body_of, parse_document, receive_document, recei
 from service.http.callers import while_waited_for
 from service.http.errors import KNOWN_QUERY, answers, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer
-from service.jobs.arrivals import Arrivals, arriving, go_on, taken_along
+from service.jobs.arrivals import Arrivals, arriving, complete_later, with_inline_files
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument, RetryDocument
 from service.jobs.intake import (
@@ -164,7 +164,7 @@ async def _created(request: Request, app: AppState, caller: Caller) -> KeptAnswe
     """Accept a job once its files are there, or, if one comes from a slow host, before."""
     owner_id = caller.owner_id
     async with AsyncExitStack() as held:
-        arrivals = await held.enter_async_context(brought(request, app, owner_id))
+        arrivals = await held.enter_async_context(receiving(request, app, owner_id))
         if await arrivals.within(FETCH_SOON_S):
             submission = await arrivals.all()
             if submission.urls:
@@ -172,7 +172,7 @@ async def _created(request: Request, app: AppState, caller: Caller) -> KeptAnswe
             return await app.take_in(owner_id, accept_job, app, caller, submission)
         answer = await app.take_in(owner_id, accept_early, app, caller, arrivals.submission)
         if not answer.replayed:
-            go_on(app, caller, answer.body["id"], arrivals, held.pop_all())
+            complete_later(app, caller, answer.body["id"], arrivals, held.pop_all())
         return answer
 
 
@@ -363,7 +363,7 @@ def _parsed(text: bytes, model: type[JobDocument]) -> JobDocument:
 
 
 @asynccontextmanager
-async def brought(
+async def receiving(
     request: Request, app: AppState, owner_id: str, model: type[JobDocument] = JobDocument
 ) -> AsyncIterator[Arrivals]:
     """Receive a request and start to fetch what it names by URLs; all files are deleted when the block ends.
@@ -375,7 +375,7 @@ async def brought(
         async with AsyncExitStack() as held:
             submission = await _received(request, app, owner_id, held, model, folder)
             await _check_webhook(app, owner_id, submission.document)
-            submission = await taken_along(app, owner_id, submission)
+            submission = await with_inline_files(app, owner_id, submission)
             if not submission.document.sources:
                 kept.push_async_exit(held.pop_all())
         yield await kept.enter_async_context(arriving(app, owner_id, submission))
@@ -386,7 +386,7 @@ async def submitted(
     request: Request, app: AppState, owner_id: str, model: type[JobDocument] = JobDocument
 ) -> AsyncIterator[Submission]:
     """Receive a request and all its files, which are deleted when the block ends."""
-    async with brought(request, app, owner_id, model) as arrivals, AsyncExitStack() as held:
+    async with receiving(request, app, owner_id, model) as arrivals, AsyncExitStack() as held:
         submission = await arrivals.all()
         if submission.urls:
             await held.enter_async_context(app.bodies.slot(owner_id))

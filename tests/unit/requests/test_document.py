@@ -20,7 +20,7 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.groups import GROUPS, elsewhere, grouped, plain_location, without_unused
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET, GUIDANCES, CommonParams, ControlParams
 from meshdeform.runs import kinds
 from tests.cases import each_case
@@ -225,7 +225,7 @@ def test_what_is_not_understood_is_said_with_its_place(params: Any, reason: str)
     assert reason in refused.value.detail
 
 
-@each_case("kind, name", [(kind, name) for kind, names in merged("params", "RETIRED").items() for name in names])
+@each_case("kind, name", [(kind, name) for kind, names in kind_table("params", "RETIRED").items() for name in names])
 def test_a_stored_request_is_read_without_parameters_that_are_gone(kind: str, name: str) -> None:
     stored = read_stored({"kind": kind, "params": {name: 0.5, "seed": 7}})
     assert stored.model_dump(exclude_unset=True)["params"] == {"seed": 7}

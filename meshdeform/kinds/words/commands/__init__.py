@@ -17,7 +17,7 @@ from meshdeform.cli.local import check_free, write_all
 from meshdeform.cli.options import ForceOption, JsonOption, Where, option, output_option
 from meshdeform.cli.output import emit, plain, table
 from meshdeform.kinds.words.commands.keepers import FolderWords, ServiceWords
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import kind_modules
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)
 
@@ -214,7 +214,7 @@ def _found(paths: Sequence[Path]) -> dict[str, Path]:
 @contextmanager
 def _meshes(paths: Sequence[Path]) -> Iterator[dict[str, Path]]:
     """Yield meshes by their names, those that a kind of job makes of what it wrote in a folder that goes afterwards."""
-    sources = [source for module in brought("commands") for source in getattr(module, "WORD_SOURCES", ())]
+    sources = [source for module in kind_modules("commands") for source in getattr(module, "WORD_SOURCES", ())]
     made = next((make for takes, make in sources if any(takes(path) for path in paths)), None)
     if made is None:
         yield _found(paths)
