@@ -62,7 +62,7 @@ _OF_SDS = {"guidance_rescale", "timestep_max", "timestep_max_end"}
 INTRODUCTION = """\
 # Parameters
 
-A job is described by one JSON document: the part `request` of `POST /v1/jobs`. Every member is optional, except the
+A job is described by one JSON document: the field `request` of `POST /v1/jobs`. Every member is optional, except the
 prompt of a job that is guided by one. Unknown members are refused. (`python docs/generate.py` writes this page.)
 
 ```json
@@ -106,7 +106,7 @@ model has mean `sds` beside a prompt. A branch without a kind has that of its jo
 
 KINDS = {
     GuidanceKind.SDS: ("a diffusion model and the prompt", "Guidance by a prompt"),
-    GuidanceKind.TARGET: ("a second mesh, sent as the part `target`", "Guidance by a target mesh"),
+    GuidanceKind.TARGET: ("a second mesh, sent as the field `target`", "Guidance by a target mesh"),
     GuidanceKind.SILHOUETTES: ("pictures alone, without a prompt", "Guidance by pictures"),
     GuidanceKind.EXEMPLAR: ("what the prompt's noun stands for", "Guidance by an exemplar"),
 }

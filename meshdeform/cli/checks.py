@@ -519,14 +519,14 @@ def check_workers(subject: Subject) -> Iterator[Finding]:
 
 def _where(url: str) -> str:
     """Return an address without its secrets."""
-    parts = urlsplit(url)
-    if parts.scheme == "unix":
-        return parts.path
+    split = urlsplit(url)
+    if split.scheme == "unix":
+        return split.path
     try:
-        port = f":{parts.port}" if parts.port else ""
+        port = f":{split.port}" if split.port else ""
     except ValueError:
         port = ""
-    return f"{parts.scheme}://{parts.hostname or ''}{port}{parts.path}"
+    return f"{split.scheme}://{split.hostname or ''}{port}{split.path}"
 
 
 def check_service(subject: Subject) -> Iterator[Finding]:
@@ -565,15 +565,15 @@ def check_service(subject: Subject) -> Iterator[Finding]:
 
 
 def _dependencies(name: str, answer: httpx.Response) -> Finding:
-    parts = {part: answer.json()[part] for part in ("record", "redis", "store")}
+    dependencies = {each: answer.json()[each] for each in ("record", "redis", "store")}
     away = [
-        f"{part}: {status.get('detail') or status['status']}"
-        for part, status in parts.items()
+        f"{each}: {status.get('detail') or status['status']}"
+        for each, status in dependencies.items()
         if status["status"] != "ok"
     ]
     if away:
         return fail(name, "; ".join(away), "The administrator has to restart them; accepted jobs are not lost.")
-    return ok(name, f"{', '.join(parts)} respond")
+    return ok(name, f"{', '.join(dependencies)} respond")
 
 
 def _key(name: str, answer: httpx.Response, *, has_key: bool) -> Finding:

@@ -61,7 +61,7 @@ def check_request(
     for field in kind.reads:
         if field.required and field.name not in files:
             raise ParameterError.at(
-                [field.name], f"`{field.name}` is missing.", f"Send it as the part `{field.name}`: {field.summary}"
+                [field.name], f"`{field.name}` is missing.", f"Send it as the field `{field.name}`: {field.summary}"
             )
     for name in sorted(set(files) - set(kind.fields)):
         reads = ", ".join(kind.fields) or "no file"

@@ -58,5 +58,5 @@ def _refuse_options_of_targets(request: JobRequest) -> None:
             raise ParameterError.at(
                 ["params", "guidance", name],
                 f"params.guidance.{name} is about a target, and none was sent.",
-                f"Send a mesh as the part `{TARGET_FIELDS[0]}`, or leave {name} out.",
+                f"Send a mesh as the field `{TARGET_FIELDS[0]}`, or leave {name} out.",
             )

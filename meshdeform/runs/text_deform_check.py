@@ -150,7 +150,7 @@ def _check_targets(params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse `target` guidance without its mesh, and target meshes that the guidance does not use."""
     if params.guidance is GuidanceKind.TARGET and _TARGET not in targets:
         raise ParameterError.at(
-            ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the part `target`."
+            ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the field `target`."
         )
     if params.guidance is GuidanceKind.EXEMPLAR:
         return
@@ -158,13 +158,13 @@ def _check_targets(params: ResolvedParams, targets: Collection[str]) -> None:
         raise ParameterError.at(
             ["params", "guidance"],
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
-            "Leave params.guidance.kind out, or omit the part `target`.",
+            "Leave params.guidance.kind out, or omit the field `target`.",
         )
     for name in sorted(set(targets) - {_TARGET}):
         raise ParameterError.at(
             ["params", "guidance"],
             f"`{name}` was sent, but only `exemplar` guidance takes the nearest of several targets.",
-            f"Leave params.guidance.kind out, or omit the part `{name}`.",
+            f"Leave params.guidance.kind out, or omit the field `{name}`.",
         )
 
 
@@ -222,7 +222,7 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
             raise ParameterError.at(
                 ["params", "guidance", "silhouettes"],
                 detail,
-                "Send it as the part `silhouette_1`, with its azimuth in params.guidance.silhouettes.",
+                "Send it as the field `silhouette_1`, with its azimuth in params.guidance.silhouettes.",
             )
         if prompt:
             detail = "There is a prompt, and `silhouettes` guidance does not use it."
@@ -231,12 +231,12 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
     parts = SILHOUETTE_FIELDS[: len(views)]
     for number, name in enumerate(parts):
         if name not in present:
-            detail = f"params.guidance.silhouettes has {len(views)} entries, and the part `{name}` is missing."
+            detail = f"params.guidance.silhouettes has {len(views)} entries, and the field `{name}` is missing."
             raise ParameterError.at(
-                ["params", "guidance", "silhouettes", number], detail, f"Send the picture as the part `{name}`."
+                ["params", "guidance", "silhouettes", number], detail, f"Send the picture as the field `{name}`."
             )
     for name in sorted(set(present) - set(parts)):
-        detail = f"The part `{name}` was sent, and params.guidance.silhouettes has {len(views)} entries."
+        detail = f"The field `{name}` was sent, and params.guidance.silhouettes has {len(views)} entries."
         advice = "Give each picture an entry with its azimuth, in the order of the parts."
         raise ParameterError.at(["params", "guidance", "silhouettes"], detail, advice)
     for number, view in enumerate(views):

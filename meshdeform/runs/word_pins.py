@@ -60,7 +60,7 @@ def about_own(error: VocabularyError, request: JobRequest, words: Iterable[Word]
 
 
 def pinned(request: R, words: Iterable[Word]) -> tuple[R, bytes | None]:
-    """Return a request that pins the words it names, and the content of its part `WORDS_FIELD`, or None without any.
+    """Return a request that pins the words it names, and the content of its field `WORDS_FIELD`, or None without any.
 
     `words`: all that its owner has; for a branch, those that its job has before those of the same nouns.
 
@@ -91,7 +91,7 @@ def pinned(request: R, words: Iterable[Word]) -> tuple[R, bytes | None]:
 
 
 def words_of(pins: Mapping[str, str], data: bytes | None) -> list[Word]:
-    """Return the words of the part `WORDS_FIELD`, which are to be those that a request pins.
+    """Return the words of the field `WORDS_FIELD`, which are to be those that a request pins.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def words_of(pins: Mapping[str, str], data: bytes | None) -> list[Word]:
         wrong = sorted(noun for noun in {*found, *pins} if found.get(noun) != pins.get(noun))
         detail = f"The content of {', '.join(map(repr, wrong))} is not what the request pins."
         raise ParameterError.at(
-            _PLACE, detail, f"Send all words that it pins as the part `{WORDS_FIELD}`, and no others."
+            _PLACE, detail, f"Send all words that it pins as the field `{WORDS_FIELD}`, and no others."
         )
     return words
 

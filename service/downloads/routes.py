@@ -76,7 +76,7 @@ _HEAD_BYTES = 64
 _Field = Annotated[
     str,
     Path(
-        description="The name of a part of the job's kind.",
+        description="The name of a field of the job's kind.",
         max_length=64,
         pattern="^[a-z][a-z0-9_]*$",
         examples=["asset"],

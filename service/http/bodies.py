@@ -48,7 +48,7 @@ _MAX_HEADER_BYTES = 8 * 1024
 _MOST_FIELDS = 250
 _QUOTED = re.compile(rb'"(?:[^"\\]|\\.)*"')
 _JOB_ADVICE = (
-    "Send the file as the part `asset` and the JSON document as the part `request`: "
+    "Send the file as the field `asset` and the JSON document as the field `request`: "
     """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL."""
 )
 _EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([a-z0-9._-]+)'[^']*'([^;\s]+)", re.IGNORECASE)
@@ -215,7 +215,7 @@ class _Receiver:
         if not self._ended:
             raise RequestError("The body ends without the final boundary.", advice="Send the whole body.")
         if DOCUMENT not in self._fields:
-            raise RequestError(f"The part `{DOCUMENT}` is missing.", advice=self._known.advice)
+            raise RequestError(f"The field `{DOCUMENT}` is missing.", advice=self._known.advice)
         document = self._fields[DOCUMENT]
         assert isinstance(document, _DocumentField)
         files = {name: field.file() for name, field in self._fields.items() if isinstance(field, _FileField)}
@@ -244,14 +244,14 @@ class _Receiver:
         name = options.get(b"name", b"").decode("utf-8", "replace")
         known = sorted((*self._known.names, DOCUMENT))
         if name in RETIRED_FIELDS.difference(known):
-            raise KindRetiredError(f"The part {name!r} was for lessons and what they taught.")
+            raise KindRetiredError(f"The field {name!r} was for lessons and what they taught.")
         if name not in known:
-            advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
-            raise RequestError(f"Unknown part {name[:100]!r}.", advice=advice)
+            advice = f"The fields are {', '.join(known[:-1])} and {known[-1]}."
+            raise RequestError(f"Unknown field {name[:100]!r}.", advice=advice)
         if name in self._fields and name not in self._known.repeated:
-            raise RequestError(f"The part `{name}` was sent twice.", advice="Send it once.")
+            raise RequestError(f"The field `{name}` was sent twice.", advice="Send it once.")
         if len(self._fields) >= _MOST_FIELDS:
-            raise RequestError(f"The form has more than {_MOST_FIELDS} parts.", advice="Send the meshes as one ZIP.")
+            raise RequestError(f"The form has more than {_MOST_FIELDS} fields.", advice="Send the meshes as one ZIP.")
         name = next(each for each in _numbered(name) if each not in self._fields)
         if name == DOCUMENT:
             self._current = _DocumentField()
@@ -286,7 +286,7 @@ class _DocumentField:
 
     def write(self, data: bytes) -> None:
         if len(self.data) + len(data) > MAX_DOCUMENT_BYTES:
-            raise RequestError(f"The part `{DOCUMENT}` is longer than {MAX_DOCUMENT_BYTES} bytes.")
+            raise RequestError(f"The field `{DOCUMENT}` is longer than {MAX_DOCUMENT_BYTES} bytes.")
         self.data += data
 
     def close(self) -> None:
@@ -330,5 +330,5 @@ def clean_filename(filename: str) -> str:
 
 def _joined(header: bytes, data: bytes) -> bytes:
     if len(header) + len(data) > _MAX_HEADER_BYTES:
-        raise RequestError(f"A part's header is longer than {_MAX_HEADER_BYTES} bytes.")
+        raise RequestError(f"A field's header is longer than {_MAX_HEADER_BYTES} bytes.")
     return header + data

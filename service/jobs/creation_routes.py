@@ -347,9 +347,9 @@ async def _received(
         folder,
         app.settings.max_upload_bytes,
     )
-    document = parse_document(model, text, "The part `request`")
+    document = parse_document(model, text, "The field `request`")
     for name in missing_files(document, files):
-        raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
+        raise RequestError(f"The field `{name}` is missing.", advice=file_advice(name))
     return Submission(document, files, folder)
 
 

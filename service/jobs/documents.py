@@ -119,18 +119,18 @@ class JobDocument(_WithFiles):
 
     files: dict[_Field, FileSource] = Field(
         default_factory=dict,
-        description="The files that are not sent along, by the names of their parts; `GET /v1/limits` lists the "
-        "parts of each kind of job. Default: none.",
+        description="The files that are not sent along, by the names of their fields; `GET /v1/limits` lists the "
+        "fields of each kind of job. Default: none.",
         examples=[{"asset": {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}}],
     )
     asset: FileSource | None = Field(
         None,
-        description="The file to deform, unless it is sent as the part `asset`. The same as `files.asset`.",
+        description="The file to deform, unless it is sent as the field `asset`. The same as `files.asset`.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
     target: FileSource | None = Field(
         None,
-        description="The second mesh of `target` guidance, unless it is sent as the part `target`. The same as "
+        description="The second mesh of `target` guidance, unless it is sent as the field `target`. The same as "
         "`files.target`.",
         examples=[{"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"}],
     )
@@ -172,7 +172,7 @@ class PreviewDocument(JobDocument):
 
     asset: PreviewSource | None = Field(
         None,
-        description="The file to deform, unless it is sent as the part `asset`.",
+        description="The file to deform, unless it is sent as the field `asset`.",
         examples=[{"sha256": _SHA256}],
     )
     seeds: list[Annotated[int, Field(ge=0, le=MAX_SEED)]] = Field(
@@ -188,7 +188,7 @@ class BranchDocument(_WithFiles):
 
     files: dict[_Field, FileReference] = Field(
         default_factory=dict,
-        description="Optional files by the names of their parts. Default: those of the other job that the request "
+        description="Optional files by the names of their fields. Default: those of the other job that the request "
         "uses.",
         examples=[{"target": {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}}],
     )

@@ -365,7 +365,7 @@ def _announce(app: AppState, job_id: str) -> None:
 
 def file_advice(name: str) -> str:
     """Return advice on how to give a job a file."""
-    return f"Send the file as the part `{name}`, or name an upload or an artifact in the document: `files.{name}`."
+    return f"Send the file as the field `{name}`, or name an upload or an artifact in the document: `files.{name}`."
 
 
 def in_order(request: JobRequest, files: Mapping[str, _F]) -> dict[str, _F]:
@@ -395,7 +395,7 @@ class Submission:
         for name in self.files:
             if name in named:
                 raise ParameterError.at(
-                    [name], f"`{name}` is both sent as a part and named in the document.", "Leave one of the two out."
+                    [name], f"`{name}` is both sent as a field and named in the document.", "Leave one of the two out."
                 )
         for name in missing_files(self.document, self.files):
             raise ParameterError.at([name], f"`{name}` is missing.", file_advice(name))

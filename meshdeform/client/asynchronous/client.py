@@ -823,7 +823,7 @@ class AsyncClient:
         return await saved(self._connection, job_path(job, "asset"), Path(path))
 
     async def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
-        """Save a file of a job of any kind as it was sent, by the name of its part."""
+        """Save a file of a job of any kind as it was sent, by the name of its field."""
         return await saved(self._connection, job_path(job, "files", part), Path(path))
 
     async def download_checkpoint(self, job: JobLike, step: int, path: str | os.PathLike[str]) -> Path:

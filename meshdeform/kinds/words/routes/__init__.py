@@ -51,7 +51,7 @@ TAGS = ({"name": "words", "description": "Words of your own, which your prompts 
 
 _FORM = FormFiles(
     (MESHES, WORD),
-    f"Send meshes as parts `{MESHES}` and the JSON document as the part `request`: "
+    f"Send meshes as fields `{MESHES}` and the JSON document as the field `request`: "
     """curl -F meshes=@FILE -F 'request={"noun": "dragonfruit"}' URL.""",
     repeated=(MESHES,),
 )
@@ -123,7 +123,7 @@ async def post_words(
             else:
                 most = app.settings.max_upload_bytes
                 text, files = await receive_form(kind, length, body_of(request), folder, most, _FORM)
-            document = parse_document(WordDocument, text, "The part `request`" if files else "The body")
+            document = parse_document(WordDocument, text, "The field `request`" if files else "The body")
             async with app.wording.slot(principal.owner_id):
                 answer = await to_thread.run_sync(add_words, app, caller, document, files, folder)
     return answer.response()
