@@ -16,7 +16,7 @@ import subprocess
 from pathlib import Path
 
 from bench.code_shape import counted
-from meshdeform.requests.groups import PLACES
+from meshdeform.requests.groups import GROUPS
 
 __all__ = ["EXPECTED", "ROOM", "counts"]
 
@@ -58,7 +58,7 @@ def counts() -> dict[str, int]:
         **counted({path: _text(path) for path in _files(_CODE) if path.endswith(".py")}),
         "document_words": written,
         "generated_document_words": words - written,
-        "parameters": len(PLACES),
+        "parameters": len(GROUPS),
     }
 
 

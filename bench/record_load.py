@@ -25,7 +25,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from meshdeform.record.counters import statistics as job_statistics
-from meshdeform.record.files import Rooms
+from meshdeform.record.files import StorageQuotas
 from meshdeform.record.models import JobState, NewJob, StoredFile
 from meshdeform.record.reconciler import RECONCILE_EVERY_S
 from meshdeform.record.repository import JobRecord
@@ -115,12 +115,12 @@ def _fill(record: JobRecord, like: str, some: range, share: int) -> None:
 
 
 @functools.cache
-def rooms(_: JobRecord) -> Rooms:
+def rooms(_: JobRecord) -> StorageQuotas:
     """Return what a process remembers of the owners' sums in this record."""
-    return Rooms()
+    return StorageQuotas()
 
 
-def room(record: JobRecord, known: Rooms) -> None:
+def room(record: JobRecord, known: StorageQuotas) -> None:
     """Ask for room for a file of an owner."""
     with record.database.read() as connection:
         known.check(connection, "owner-7", {"assets/1": 1}, 10**15)
@@ -147,7 +147,7 @@ QUESTIONS: dict[str, Question] = {
     "search a state in vain": lambda record: record.list_jobs(JobState.QUEUED, words="giraffe", limit=PAGE),
     "claim and release": claim_and_release,
     "post": lambda record: record.create(NewJob(_REQUEST, stored_files(), owner_id="owner-7", max_active=10**6)),
-    "room, summed up": lambda record: room(record, Rooms()),
+    "room, summed up": lambda record: room(record, StorageQuotas()),
     "room, remembered": lambda record: room(record, rooms(record)),
     "estimate": lambda record: estimate(
         record.database, record.leases, _REQUEST, default_model="builtin", queue="q", owner_id="owner-7"

@@ -207,7 +207,7 @@ class AssetNotFetchedError(AssetError):
     """The asset could not be fetched from the URL in the request."""
 
     code = "asset_not_fetched"
-    advice = "Send the file as the part `asset`, or as an upload, or name a public https:// URL that answers with it."
+    advice = "Send the file as the field `asset`, or as an upload, or name a public https:// URL that answers with it."
 
 
 class AssetUnsupportedError(AssetError):
@@ -383,7 +383,7 @@ class AssetNotKeptError(NotFoundError):
     """The asset that a preview names by its hash is not kept, or no longer."""
 
     code = "asset_not_kept"
-    advice = "Send the file again, as the part `asset`."
+    advice = "Send the file again, as the field `asset`."
 
 
 class MethodNotAllowedError(MeshdeformError):

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from meshdeform import __version__
 from meshdeform.errors import LimitError, UnauthorizedError
 from meshdeform.record.reconciler import Reconciler
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import kind_modules
 from meshdeform.serving.access import check_origins
 from meshdeform.settings import Settings
 from meshdeform.support.memory import return_freed_memory
@@ -29,7 +29,7 @@ from service.http.middleware import RequestFrame, TracingMiddleware
 from service.http.origins import CrossOrigin, HeadAsGet
 from service.jobs import creation_routes, preview_routes
 from service.jobs import routes as job_routes
-from service.jobs.arrivals import give_up_late
+from service.jobs.arrivals import give_up_fetching
 from service.operations import routes as operation_routes
 from service.operations.metrics import Metrics, MetricsMiddleware
 from service.page import routes as page_routes
@@ -57,6 +57,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         separate_input_output_schemas=False,
+        generate_unique_id_function=lambda route: route.name,
         redirect_slashes=False,
     )
     app.webhooks.include_router(webhook_routes.messages)
@@ -76,7 +77,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.include_router(webhook_routes.router, responses=refusals)
     app.include_router(upload_routes.router, responses=refusals)
     app.include_router(upload_routes.content)
-    for brings in brought("routes"):
+    for brings in kind_modules("routes"):
         for router in brings.ROUTERS:
             app.include_router(router, responses=refusals)
     app.include_router(operation_routes.router, responses=refusals)
@@ -84,13 +85,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.router.routes += page_routes.routes
     add_error_handlers(app)
     describe(app)
-    _put_in_frame(app)
+    _wrap_outermost(app)
     # A malformed form is the client's mistake and reported in the response, not in the log.
     logging.getLogger("python_multipart").setLevel(logging.ERROR)
     return app
 
 
-def _put_in_frame(app: FastAPI) -> None:
+def _wrap_outermost(app: FastAPI) -> None:
     """Put what every answer needs outside the handler of unexpected errors, where `add_middleware` cannot put it."""
     build = app.build_middleware_stack
     app.build_middleware_stack = lambda: RequestFrame(CrossOrigin(build(), app))  # type: ignore[method-assign]
@@ -127,7 +128,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
                     yield
             finally:
                 returning.cancel()
-                await give_up_late(state)
+                await give_up_fetching(state)
     finally:
         app.state.gate.close()
         state.close()

@@ -51,7 +51,7 @@ _Arguments = TypeVarTuple("_Arguments")
 
 
 class Probe:
-    """Asks a part of the deployment whether it answers, in a thread of its own: one that hangs holds up nobody else.
+    """Asks a service of the deployment whether it answers, in a thread of its own: one that hangs holds up nobody else.
 
     An answer is kept for some seconds. Thread-safe.
     """

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from meshdeform.record.leases import USUAL, Leases
+from meshdeform.record.leases import Leases
 from meshdeform.record.models import Job
 from meshdeform.record.schema import jobs
+from meshdeform.record.turns import USUAL
 
 __all__ = ["claim_job"]
 

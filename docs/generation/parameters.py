@@ -18,7 +18,7 @@ from meshdeform.requests.document import (
     ResolvedParams,
     resolve,
 )
-from meshdeform.requests.groups import PLACES
+from meshdeform.requests.groups import GROUPS
 from meshdeform.requests.parameters import (
     CONSTANTS,
     FROM_PRESET,
@@ -62,7 +62,7 @@ _OF_SDS = {"guidance_rescale", "timestep_max", "timestep_max_end"}
 INTRODUCTION = """\
 # Parameters
 
-A job is described by one JSON document: the part `request` of `POST /v1/jobs`. Every member is optional, except the
+A job is described by one JSON document: the field `request` of `POST /v1/jobs`. Every member is optional, except the
 prompt of a job that is guided by one. Unknown members are refused. (`python docs/generate.py` writes this page.)
 
 ```json
@@ -106,7 +106,7 @@ model has mean `sds` beside a prompt. A branch without a kind has that of its jo
 
 KINDS = {
     GuidanceKind.SDS: ("a diffusion model and the prompt", "Guidance by a prompt"),
-    GuidanceKind.TARGET: ("a second mesh, sent as the part `target`", "Guidance by a target mesh"),
+    GuidanceKind.TARGET: ("a second mesh, sent as the field `target`", "Guidance by a target mesh"),
     GuidanceKind.SILHOUETTES: ("pictures alone, without a prompt", "Guidance by pictures"),
     GuidanceKind.EXEMPLAR: ("what the prompt's noun stands for", "Guidance by an exemplar"),
 }
@@ -243,7 +243,7 @@ def shown(value: float | str) -> str:
 
 def is_used(name: str, guidance: GuidanceKind) -> bool:
     """Return whether a parameter or constant has a meaning for a kind of guidance."""
-    kinds = PLACES[name][1] if name in PLACES else ()
+    kinds = GROUPS[name][1] if name in GROUPS else ()
     return guidance in kinds if kinds else guidance is GuidanceKind.SDS or name not in _OF_SDS
 
 
@@ -275,7 +275,7 @@ def guidances() -> str:
     """Return the list of the kinds of guidance with the parameters of each."""
     lines = []
     for kind, (what, title) in KINDS.items():
-        names = ", ".join(f"`{name}`" for name, (_, kinds) in PLACES.items() if kind in kinds)
+        names = ", ".join(f"`{name}`" for name, (_, kinds) in GROUPS.items() if kind in kinds)
         anchor = title.lower().replace(" ", "-")
         lines.append(f"- `{kind}`: [{what}](#{anchor}), with {names}")
     return "\n".join(lines) + "\n"

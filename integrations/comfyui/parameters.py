@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from meshdeform.requests.declaration import FORM
-from meshdeform.requests.groups import grouped, plain_place
+from meshdeform.requests.groups import grouped, plain_location
 from meshdeform.requests.parameters import CommonParams, ControlParams, DeformParams, PromptGuidanceParams
 
 __all__ = ["FROM_PRESET", "MORE", "inputs", "problem", "wanted"]
@@ -40,7 +40,7 @@ def wanted(values: Mapping[str, Any]) -> dict[str, Any]:
         DeformParams.model_validate(params)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in plain_place(["params", *first["loc"]])[1:])
+        where = ".".join(str(part) for part in plain_location(["params", *first["loc"]])[1:])
         raise ValueError(f"{where}: {first['msg']}") from error
     return params
 

@@ -148,9 +148,9 @@ class Validation(ApiDocument):
     valid: Literal[True] = Field(
         True, description="Always true: an invalid job is reported as a problem.", examples=[True]
     )
-    files: dict[str, AssetFound] = Field(description="Its meshes by the names of their parts.")
+    files: dict[str, AssetFound] = Field(description="Its meshes by the names of their fields.")
     pictures: dict[str, PictureFound] = Field(
-        default_factory=dict, description="Its pictures by the names of their parts."
+        default_factory=dict, description="Its pictures by the names of their fields."
     )
     asset: AssetFound = Field(description="The first of `files`: the asset to deform.")
     target: AssetFound | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")
@@ -305,7 +305,7 @@ class UploadLimits(ApiDocument):
 class FilePartView(ApiDocument):
     """A file that a kind of job reads."""
 
-    name: str = Field(description="Its part in a form, or its member in `files` of a document.", examples=["asset"])
+    name: str = Field(description="Its field in a form, or its member in `files` of a document.", examples=["asset"])
     summary: str = Field(description="Its content.", examples=["The file to deform: GLB, OBJ, PLY, STL or ZIP."])
     required: bool = Field(description="Whether every job of this kind needs it.", examples=[True])
     media_types: list[str] = Field(description="Its media types.", examples=[["model/gltf-binary"]])

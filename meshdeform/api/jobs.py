@@ -93,7 +93,7 @@ class JobView(ApiDocument):
     metadata: dict[str, str] = Field(description="Your own labels.", examples=[{"shot": "sc010"}])
     priority: int = Field(0, description="Workers take the job with the highest priority first.", examples=[0])
     files: dict[str, FileView] = Field(
-        default_factory=dict, description="Its files by the names of their parts, in the order of its kind."
+        default_factory=dict, description="Its files by the names of their fields, in the order of its kind."
     )
     asset: FileView = Field(description="The first of `files`: the asset to deform; without a name if there is none.")
     target: FileView | None = Field(None, description="`files.target`, the second mesh of `target` guidance.")

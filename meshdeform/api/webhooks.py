@@ -8,24 +8,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from meshdeform.api.jobs import JobView
-from meshdeform.api.states import JobError, WebhookEvent
+from meshdeform.api.states import JobError
+from meshdeform.api.states import WebhookEvent as WebhookEvent
 from meshdeform.outgoing.addresses import MAX_URL
-
-__all__ = [
-    "AttemptView",
-    "DeliveryDetail",
-    "DeliveryList",
-    "DeliveryState",
-    "DeliveryView",
-    "JobMessage",
-    "NewWebhook",
-    "WebhookChange",
-    "WebhookEvent",
-    "WebhookList",
-    "WebhookSecret",
-    "WebhookView",
-    "WebhookWithSecret",
-]
 
 _TIME = "2026-01-31T12:00:00Z"
 _URL = "https://example.com/meshdeform"

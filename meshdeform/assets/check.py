@@ -22,7 +22,7 @@ from meshdeform.children.asking import ChildLostError, run_child
 from meshdeform.children.protocol import Bounds, bound_memory
 from meshdeform.errors import AssetEmptyError, AssetError, AssetTooLargeError, AssetTruncatedError
 from meshdeform.geometry import COLLAPSED_SHAPE
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.support.recent import Recent
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def check_given(given: dict[str, Any]) -> dict[str, Any]:
 def _reader_of(content: FileContent) -> Callable[[Path, str, Limits], dict[str, Any]]:
     """Return the function that checks a file."""
     own = {"mesh": decode_mesh, "silhouette": _read_picture, "collection": _read_collection, "words": _read_words}
-    read: Callable[[Path, str, Limits], dict[str, Any]] = own.get(content) or merged("contents", "READERS")[content]
+    read: Callable[[Path, str, Limits], dict[str, Any]] = own.get(content) or kind_table("contents", "READERS")[content]
     return read
 
 

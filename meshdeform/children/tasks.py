@@ -10,7 +10,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 
 __all__ = ["TASKS", "entry_point", "loaded"]
 
@@ -26,7 +26,7 @@ TASKS = {
 
 def entry_point(task: str) -> str:
     """Return the entry point of a task, `module:function`."""
-    found: str = TASKS[task] if task in TASKS else merged("child_tasks", "TASKS")[task]
+    found: str = TASKS[task] if task in TASKS else kind_table("child_tasks", "TASKS")[task]
     return found
 
 

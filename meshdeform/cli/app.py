@@ -29,7 +29,7 @@ from meshdeform.cli.output import emit
 from meshdeform.cli.results import animate, apply, convert
 from meshdeform.cli.run import run
 from meshdeform.cli.servers import api, keys, mcp, serve, worker
-from meshdeform.requests.kind_folders import brought, merged
+from meshdeform.requests.kind_folders import kind_modules, kind_table
 from meshdeform.support.memory import quick_end
 from meshdeform.support.threads import limit_waiting
 
@@ -142,7 +142,7 @@ def _options(
 for _panel, _commands in {
     _MACHINE: (
         *(run, batch, apply, convert, animate),
-        *(command for module in brought("commands") for command in getattr(module, "COMMANDS", ())),
+        *(command for module in kind_modules("commands") for command in getattr(module, "COMMANDS", ())),
         *(inspect, models, doctor, version),
     ),
     _CLIENT: (watch, wait, fetch, cancel, retry, branch, delete, jobs, mcp),
@@ -151,7 +151,7 @@ for _panel, _commands in {
     for _each in _commands:
         _class = form_command(*getattr(_each, "forms", ()), usual=getattr(_each, "usual", ()))
         app.command(cls=_class, rich_help_panel=_panel)(_each)
-for _name, _group in merged("commands", "GROUPS").items():
+for _name, _group in kind_table("commands", "GROUPS").items():
     app.add_typer(_group, name=_name, rich_help_panel=_MACHINE)
 app.add_typer(keys, name="keys", rich_help_panel=_SERVICE)
 

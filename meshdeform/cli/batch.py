@@ -12,7 +12,7 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
 from meshdeform.cli.form import of_kind, of_request, with_options, written
-from meshdeform.cli.options import Place, Printed, SetOption, file_option, flag, option, output_option
+from meshdeform.cli.options import Printed, SetOption, Where, file_option, flag, option, output_option
 from meshdeform.cli.output import emit, note, table
 from meshdeform.cli.request import merge_params
 
@@ -60,7 +60,7 @@ def batch(
     ] = None,
     retry_failed: Annotated[bool, flag("--retry-failed", "Retry rows that failed before.", _HOW)] = False,
     *,
-    place: Place,
+    where: Where,
     printed: Printed,
 ) -> None:
     """Deform many assets.
@@ -90,12 +90,12 @@ def batch(
             seeds=range(first, first + seeds) if seeds else (),
             output=written(ctx, "output"),
             known_names=ledger.known_names(),
-            check=(lambda request, _has_target: request) if place.url else _checker(),
+            check=(lambda request, _has_target: request) if where.url else _checker(),
         )
         if repeated:
             note(f"Duplicate rows are done once: {'; '.join(repeated)}", quiet=printed.quiet)
-        if place.url:
-            runner: runners.Runner = runners.ServiceRunner(place.connect(), ledger, output)
+        if where.url:
+            runner: runners.Runner = runners.ServiceRunner(where.connect(), ledger, output)
             concurrent = parallel or _ROWS_AT_SERVICE
         else:
             concurrent = min(parallel or 1, len(rows))

@@ -288,10 +288,10 @@ def check_folders(subject: Subject) -> Iterator[Finding]:
         yield warn("data directory", f"every user of this machine can write to {folder}", f"chmod o-w {folder}")
     else:
         yield ok("data directory", f"{folder}{'' if folder.exists() else ' will be created by the first `serve`'}")
-    places = {_nearest(place).stat().st_dev: _nearest(place) for place in (Path(tempfile.gettempdir()), folder)}
-    for place in places.values():
-        free = shutil.disk_usage(place).free
-        detail = f"{free / _GIB:.1f} GiB free in {place}"
+    folders = {_nearest(each).stat().st_dev: _nearest(each) for each in (Path(tempfile.gettempdir()), folder)}
+    for each in folders.values():
+        free = shutil.disk_usage(each).free
+        detail = f"{free / _GIB:.1f} GiB free in {each}"
         if free < _TOO_LITTLE:
             yield fail("disk", detail, "Free some space: jobs fail when the disk is full.")
         elif free < _ENOUGH:
@@ -310,27 +310,27 @@ def _nearest(path: Path) -> Path:
 
 def _not_writable(folder: Path) -> str:
     """Say why files cannot be written in a folder that may not exist yet; empty if they can."""
-    place = _nearest(folder)
+    nearest = _nearest(folder)
     try:
-        with tempfile.TemporaryFile(dir=place):
+        with tempfile.TemporaryFile(dir=nearest):
             return ""
     except OSError as error:
-        return f"{place} cannot be written: {error.strerror}"
+        return f"{nearest} cannot be written: {error.strerror}"
 
 
 def check_port(subject: Subject) -> Iterator[Finding]:
     """Check that `serve` could listen."""
-    place = f"{subject.host} port {subject.port}"
+    address = f"{subject.host} port {subject.port}"
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(subject.host, subject.port, type=socket.SOCK_STREAM)[0]
+        family, kind, protocol, _, found = socket.getaddrinfo(subject.host, subject.port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(address)
+            probe.bind(found)
     except OSError as error:
         advice = "If `serve` does not run already, choose another with --port, or stop the program that uses it."
-        yield warn("port", f"{place} cannot be used: {error.strerror}", advice)
+        yield warn("port", f"{address} cannot be used: {error.strerror}", advice)
     else:
-        yield ok("port", f"{place} is free")
+        yield ok("port", f"{address} is free")
 
 
 def check_redis(subject: Subject) -> Iterator[Finding]:
@@ -419,21 +419,21 @@ def _record(subject: Subject) -> tuple[Finding, str | None]:
         engine.dispose()
 
 
-def _read_record(connection: sa.Connection, place: Path | sa.URL) -> tuple[Finding, str | None]:
+def _read_record(connection: sa.Connection, record: Path | sa.URL) -> tuple[Finding, str | None]:
     import sqlalchemy as sa
 
-    if isinstance(place, Path):
+    if isinstance(record, Path):
         connection.exec_driver_sql("BEGIN IMMEDIATE")  # fails unless the file can be written
-        detail = f"SQLite {sqlite3.sqlite_version}, {place}"
+        detail = f"SQLite {sqlite3.sqlite_version}, {record}"
     else:
         server = connection.execute(sa.text("SHOW server_version")).scalar_one().split()[0]
-        detail = f"PostgreSQL {server} at {place.render_as_string(hide_password=True).partition('://')[2]}"
+        detail = f"PostgreSQL {server} at {record.render_as_string(hide_password=True).partition('://')[2]}"
         if connection.execute(sa.text("SHOW transaction_read_only")).scalar_one() == "on":
             return fail("database", f"{detail} is read-only", "Name the primary in MESHDEFORM_DATABASE_URL."), None
     if not sa.inspect(connection).has_table("alembic_version"):
         return ok("database", f"{detail}, no tables yet: the first start creates them"), None
     version = connection.execute(sa.text("SELECT version_num FROM alembic_version")).scalar_one()
-    if not isinstance(place, Path):
+    if not isinstance(record, Path):
         right = sa.text("SELECT has_table_privilege(current_user, 'jobs', 'INSERT, UPDATE, DELETE')")
         if not connection.execute(right).scalar_one():
             advice = "Grant it access to the tables."
@@ -519,14 +519,14 @@ def check_workers(subject: Subject) -> Iterator[Finding]:
 
 def _where(url: str) -> str:
     """Return an address without its secrets."""
-    parts = urlsplit(url)
-    if parts.scheme == "unix":
-        return parts.path
+    split = urlsplit(url)
+    if split.scheme == "unix":
+        return split.path
     try:
-        port = f":{parts.port}" if parts.port else ""
+        port = f":{split.port}" if split.port else ""
     except ValueError:
         port = ""
-    return f"{parts.scheme}://{parts.hostname or ''}{port}{parts.path}"
+    return f"{split.scheme}://{split.hostname or ''}{port}{split.path}"
 
 
 def check_service(subject: Subject) -> Iterator[Finding]:
@@ -565,15 +565,15 @@ def check_service(subject: Subject) -> Iterator[Finding]:
 
 
 def _dependencies(name: str, answer: httpx.Response) -> Finding:
-    parts = {part: answer.json()[part] for part in ("record", "redis", "store")}
+    dependencies = {each: answer.json()[each] for each in ("record", "redis", "store")}
     away = [
-        f"{part}: {status.get('detail') or status['status']}"
-        for part, status in parts.items()
+        f"{each}: {status.get('detail') or status['status']}"
+        for each, status in dependencies.items()
         if status["status"] != "ok"
     ]
     if away:
         return fail(name, "; ".join(away), "The administrator has to restart them; accepted jobs are not lost.")
-    return ok(name, f"{', '.join(parts)} respond")
+    return ok(name, f"{', '.join(dependencies)} respond")
 
 
 def _key(name: str, answer: httpx.Response, *, has_key: bool) -> Finding:

@@ -8,7 +8,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, read_key, service_url
 from meshdeform.cli.exits import ExitCode, OutcomeError, clean_errors
-from meshdeform.cli.options import DataDirOption, JsonOption, Place, option
+from meshdeform.cli.options import DataDirOption, JsonOption, Where, option
 from meshdeform.cli.output import emit, plain
 from meshdeform.serving import DEFAULT_HOST, DEFAULT_PORT
 
@@ -25,7 +25,7 @@ def doctor(
     port: Annotated[int, option("Port that `serve` would listen on.", min=1, max=65535)] = DEFAULT_PORT,
     timeout: Annotated[float, option("Seconds that one server may take to respond.", min=0.1)] = 5.0,
     *,
-    place: Place,
+    where: Where,
     as_json: JsonOption = False,
 ) -> None:
     """Check the installation.
@@ -43,8 +43,8 @@ def doctor(
         settings=load_settings(data_dir=data_dir),
         host=host,
         port=port,
-        url=service_url(place.url) if place.url else None,
-        api_key=read_key(place.api_key, place.api_key_file),
+        url=service_url(where.url) if where.url else None,
+        api_key=read_key(where.api_key, where.api_key_file),
         timeout_s=timeout,
     )
     findings = []

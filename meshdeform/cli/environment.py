@@ -78,8 +78,8 @@ def connect(url: str | None, api_key: str | None, api_key_file: Path | None, **m
 
 def command_line(command: str, url: str | None) -> str:
     """Return a `meshdeform` command line to copy, with `--url` where the address is not the default."""
-    place = f" --url {shlex.quote(url)}" if url and url not in (os.environ.get("MESHDEFORM_URL"), DEFAULT_URL) else ""
-    return f"meshdeform {command}{place}"
+    option = f" --url {shlex.quote(url)}" if url and url not in (os.environ.get("MESHDEFORM_URL"), DEFAULT_URL) else ""
+    return f"meshdeform {command}{option}"
 
 
 def read_key(api_key: str | None, path: Path | None) -> str | None:

@@ -62,7 +62,7 @@ class Form:
 
 @dataclass(frozen=True)
 class _Leaf:
-    """A parameter with an option: its place in the model, and how its text is read."""
+    """A parameter with an option: its path in the model, and how its text is read."""
 
     form: str
     path: tuple[str, ...]

@@ -150,12 +150,12 @@ def _sentence(proposal: dict[str, Any], names: dict[str, dict[int, str]]) -> str
     kind = " ".join(word for word in ("congruent", "round") if proposal[word])
     listed = ", ".join(map(str, numbers))
     what = f"{len(numbers)} {kind} components: {listed}." if len(numbers) > 1 else f"Component {listed} is {kind}."
-    options = " ".join(f"--rigid {place}={index}" for item in proposal["selectors"] for place, index in item.items())
+    options = " ".join(f"--rigid {what}={index}" for item in proposal["selectors"] for what, index in item.items())
     called = {
         name
         for item in proposal["selectors"]
-        for place, index in item.items()
-        if (name := names.get(f"{place}s", {}).get(index))
+        for what, index in item.items()
+        if (name := names.get(f"{what}s", {}).get(index))
     }
     return f"{what} Keep them with {options}{' (' + plain(', '.join(sorted(called))) + ')' if called else ''}"
 

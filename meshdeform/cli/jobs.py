@@ -27,12 +27,12 @@ from meshdeform.cli.local import writing
 from meshdeform.cli.options import (
     JobIdArgument,
     JobIdsArgument,
-    JobPlace,
+    JobWhere,
     JsonOption,
-    Place,
     Printed,
     SetOption,
     TimeoutOption,
+    Where,
     complete_states,
     flag,
     option,
@@ -61,18 +61,18 @@ _PATIENCE_S = 120.0
 """Seconds that a service may be unreachable once it has responded: longer than a restart takes."""
 
 
-def refuse_other_place(place: JobPlace, *, here: Mapping[str, Any], there: Mapping[str, Any]) -> None:
+def refuse_unused_options(where: JobWhere, *, here: Mapping[str, Any], there: Mapping[str, Any]) -> None:
     """Refuse options that mean nothing where the job runs."""
-    wrong = [name for name, value in (here if place.url else there).items() if value]
+    wrong = [name for name, value in (here if where.url else there).items() if value]
     if wrong:
-        where = "on this machine, not for a service" if place.url else "for a service: name it with --url"
-        raise typer.BadParameter(f"this is {where}", param_hint=wrong[0])
+        only = "on this machine, not for a service" if where.url else "for a service: name it with --url"
+        raise typer.BadParameter(f"this is {only}", param_hint=wrong[0])
 
 
 def run_on_service(
     request: JobRequest,
     files: Mapping[str, Path],
-    place: JobPlace,
+    where: JobWhere,
     folder: Path,
     printed: Printed,
     *,
@@ -80,17 +80,17 @@ def run_on_service(
 ) -> None:
     """Submit a job, follow it to its end unless it is to be left alone, and save its artifacts into the folder.
 
-    The files are by part. An OutcomeError tells that the job did not succeed, that the time is over, or that Ctrl-C
+    The files are by field. An OutcomeError tells that the job did not succeed, that the time is over, or that Ctrl-C
     came.
     """
-    with show_uploads(quiet=printed.quiet) as show, place.connect(show) as client:
+    with show_uploads(quiet=printed.quiet) as show, where.connect(show) as client:
         job = _submitted(client, request, files, idempotency_key)
-    if place.detach:
-        _print_new(job, place, printed)
+    if where.detach:
+        _print_new(job, where, printed)
         return
-    with place.connect() as client:
+    with where.connect() as client:
         note(f"{job.id}  (Ctrl-C leaves it running)", quiet=printed.quiet)
-        ended = _followed(client, job.id, Deadline(place.timeout), place, printed)
+        ended = _followed(client, job.id, Deadline(where.timeout), where, printed)
         if failure := outcome_failure(ended):
             if printed.as_json:
                 emit(ended.as_json())
@@ -104,11 +104,11 @@ def run_on_service(
 
 
 def _followed(
-    client: Client, job_id: str, deadline: Deadline, place: Place, printed: Printed, *, replay: bool = True
+    client: Client, job_id: str, deadline: Deadline, where: Where, printed: Printed, *, replay: bool = True
 ) -> JobView:
     with show_progress(quiet=printed.quiet) as view:
         shown = partial(show_event, view=view)
-        return follow(client, job_id, shown, deadline=deadline, url=place.url, replay=replay)
+        return follow(client, job_id, shown, deadline=deadline, url=where.url, replay=replay)
 
 
 def _submitted(client: Client, request: JobRequest, files: Mapping[str, Path], key: str | None) -> JobView:
@@ -148,7 +148,7 @@ def jobs(
     limit: Annotated[int, option("At most this many.", min=1)] = 20,
     failed: Annotated[str, option("Only jobs that failed with this error.", metavar="CODE")] = "",
     *,
-    place: Place,
+    where: Where,
     as_json: JsonOption = False,
 ) -> None:
     """List the jobs of a service, newest first.
@@ -157,7 +157,7 @@ def jobs(
     """
     if state is not None and state not in (known := complete_states("")):
         raise typer.BadParameter(f"{state!r} is not one of {', '.join(known)}", param_hint="--state")
-    with place.connect() as client:
+    with where.connect() as client:
         every = client.jobs(
             state=state, metadata=parse_labels(label or []), search=search, error=failed, limit=min(limit, _PAGE)
         )
@@ -185,7 +185,7 @@ def _row(job: JobView, now: datetime) -> tuple[str, ...]:
 
 
 @clean_errors
-def wait(job_ids: JobIdsArgument, timeout: TimeoutOption = None, *, place: Place, printed: Printed) -> None:
+def wait(job_ids: JobIdsArgument, timeout: TimeoutOption = None, *, where: Where, printed: Printed) -> None:
     """Wait until jobs have ended.
 
     Exit code 0: all succeeded; 5: one failed; 6: one was canceled or expired; 7: timed out.
@@ -194,13 +194,13 @@ def wait(job_ids: JobIdsArgument, timeout: TimeoutOption = None, *, place: Place
     """
     ids, deadline = list(dict.fromkeys(job_ids)), Deadline(timeout)
     ended: list[JobView] = []
-    with place.connect() as client:
+    with where.connect() as client:
         for job_id in ids:
             try:
-                job = _followed(client, job_id, deadline, place, printed, replay=False)
+                job = _followed(client, job_id, deadline, where, printed, replay=False)
             except OutcomeError as failure:
                 if failure.exit_code is ExitCode.INTERRUPTED:
-                    raise left_running(ids[len(ended) :], place.url) from None
+                    raise left_running(ids[len(ended) :], where.url) from None
                 raise
             ended.append(job)
             _print_end(job, printed)
@@ -212,7 +212,7 @@ def wait(job_ids: JobIdsArgument, timeout: TimeoutOption = None, *, place: Place
 
 
 @clean_errors
-def watch(job_id: JobIdArgument, timeout: TimeoutOption = None, *, place: Place, printed: Printed) -> None:
+def watch(job_id: JobIdArgument, timeout: TimeoutOption = None, *, where: Where, printed: Printed) -> None:
     """Follow a job to its end.
 
     Shows a bar with loss and time left, plain lines in a log; with --json every event as a line. Reconnects
@@ -230,8 +230,8 @@ def watch(job_id: JobIdArgument, timeout: TimeoutOption = None, *, place: Place,
             emit(event.model_dump(mode="json"))
         show_event(event, view)
 
-    with place.connect() as client, show_progress(quiet=not printed.text) as view:
-        job = follow(client, job_id, on_event, deadline=Deadline(timeout), url=place.url, on_start=on_start)
+    with where.connect() as client, show_progress(quiet=not printed.text) as view:
+        job = follow(client, job_id, on_event, deadline=Deadline(timeout), url=where.url, on_start=on_start)
     _print_end(job, printed)
     if failure := outcome_failure(job):
         raise failure
@@ -381,7 +381,7 @@ def fetch(
     step: Annotated[int | None, option("Instead: the shape at this checkpoint, as step-N.glb.", min=0)] = None,
     asset: Annotated[bool, flag("--asset", "Instead: the asset as it was submitted.")] = False,
     *,
-    place: Place,
+    where: Where,
     printed: Printed,
 ) -> None:
     """Save the artifacts of a job.
@@ -395,7 +395,7 @@ def fetch(
     if (step is not None) + asset + bool(name) > 1:
         raise typer.BadParameter("give only one of --name, --step and --asset")
     folder = output or Path(job_id)
-    with place.connect() as client:
+    with where.connect() as client:
         job = client.get(job_id)
         if not (asset or step is not None or job.state.terminal):
             note(f"The job is {job.state}: more artifacts may follow.", quiet=printed.quiet)
@@ -467,7 +467,7 @@ def _saved_verdict(files: list[dict[str, Any]]) -> dict[str, Any] | None:
 
 
 @clean_errors
-def cancel(job_ids: JobIdsArgument, *, place: Place, as_json: JsonOption = False) -> None:
+def cancel(job_ids: JobIdsArgument, *, where: Where, as_json: JsonOption = False) -> None:
     """Cancel jobs.
 
     A running job stops after its current step; a job that has ended stays as it is.
@@ -481,15 +481,15 @@ def cancel(job_ids: JobIdsArgument, *, place: Place, as_json: JsonOption = False
             typer.echo(f"{job.id}  {job.state}")
         return job.as_json()
 
-    _end_each(job_ids, end, "jobs", place, as_json=as_json)
+    _end_each(job_ids, end, "jobs", where, as_json=as_json)
 
 
 def _end_each(
-    job_ids: Sequence[str], end: Callable[[Client, str], Any], name: str, place: Place, *, as_json: bool
+    job_ids: Sequence[str], end: Callable[[Client, str], Any], name: str, where: Where, *, as_json: bool
 ) -> None:
     """End each job, the others too if one is not there or in another state; as JSON, print what `end` returns."""
     ended, failures = list[Any](), list[MeshdeformError]()
-    with place.connect() as client:
+    with where.connect() as client:
         for job_id in dict.fromkeys(job_ids):
             try:
                 ended.append(end(client, job_id))
@@ -514,7 +514,7 @@ def retry(
         float | None, option("Seconds for which the new job may run; default: as for the old one.")
     ] = None,
     *,
-    place: Place,
+    where: Where,
     printed: Printed,
 ) -> None:
     """Retry a job that did not succeed, and print the id of the new job.
@@ -523,8 +523,8 @@ def retry(
 
     meshdeform retry job_01kg9zqk2xf3v8c5m7n9p1r4t6 --max-run-s 7200
     """
-    with place.connect() as client:
-        _print_new(client.retry(job_id, max_run_s=max_run_s), place, printed)
+    with where.connect() as client:
+        _print_new(client.retry(job_id, max_run_s=max_run_s), where, printed)
 
 
 @clean_errors
@@ -536,7 +536,7 @@ def branch(
     step: Annotated[int | None, option("Step of the checkpoint; default: the last one.", min=0)] = None,
     settings: SetOption = None,
     *,
-    place: Place,
+    where: Where,
     printed: Printed,
 ) -> None:
     """Start a new job from the shape of a job at a checkpoint, with another prompt, and print its id.
@@ -544,18 +544,18 @@ def branch(
     meshdeform branch job_01kg9zqk2xf3v8c5m7n9p1r4t6 "a vase" --step 100
     """
     request = make_request(prompt, merge_params(ctx, settings))
-    with place.connect() as client:
+    with where.connect() as client:
         if step is None:
             checkpoints = client.checkpoints(job_id)
             if not checkpoints:
                 raise NotFoundError(f"The job {job_id} has no checkpoint.", advice="Submit a new job instead.")
             step = max(checkpoint.step for checkpoint in checkpoints)
         job = client.branch(job_id, step, request.prompt, params=request.params)
-    _print_new(job, place, printed)
+    _print_new(job, where, printed)
 
 
 @clean_errors
-def delete(job_ids: JobIdsArgument, *, place: Place, printed: Printed) -> None:
+def delete(job_ids: JobIdsArgument, *, where: Where, printed: Printed) -> None:
     """Delete jobs that have ended, with all their artifacts. This cannot be undone.
 
     meshdeform delete job_01kg9zqk2xf3v8c5m7n9p1r4t6
@@ -567,12 +567,12 @@ def delete(job_ids: JobIdsArgument, *, place: Place, printed: Printed) -> None:
             typer.echo(f"{job_id}  deleted")
         return job_id
 
-    _end_each(job_ids, end, "deleted", place, as_json=printed.as_json)
+    _end_each(job_ids, end, "deleted", where, as_json=printed.as_json)
 
 
-def _print_new(job: JobView, place: Place, printed: Printed) -> None:
+def _print_new(job: JobView, where: Where, printed: Printed) -> None:
     if printed.as_json:
         emit(job.as_json())
     else:
         typer.echo(job.id)
-        note(f"Follow it: {command_line(f'watch {job.id}', place.url)}", quiet=printed.quiet)
+        note(f"Follow it: {command_line(f'watch {job.id}', where.url)}", quiet=printed.quiet)

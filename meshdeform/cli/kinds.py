@@ -10,13 +10,13 @@ from typing import Any
 import typer
 
 from meshdeform.cli.environment import require
-from meshdeform.cli.jobs import refuse_other_place, run_on_service
+from meshdeform.cli.jobs import refuse_unused_options, run_on_service
 from meshdeform.cli.local import run_here
-from meshdeform.cli.options import Here, JobPlace, Printed
+from meshdeform.cli.options import Here, JobWhere, Printed
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import make_request
 from meshdeform.errors import ParameterError
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.support.files import zipped
 
 
@@ -26,7 +26,7 @@ def run_kind(
     files: Mapping[str, Path],
     output: Path,
     here: Here,
-    place: JobPlace,
+    where: JobWhere,
     printed: Printed,
     *,
     idempotency_key: str | None = None,
@@ -34,14 +34,14 @@ def run_kind(
 ) -> None:
     """Run a job of a kind that is no deformation, here or on a service, and print its result.
 
-    The files are by part; folders are packed. `more` are further members of the request.
+    The files are by field; folders are packed. `more` are further members of the request.
     """
     request = make_request("", params, more={**more, "kind": kind})
-    refuse_other_place(place, here=here.written(), there=place.written())
+    refuse_unused_options(where, here=here.written(), there=where.written())
     with tempfile.TemporaryDirectory(prefix="meshdeform-") as folder:
-        sent = {part: packed(path, Path(folder)) for part, path in files.items()}
-        if place.url:
-            run_on_service(request, sent, place, output, printed, idempotency_key=idempotency_key)
+        sent = {field: packed(path, Path(folder)) for field, path in files.items()}
+        if where.url:
+            run_on_service(request, sent, where, output, printed, idempotency_key=idempotency_key)
             return
         require("scipy", "deform")
         paths, whole_folder = _outputs(kind, output, getattr(request.params, "level", 0))
@@ -68,7 +68,7 @@ def _outputs(kind: str, output: Path, level: int) -> tuple[dict[str, Path], bool
     """Return the paths of artifacts, and whether they are all those of the kind, in a folder."""
     from meshdeform.runs import kind_of
 
-    named = merged("commands", "OUTPUTS").get(kind, {})  # by ending; the first is written in any case
+    named = kind_table("commands", "OUTPUTS").get(kind, {})  # by ending; the first is written in any case
     if not named or not output.suffix or output.is_dir():
         return {artifact.name: output / artifact.name for artifact in kind_of(kind).artifacts}, True
     if output.suffix.lower() not in named:

@@ -113,7 +113,7 @@ class LocalJob:
         """Read the files and start the run."""
         from meshdeform.assets import Limits
         from meshdeform.assets.bundle import read_with_files
-        from meshdeform.requests.parameters import WORDS_PART
+        from meshdeform.requests.parameters import WORDS_FIELD
         from meshdeform.runs import kind_of, start_run
         from meshdeform.runs.base import InputFile, RunInput
         from meshdeform.runs.kept_readings import FolderReadings
@@ -123,9 +123,9 @@ class LocalJob:
             kind_of(self.request.kind).load()
             from meshdeform.runs.devices import check_name, resolve_device, use_threads
 
-        files = {part: InputFile(read_with_files(path, limits), path.name) for part, path in self.files.items()}
+        files = {field: InputFile(read_with_files(path, limits), path.name) for field, path in self.files.items()}
         if self._words is not None:
-            files[WORDS_PART] = InputFile(self._words, "words.word")
+            files[WORDS_FIELD] = InputFile(self._words, "words.word")
         use_threads(self.settings.threads)
         check_name(self.settings.device)
         job_input = RunInput(
@@ -213,8 +213,8 @@ class LocalJob:
             elif path is None:
                 advice += " With --checkpoint FILE it could be resumed."
         if self._unfinished:
-            place = self._unfinished[0].parent if self.whole_folder else self._unfinished[0]
-            so_far = f"What was done so far is in {place}."
+            path = self._unfinished[0].parent if self.whole_folder else self._unfinished[0]
+            so_far = f"What was done so far is in {path}."
             detail = f"{so_far} {detail}" if extra else so_far
             extra["unfinished"] = [str(path) for path in self._unfinished]
         return OutcomeError(ExitCode.INTERRUPTED, "interrupted", f"Interrupted {where}. {detail}", advice, **extra)
@@ -246,9 +246,9 @@ def read_asset(path: Path, limits: Limits) -> Asset:
     return load_asset(read_with_files(path, limits), path.name, limits)
 
 
-def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str]) -> None:
+def check_locally(request: JobRequest, settings: Settings, files: Sequence[str]) -> None:
     """Refuse a request that could not run on this machine, where any model may be named; without torch."""
-    from meshdeform.requests.parameters import WORDS_PART
+    from meshdeform.requests.parameters import WORDS_FIELD
     from meshdeform.runs import check_request, kind_of
     from meshdeform.runs.word_pins import about_own
     from meshdeform.words import WordFolder, in_use, read_words
@@ -257,10 +257,10 @@ def check_locally(request: JobRequest, settings: Settings, parts: Sequence[str])
     model = getattr(request.params, "model", None)
     if model:
         settings = settings.model_copy(update={"allowed_models": [*settings.allowed_models, model]})
-    sent = [] if words is None else [WORDS_PART]
+    sent = [] if words is None else [WORDS_FIELD]
     try:
         with in_use([] if words is None else read_words(words)):
-            params = check_request(request, settings, files=[*parts, *sent])
+            params = check_request(request, settings, files=[*files, *sent])
             kind_of(request.kind).check_extra(request, params)
     except VocabularyError as error:
         raise about_own(error, request, WordFolder(settings.words_folder).words()) from None

@@ -9,7 +9,7 @@ import typer
 
 from meshdeform.cli.environment import complete_models, load_settings
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import JsonOption, Place
+from meshdeform.cli.options import JsonOption, Where
 from meshdeform.cli.output import emit, table
 from meshdeform.errors import ModelError
 
@@ -27,7 +27,7 @@ def models(
         ),
     ] = None,
     *,
-    place: Place,
+    where: Where,
     as_json: JsonOption = False,
 ) -> None:
     """List the models of the service that --url or MESHDEFORM_URL names, else of this machine.
@@ -38,8 +38,8 @@ def models(
     """
     from meshdeform.priors import public_name
 
-    if place.url:
-        with place.connect() as client:
+    if where.url:
+        with where.connect() as client:
             document = client.models().model_dump(mode="json")
     else:
         document = _local()

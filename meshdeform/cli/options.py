@@ -49,8 +49,8 @@ def complete_job_ids(ctx: typer.Context, incomplete: str) -> list[tuple[str, str
 
     parameters = ctx.params
     with contextlib.suppress(Exception):
-        places = (parameters.get("url"), parameters.get("api_key"), parameters.get("api_key_file"))
-        with connect(*places, timeout_s=_COMPLETION_TIMEOUT_S, max_retries=0) as client:
+        where = (parameters.get("url"), parameters.get("api_key"), parameters.get("api_key_file"))
+        with connect(*where, timeout_s=_COMPLETION_TIMEOUT_S, max_retries=0) as client:
             jobs = list(islice(client.jobs(limit=50), 50))
         return [(job.id, plain(f"{job.state} {job.prompt}")) for job in jobs if job.id.startswith(incomplete)]
     return []
@@ -116,7 +116,7 @@ class Printed:
 
 
 @dataclass(frozen=True)
-class Place:
+class Where:
     """The service that a command speaks to."""
 
     url: Annotated[
@@ -146,7 +146,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class JobPlace(Place):
+class JobWhere(Where):
     """The service that a job may run on instead of this machine."""
 
     # Without the variable: the address alone decides where the job runs.

@@ -10,7 +10,7 @@ import typer
 
 from meshdeform.cli.output import emit
 from meshdeform.requests.choices import JobKind
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.verdicts import Verdict, read_verdict
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ _FILES = {
 
 def print_result(kind: str, run: FinishedRun, files: Mapping[str, Path], printed: Printed) -> None:
     """Print the result of a job of any kind, whose files are named by artifact, as JSON or in lines."""
-    summarise, lines = {JobKind.TEXT_DEFORM: (_deformation, _deformation_lines), **merged("commands", "PRINTED")}[kind]
+    summarise, lines = {JobKind.TEXT_DEFORM: (_deformation, _deformation_lines), **kind_table("commands", "PRINTED")}[
+        kind
+    ]
     summary = summarise(run, {name: path for name, path in files.items() if name in run.artifacts or name == _DRAWN})
     if printed.as_json:
         emit(summary)
@@ -116,8 +118,8 @@ def likeness_line(likeness: Mapping[str, Any]) -> str:
     share, others = percent(likeness["probability"]), percent(likeness["next"]["probability"])
     if likeness["matches"]:
         return f"Looks like: {noun} ({share} among the judge's {likeness['nouns']} nouns); next: {other} ({others})"
-    place = f"{noun} ({share}) is number {likeness['rank']} of {likeness['nouns']}"
-    return f"Does not look like its prompt: it looks more like {other} ({others}); {place}"
+    rank = f"{noun} ({share}) is number {likeness['rank']} of {likeness['nouns']}"
+    return f"Does not look like its prompt: it looks more like {other} ({others}); {rank}"
 
 
 def kept_line(quality: Mapping[str, Any]) -> str:

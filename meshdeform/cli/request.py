@@ -47,8 +47,8 @@ def make_settings(pairs: Sequence[str]) -> dict[str, Any]:
             read = json.loads(value)
         except ValueError:
             read = value
-        for part in reversed(name.split(".")):
-            read = {part.strip(): read}
+        for step in reversed(name.split(".")):
+            read = {step.strip(): read}
         parameters = overlaid(parameters, read)
     return parameters
 
@@ -70,30 +70,30 @@ def parse_labels(pairs: Sequence[str]) -> dict[str, str]:
 
 
 def parse_targets(paths: Sequence[Path] | None) -> dict[str, Path]:
-    """Return the target meshes of a job by part."""
-    from meshdeform.requests.parameters import MAX_TARGETS, TARGET_PARTS
+    """Return the target meshes of a job by field."""
+    from meshdeform.requests.parameters import MAX_TARGETS, TARGET_FIELDS
 
     if len(paths or ()) > MAX_TARGETS:
         raise typer.BadParameter(f"at most {MAX_TARGETS} meshes", param_hint="--target")
-    return dict(zip(TARGET_PARTS, paths or (), strict=False))
+    return dict(zip(TARGET_FIELDS, paths or (), strict=False))
 
 
 def parse_files(pairs: Sequence[str] | None, kind: JobKind, first: Path) -> dict[str, Path]:
-    """Return the files of a job by part: `first`, and those written as PART=FILE, of parts that the kind reads."""
+    """Return the files of a job by field: `first`, and those written as PART=FILE, of fields that the kind reads."""
     from meshdeform.runs import kinds
 
     reads = next(each for each in kinds() if each.name == kind).reads
     others = [each.name for each in reads[1:]]
     files = {reads[0].name: first}
     for pair in pairs or []:
-        part, equals, path = pair.partition("=")
-        part = part.strip()
-        if not equals or part not in others:
+        field, equals, path = pair.partition("=")
+        field = field.strip()
+        if not equals or field not in others:
             known = ", ".join(others) or "no others"
             raise typer.BadParameter(f"{pair!r} is not PART=FILE; {kind} reads {known}", param_hint="--file")
         if not Path(path).is_file():
             raise typer.BadParameter(f"{path!r} is not a file", param_hint="--file")
-        files[part] = Path(path)
+        files[field] = Path(path)
     if missing := [each.name for each in reads if each.required and each.name not in files]:
         raise typer.BadParameter(f"{kind} also needs {missing[0]}=FILE", param_hint="--file")
     return files
@@ -142,11 +142,11 @@ class Pictures:
     views: list[dict[str, float]] = field(default_factory=list)
 
     @property
-    def parts(self) -> dict[str, Path]:
-        """The pictures by the names of their parts."""
-        from meshdeform.requests.parameters import SILHOUETTE_PARTS
+    def files(self) -> dict[str, Path]:
+        """The pictures by the names of their fields."""
+        from meshdeform.requests.parameters import SILHOUETTE_FIELDS
 
-        return dict(zip(SILHOUETTE_PARTS, self.paths, strict=False))
+        return dict(zip(SILHOUETTE_FIELDS, self.paths, strict=False))
 
 
 def parse_pictures(texts: Sequence[str] | None) -> Pictures:
@@ -177,15 +177,15 @@ def read_prompt(text: str) -> dict[str, Any]:
 
     What a text of this form cannot say, such as an `@` in a name, `--set prompts=` can.
     """
-    first, *places = text.split("@")
+    first, *selections = text.split("@")
     weighted = _WEIGHT.match(first.strip())
     words, weight = (weighted[1], float(weighted[2])) if weighted else (first.strip(), None)
     if not words:
         raise typer.BadParameter(f"{text!r} has no prompt before the weight or the place", param_hint=_ALSO)
-    outside = [place.strip().startswith(_OUTSIDE) for place in places]
+    outside = [each.strip().startswith(_OUTSIDE) for each in selections]
     if any(outside) and not all(outside):
         raise typer.BadParameter(f"{text!r}: either all places of a prompt are {_OUTSIDE} or none", param_hint=_ALSO)
-    regions = [read_selection(place.strip().removeprefix(_OUTSIDE), _ALSO) for place in places]
+    regions = [read_selection(each.strip().removeprefix(_OUTSIDE), _ALSO) for each in selections]
     return {
         "prompt": words,
         **({"weight": weight} if weight is not None else {}),
@@ -195,7 +195,7 @@ def read_prompt(text: str) -> dict[str, Any]:
 
 
 def read_rigid(text: str) -> dict[str, Any]:
-    """Read a part written as [MODE:]PLACE=VALUE."""
+    """Read what stays rigid, written as [MODE:]PLACE=VALUE."""
     mode, colon, rest = text.partition(":")
     if not colon or mode.strip() not in _MODES:
         mode, rest = _MODES[0], text
@@ -225,14 +225,14 @@ def read_handle(text: str) -> dict[str, Any]:
 def read_selection(text: str, option: str) -> dict[str, Any]:
     """Read a selection written as PLACE=VALUE or PLACE:VALUE."""
     at = min((text.index(sign) for sign in "=:" if sign in text), default=-1)
-    place, value = text[:at].strip(), text[at + 1 :].strip()
-    if at < 0 or place not in _PLACES or not value:
-        raise typer.BadParameter(f"{text!r} is not PLACE=VALUE with PLACE {', '.join(_PLACES)}", param_hint=option)
-    form, parse = _PLACES[place]
+    name, value = text[:at].strip(), text[at + 1 :].strip()
+    if at < 0 or name not in _SELECTORS or not value:
+        raise typer.BadParameter(f"{text!r} is not PLACE=VALUE with PLACE {', '.join(_SELECTORS)}", param_hint=option)
+    form, parse = _SELECTORS[name]
     try:
-        return {place: parse(value)}
+        return {name: parse(value)}
     except ValueError:
-        raise typer.BadParameter(f"{text!r} is not {place}={form}", param_hint=option) from None
+        raise typer.BadParameter(f"{text!r} is not {name}={form}", param_hint=option) from None
 
 
 def read_point(text: str) -> list[float]:
@@ -276,7 +276,7 @@ def _faces(text: str) -> list[Any]:
     return [ends[0] if len(ends) == 1 else ends for ends in ranges]
 
 
-_PLACES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
+_SELECTORS: Mapping[str, tuple[str, Callable[[str], Any]]] = {
     "node": ("NAME", read_name),
     "mesh": ("NAME", read_name),
     "material": ("NAME", read_name),
@@ -288,7 +288,7 @@ _PLACES: Mapping[str, tuple[str, Callable[[str], Any]]] = {
     "capsule": ("X,Y,Z,X,Y,Z,RADIUS", lambda text: _shape(text, "start", "end")),
     "faces": ("0-99,200", _faces),
 }
-"""The forms of values of a selection's places, and what reads them."""
+"""The forms of values by what they select, and what reads them."""
 
 ALSO = {
     "prompts": [

@@ -11,10 +11,10 @@ import typer
 from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, of_request, with_options, written
-from meshdeform.cli.jobs import refuse_other_place, run_on_service
+from meshdeform.cli.jobs import refuse_unused_options, run_on_service
 from meshdeform.cli.kinds import run_kind
 from meshdeform.cli.local import check_glb, run_here, write_all
-from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, file_argument, file_option, option, output_option
+from meshdeform.cli.options import Here, JobWhere, Printed, SetOption, file_argument, file_option, option, output_option
 from meshdeform.cli.report_lines import print_result
 from meshdeform.cli.request import (
     DEFORMATION,
@@ -77,7 +77,7 @@ def run(
     idempotency_key: Annotated[str | None, option("The same key within a day returns the same job.", "Service")] = None,
     *,
     here: Here,
-    place: JobPlace,
+    where: JobWhere,
     printed: Printed,
 ) -> None:
     """Deform ASSET until it looks like PROMPT, on this machine or on a service.
@@ -95,22 +95,22 @@ def run(
     outputs = written(ctx, "output")
     if "morph_path" in outputs:
         outputs["morph"] = True
-    files = {**parse_files(file, kind, asset), **parse_targets(target), **pictures.parts}
-    refuse_other_place(
-        place,
+    files = {**parse_files(file, kind, asset), **parse_targets(target), **pictures.files}
+    refuse_unused_options(
+        where,
         here={"--report": report, "--preview": preview, "--animate": animate, **here.written()},
-        there={"--label": label, "--idempotency-key": idempotency_key, **place.written()},
+        there={"--label": label, "--idempotency-key": idempotency_key, **where.written()},
     )
     job["metadata"] = parse_labels(label or [])
     if kind is not JobKind.TEXT_DEFORM:
         _refuse_deformation(kind, prompt, outputs)
         folder = output or Path(f"{asset.stem}-{kind}")
-        run_kind(kind, params, files, folder, here, place, printed, idempotency_key=idempotency_key, **job)
+        run_kind(kind, params, files, folder, here, where, printed, idempotency_key=idempotency_key, **job)
         return
     request = make_request(prompt, params, output=outputs, more=job)
-    if place.url:
+    if where.url:
         folder = output or Path(f"{asset.stem}-deformed")
-        run_on_service(request, files, place, folder, printed, idempotency_key=idempotency_key)
+        run_on_service(request, files, where, folder, printed, idempotency_key=idempotency_key)
         return
     require("scipy", "deform")
     output = output or Path(f"{asset.stem}-deformed.glb")

@@ -15,7 +15,7 @@ import typer
 
 from meshdeform.cli.environment import load_settings, read_key, require, service_url
 from meshdeform.cli.exits import clean_errors
-from meshdeform.cli.options import DataDirOption, JsonOption, Place, flag, option
+from meshdeform.cli.options import DataDirOption, JsonOption, Where, flag, option
 from meshdeform.cli.output import emit, plain
 from meshdeform.errors import ParameterError, readable_size
 from meshdeform.serving import DEFAULT_HOST, DEFAULT_PORT
@@ -137,11 +137,11 @@ def _require_key(settings: Settings, host: str, data_dir: Path | None) -> None:
     # For a person at a terminal. The API alone is started by supervisors, which would start it again and again: it
     # starts without a key, lets nobody in, and says so.
     if _decided(settings, host).auth == "on" and not _has_key(settings):
-        place = f" --data-dir {shlex.quote(str(data_dir))}" if data_dir is not None else ""
+        option = f" --data-dir {shlex.quote(str(data_dir))}" if data_dir is not None else ""
         reason = f"Others can reach {host}" if settings.auth == "auto" else "MESHDEFORM_AUTH is on"
         raise ParameterError(
             f"{reason}, so requests require an API key, and none exists.",
-            advice=f"Create one: meshdeform keys create --owner me{place}. "
+            advice=f"Create one: meshdeform keys create --owner me{option}. "
             "If a proxy in front of the service authenticates requests: --no-auth, or MESHDEFORM_AUTH=off.",
         )
 
@@ -308,7 +308,7 @@ def mcp(
         option("With --http: a host name by which agents reach this server, with its port; repeatable."),
     ] = None,
     *,
-    place: Place,
+    where: Where,
 ) -> None:
     """Offer a service to agents as tools (Model Context Protocol).
 
@@ -318,11 +318,11 @@ def mcp(
     meshdeform mcp --folder assets
     """
     require("mcp", "mcp")
-    address = service_url(place.url)
+    address = service_url(where.url)
     if not http:
         from meshdeform.mcp.server import local_server
 
-        local_server(address, read_key(place.api_key, place.api_key_file), folder or [Path.cwd()]).run("stdio")
+        local_server(address, read_key(where.api_key, where.api_key_file), folder or [Path.cwd()]).run("stdio")
         return
     if folder:
         raise typer.BadParameter("With --http, no folder of this machine is used.", param_hint="--folder")

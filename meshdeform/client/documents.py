@@ -105,9 +105,9 @@ def read(model: type[M], document: Any, url: str) -> M:
         return model.model_validate(document)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
+        location = ".".join(str(step) for step in first["loc"])
         raise UnavailableError(
-            f"{url} answered with a document that this client does not understand ({place}: {reason(first)}).",
+            f"{url} answered with a document that this client does not understand ({location}: {reason(first)}).",
             advice="Check the service's address, and that client and service have compatible versions.",
         ) from error
 
@@ -135,7 +135,7 @@ def html_of(job: JobView, png: bytes | None) -> str:
 
 
 class PartialFile:
-    """The received part of a file, and its digest."""
+    """What has been received of a file, and its digest."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file, self.tag, self._resumed = file, "", False

@@ -45,7 +45,7 @@ class JobOptions(TypedDict, total=False):
     target: AssetLike | None
     """A second mesh, in place of a prompt."""
     files: Mapping[str, AssetLike] | None
-    """Other files by the names of their parts, such as `silhouette_1`: a picture. `limits().kinds` lists them."""
+    """Other files by the names of their fields, such as `silhouette_1`: a picture. `limits().kinds` lists them."""
     metadata: Mapping[str, str] | None
     """Your own labels."""
     priority: int | None
@@ -78,12 +78,12 @@ class Order:
     webhook: str | Mapping[str, Any] | None = None
     seeds: Sequence[int] | None = None  # of a preview
 
-    def parts(self, **named: AssetLike | None) -> dict[str, AssetLike]:
-        """Return the files by part: those named here, the target, and the others."""
-        parts = {name: file for name, file in {**named, "target": self.target}.items() if file is not None}
-        if twice := sorted(parts.keys() & (self.files or {}).keys()):
+    def by_field(self, **named: AssetLike | None) -> dict[str, AssetLike]:
+        """Return the files by field: those named here, the target, and the others."""
+        found = {name: file for name, file in {**named, "target": self.target}.items() if file is not None}
+        if twice := sorted(found.keys() & (self.files or {}).keys()):
             raise ValueError(f"Give {', '.join(twice)} once, as an argument or in `files`.")
-        return {**parts, **(self.files or {})}
+        return {**found, **(self.files or {})}
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document."""
@@ -110,7 +110,7 @@ class Order:
 class Files:
     """The files of a job, and how to send them. See `Client.submit`."""
 
-    parts: Mapping[str, AssetLike]
+    by_field: Mapping[str, AssetLike]
     filename: str | None = None
     upload: bool | None = None
     key: str = ""
@@ -124,8 +124,8 @@ class Files:
         upload: bool | None = None,
         key: str | None = None,
     ) -> Files:
-        """Return the files by part with the given key, or a new one."""
-        return cls(order.parts(asset=asset), filename, upload, checked_key(key))
+        """Return the files by field with the given key, or a new one."""
+        return cls(order.by_field(asset=asset), filename, upload, checked_key(key))
 
 
 def checked_key(key: str | None) -> str:
@@ -205,9 +205,9 @@ def _copied(stream: IO[bytes], files: contextlib.ExitStack) -> IO[bytes]:
 def _measured(file: IO[bytes], filename: str) -> LocalFile:
     file.seek(0)
     digest, size = hashlib.sha256(), 0
-    while part := file.read(256 * 1024):
-        digest.update(part)
-        size += len(part)
+    while chunk := file.read(256 * 1024):
+        digest.update(chunk)
+        size += len(chunk)
     file.seek(0)
     return LocalFile(filename, file, size, digest.hexdigest())
 
@@ -234,6 +234,6 @@ def _files_of(path: Path) -> list[tuple[str, Path]]:
         return [(path.name, path)]
     files = sorted(file for file in path.rglob("*") if file.suffix.lower() in _ENDINGS and file.is_file())
     within = [(file.relative_to(path), file) for file in files]
-    meshes = [(name.as_posix(), file) for name, file in within if not any(part.startswith(".") for part in name.parts)]
+    meshes = [(name.as_posix(), file) for name, file in within if not any(each.startswith(".") for each in name.parts)]
     labels = path / "labels.json"
     return [*meshes, (labels.name, labels)] if meshes and labels.is_file() else meshes

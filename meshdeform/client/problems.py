@@ -105,12 +105,12 @@ def unreachable(error: httpx.HTTPError, url: str) -> UnavailableError:
     words = str(error) or "no answer in time" if isinstance(error, httpx.TimeoutException) else str(error)
     reason = f"{type(error).__name__}: {words}" if words else type(error).__name__
     return UnavailableError(
-        f"{_place(error, url)} does not respond ({reason}).",
+        f"{_address(error, url)} does not respond ({reason}).",
         advice="Check the service's address, and that it is running; `meshdeform serve` starts one on this machine.",
     )
 
 
-def _place(error: httpx.HTTPError, url: str) -> str:
+def _address(error: httpx.HTTPError, url: str) -> str:
     """Return host, port and path of a request, without secrets: a query may be signed, and a URL has a password."""
     try:
         address = error.request.url

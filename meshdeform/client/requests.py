@@ -40,14 +40,14 @@ def _segment(text: str) -> str:
 
 def job_path(job: JobLike, *rest: str | int) -> str:
     """Return the path of a job, or of something below it."""
-    return "/".join(["/v1/jobs", *(_segment(str(part)) for part in (identity(job), *rest))])
+    return "/".join(["/v1/jobs", *(_segment(str(each)) for each in (identity(job), *rest))])
 
 
 def word_path(noun: str, *rest: str) -> str:
     """Return the path of a word, or of something below it."""
     if not noun:
         raise ValueError("The word's noun is empty.")
-    return "/".join(["/v1/words", *(_segment(part) for part in (noun, *rest))])
+    return "/".join(["/v1/words", *(_segment(each) for each in (noun, *rest))])
 
 
 def artifact_path(job: JobLike, name: str, strength: float | None = None, pose: str | None = None) -> str:
@@ -58,7 +58,7 @@ def artifact_path(job: JobLike, name: str, strength: float | None = None, pose: 
 
 
 @dataclass(frozen=True)
-class FormPart:
+class FormFile:
     """A file in a multipart form, positioned at its beginning."""
 
     name: str
@@ -83,8 +83,8 @@ class Call:
     url: str  # absolute, or a path of the service
     query: Mapping[str, str | int] = field(default_factory=dict)
     headers: Mapping[str, str] = field(default_factory=dict)
-    document: Any = None  # the body; with `parts`, the form's part `request`
-    parts: tuple[FormPart, ...] = ()  # the files of a form
+    document: Any = None  # the body; with `files`, the form's field `request`
+    files: tuple[FormFile, ...] = ()  # the files of a form
     # The body
     piece: FileRange | None = None
     content: bytes | None = None
@@ -148,12 +148,12 @@ class Endpoint:
         if self.api_key and not call.signed:
             headers["Authorization"] = f"Bearer {self.api_key}"
         body: dict[str, Any] = {}
-        if call.parts:
-            files: list[tuple[str, Any]] = [("request", (None, json.dumps(call.document), "application/json"))]
-            for part in call.parts:
-                part.file.seek(0)
-                files.append((part.name, (part.filename, part.file, "application/octet-stream")))
-            body = {"files": files}
+        if call.files:
+            fields: list[tuple[str, Any]] = [("request", (None, json.dumps(call.document), "application/json"))]
+            for file in call.files:
+                file.file.seek(0)
+                fields.append((file.name, (file.filename, file.file, "application/octet-stream")))
+            body = {"files": fields}
         elif call.document is not None:
             body = {"json": call.document}
         elif call.content is not None:

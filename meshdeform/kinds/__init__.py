@@ -8,7 +8,8 @@ those of its kinds of job, maybe none: it may bring commands and routes alone.
   It imports `meshdeform.requests` alone, as the record does.
 * `description`: `KINDS`, a `runs.base.Kind` of each: files, check, artifacts, and where the run is; and `COSTS` of the
   jobs, as `runs.costs` has them. Torch-free.
-* `contents`: `READERS`, the checks of its files by what they hold (`FilePart.content`), in the child that decodes them.
+* `contents`: `READERS`, the checks of its files by what they hold (`FileField.content`), in the child that decodes
+  them.
 * `child_tasks`: `TASKS` of child processes, as `meshdeform.children.tasks` has them.
 * `commands`: `COMMANDS` and `GROUPS` of the command line; `PRINTED`, how a result becomes a summary and lines, by kind;
   `OUTPUTS`, the artifacts that `--output` may name, by kind and ending, the first of which is always written; and

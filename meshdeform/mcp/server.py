@@ -21,7 +21,7 @@ import meshdeform
 from meshdeform.client import AsyncClient
 from meshdeform.errors import ForbiddenError, MeshdeformError, UnauthorizedError
 from meshdeform.mcp.tools import Folders, Tools, explained
-from meshdeform.requests.groups import PLACES
+from meshdeform.requests.groups import GROUPS
 from meshdeform.requests.problems import did_you_mean, reason
 
 if TYPE_CHECKING:
@@ -60,13 +60,13 @@ class _Server(MCPServer):
         known = tool.fn_metadata.arg_model.model_fields if tool else {}
         found = []
         for finding in refused.errors(include_url=False):
-            place = ".".join(map(str, finding["loc"]))
+            location = ".".join(map(str, finding["loc"]))
             text = reason(finding)
             if finding["type"] == "extra_forbidden":
-                text = did_you_mean(place, known, "argument")
-                if place in PLACES and "params" in known:
+                text = did_you_mean(location, known, "argument")
+                if location in GROUPS and "params" in known:
                     text = "there is no such argument. It is one of params."
-            found.append(f"{place}: {text}")
+            found.append(f"{location}: {text}")
         return "; ".join(found)
 
 

@@ -52,9 +52,9 @@ class JobChange:
         for row in changed if ran_s else ():
             self.usage.add(row.owner_id, seconds=row.ran_s - ran_s[row.id])
         if happened is not None:
-            for place, row in enumerate(changed):
+            for number, row in enumerate(changed):
                 kind = happened if isinstance(happened, EventType) else happened(row)
-                changed[place] = self.write_event(row, kind, data(row) if callable(data) else data)
+                changed[number] = self.write_event(row, kind, data(row) if callable(data) else data)
         return changed
 
     def _ran_s(self, where: sa.ColumnElement[bool]) -> dict[str, float]:
@@ -109,16 +109,16 @@ def with_progress_event(database: Database, change: sa.Update, progress: Progres
     """
     mine = (jobs.c.id, jobs.c.event_seq, jobs.c.attempt, jobs.c.fraction, jobs.c.state)
     changed = change.values(event_seq=jobs.c.event_seq + 1).returning(*mine).cte("changed")
-    # The fraction is the only part that the record may know better.
+    # The fraction is all that the record may know better.
     known = sa.cast(progress.model_dump(mode="json"), JSONB)
-    place = sa.literal(["fraction"], ARRAY(sa.Text))
+    path = sa.literal(["fraction"], ARRAY(sa.Text))
     values: dict[sa.Column[Any], Any] = {
         events.c.job_id: changed.c.id,
         events.c.seq: changed.c.event_seq,
         events.c.type: sa.literal(EventType.PROGRESS),
         events.c.at: database.now(),
         events.c.attempt: changed.c.attempt,
-        events.c.data: sa.cast(sa.func.jsonb_set(known, place, sa.func.to_jsonb(changed.c.fraction)), sa.JSON),
+        events.c.data: sa.cast(sa.func.jsonb_set(known, path, sa.func.to_jsonb(changed.c.fraction)), sa.JSON),
     }
     announced_event = sa.insert(events).from_select(list(values), sa.select(*values.values())).cte("told")
     return sa.select(changed.c.state).add_cte(announced_event)

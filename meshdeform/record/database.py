@@ -50,6 +50,7 @@ connection, rollback (deadlock), resources, operator, system."""
 _Statement = TypeVar("_Statement")
 _CLOCK = sa.func.statement_timestamp(type_=sa.DateTime(timezone=True))
 _NOW = sa.type_coerce(_CLOCK, UtcDateTime)
+_LOCK = sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(sa.bindparam("what", type_=sa.String))))
 _Shape = tuple[tuple[sa.Table, tuple[tuple[str, Any], ...]], ...]
 
 
@@ -162,6 +163,14 @@ class Database:
         if statement is None:
             statement = self._statements[build] = build(self)
         return statement
+
+    def serialise(self, connection: sa.Connection, what: str) -> None:
+        """Let transactions that name the same thing follow each other, such as two that would both find room for one.
+
+        The lock ends with the transaction. On SQLite transactions that write follow each other anyway.
+        """
+        if not self.is_sqlite:
+            connection.execute(_LOCK, {"what": what})
 
     def upsert(self, table: sa.Table) -> Any:
         """Return an `INSERT` that supports `ON CONFLICT`: SQLAlchemy has one for each database."""
@@ -393,11 +402,6 @@ def _upgrade_apart(url: str) -> None:
     subprocess.run(command, input=url.encode(), stderr=subprocess.DEVNULL, check=False)
 
 
-def _main() -> None:
-    """Open the record, which upgrades it, and close it."""
-    Database(sys.stdin.buffer.read().decode(), connections=1).close()
-
-
 class NewRow(NamedTuple):
     """A row to be inserted; values may be SQL expressions."""
 
@@ -453,4 +457,4 @@ _kept = lru_cache(maxsize=64)(_built)
 
 
 if __name__ == "__main__":
-    _main()
+    Database(sys.stdin.buffer.read().decode(), connections=1).close()  # to open it upgrades it

@@ -79,19 +79,31 @@ def write_deliveries(connection: sa.Connection, database: Database, job: Job, ev
     for webhook in connection.execute(_LISTENING, {"owner": job.owner_id, "job": job.id}).all():
         if webhook.events and f"job.{event.type}" not in webhook.events:
             continue
-        now = database.now()
-        values = {
-            "id": new_id("msg"),
-            "webhook_id": webhook.id,
-            "job_id": job.id,
-            "type": f"job.{event.type}",
-            "payload": payload_of(job, event),
-            "state": "pending",
-            "attempts": 0,
-            "next_at": now,
-            "created_at": now,
-        }
-        connection.execute(sa.insert(deliveries).values(values))
+        connection.execute(new_delivery(database, webhook.id, f"job.{event.type}", payload_of(job, event), job.id))
+
+
+def new_delivery(
+    database: Database,
+    webhook_id: str,
+    kind: str,
+    payload: dict[str, Any],
+    job_id: str = "",
+    replay_of: str | None = None,
+) -> sa.Insert:
+    """Return the statement that adds a message to a webhook, which is due at once."""
+    now = database.now()
+    return sa.insert(deliveries).values(
+        id=new_id("msg"),
+        webhook_id=webhook_id,
+        job_id=job_id,
+        replay_of=replay_of,
+        type=kind,
+        payload=payload,
+        state="pending",
+        attempts=0,
+        next_at=now,
+        created_at=now,
+    )
 
 
 class Deliveries:
@@ -127,12 +139,12 @@ class Deliveries:
             deliveries.c.webhook_id.not_in(sorted(without)),
             webhooks.c.owner_id.not_in(sorted(without_owners)),
         )
-        placed = _placed(condition, each)
+        ranked = _ranked(condition, each)
         # Of two senders that choose the same rows, the second one skips those locked by the first one; those already
         # taken are no longer due.
-        free = sa.select(deliveries.c.id).join(placed, placed.c.id == deliveries.c.id)
-        free = free.where(placed.c.owner_place <= each_owner, is_due)
-        free = free.order_by(placed.c.owner_place, deliveries.c.next_at, deliveries.c.id).limit(limit)
+        free = sa.select(deliveries.c.id).join(ranked, ranked.c.id == deliveries.c.id)
+        free = free.where(ranked.c.owner_rank <= each_owner, is_due)
+        free = free.order_by(ranked.c.owner_rank, deliveries.c.next_at, deliveries.c.id).limit(limit)
         free_now = free.with_for_update(skip_locked=True, of=deliveries).cte("free_now")
         take = sa.update(deliveries).where(deliveries.c.id.in_(sa.select(free_now.c.id)), is_due)
         take = take.values(next_at=self._database.now(_TAKEN_S)).returning(deliveries)
@@ -243,15 +255,15 @@ class Deliveries:
         counters.write()
 
 
-def _placed(condition: sa.ColumnElement[bool], each: int) -> sa.Subquery:
-    """Return the first deliveries of each webhook, with their places (1, 2, 3 ...) among those of their owner."""
-    place = sa.func.row_number().over(partition_by=deliveries.c.webhook_id, order_by=deliveries.c.id)
-    query = sa.select(deliveries.c.id, webhooks.c.owner_id, place.label("place"))
+def _ranked(condition: sa.ColumnElement[bool], each: int) -> sa.Subquery:
+    """Return the first deliveries of each webhook, with their ranks (1, 2, 3 ...) among those of their owner."""
+    rank = sa.func.row_number().over(partition_by=deliveries.c.webhook_id, order_by=deliveries.c.id)
+    query = sa.select(deliveries.c.id, webhooks.c.owner_id, rank.label("rank"))
     first = query.join(webhooks, webhooks.c.id == deliveries.c.webhook_id).where(condition).subquery()
     # An owner's webhooks in turn, so that a slow one does not take the places of the others.
-    order = (first.c.place, first.c.id)
-    owner_place = sa.func.row_number().over(partition_by=first.c.owner_id, order_by=order)
-    return sa.select(first.c.id, owner_place.label("owner_place")).where(first.c.place <= each).subquery()
+    order = (first.c.rank, first.c.id)
+    owner_rank = sa.func.row_number().over(partition_by=first.c.owner_id, order_by=order)
+    return sa.select(first.c.id, owner_rank.label("owner_rank")).where(first.c.rank <= each).subquery()
 
 
 def _still(delivery: DueDelivery) -> sa.ColumnElement[bool]:

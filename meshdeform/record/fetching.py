@@ -12,7 +12,8 @@ from meshdeform.errors import AssetNotFetchedError
 from meshdeform.record import rows
 from meshdeform.record.changes import JobChange, changing
 from meshdeform.record.database import Database
-from meshdeform.record.files import FileLedger, Rooms
+from meshdeform.record.files import FileLedger, StorageQuotas
+from meshdeform.record.leases import ended
 from meshdeform.record.models import EventType, Job, JobError, JobState, NewJob
 from meshdeform.record.schema import job_files, job_texts, jobs
 
@@ -24,8 +25,8 @@ _DEAD_S = 1.5 * FETCHING_S
 class Fetching:
     """Ends of the phase `fetching`. A job that was canceled or has expired meanwhile is left as it is."""
 
-    def __init__(self, database: Database, files: FileLedger, rooms: Rooms) -> None:
-        self._database, self._files, self._rooms = database, files, rooms
+    def __init__(self, database: Database, files: FileLedger, quotas: StorageQuotas) -> None:
+        self._database, self._files, self._quotas = database, files, quotas
 
     def complete(self, job_id: str, new: NewJob) -> Job | None:
         """Give a job its files, which are stored and pinned, and let workers take it; None: it is over.
@@ -36,7 +37,7 @@ class Fetching:
         values = {name: whole[name] for name in ("request", "resolved", "workload", "files", "faces", "parts", "phase")}
         with changing(self._database) as change:
             connection = change.connection
-            added = self._rooms.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
+            added = self._quotas.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
             mine = sa.and_(jobs.c.id == job_id, _waits())
             values["retry_at"] = None
             changed = change.update(mine, values, EventType.QUEUED, {"reason": "fetched"})
@@ -47,7 +48,7 @@ class Fetching:
                 connection.execute(sa.insert(job_files).values(file))
             text = sa.update(job_texts).where(job_texts.c.job_id == job_id)
             connection.execute(text.values(text=rows.searched_text(new)))
-        self._rooms.accepted(new.owner_id, added)
+        self._quotas.accepted(new.owner_id, added)
         return rows.job(changed[0])
 
     def fail(self, job_id: str, error: JobError) -> None:
@@ -66,9 +67,8 @@ class Fetching:
             self._fail(change, late, JobError.of(gone))
 
     def _fail(self, change: JobChange, which: sa.ColumnElement[bool], error: JobError) -> None:
-        document = error.model_dump()
-        over = {"state": JobState.FAILED, "finished_at": self._database.now(), "phase": "done", "retry_at": None}
-        change.update(which, {**over, "error": document}, EventType.FAILED, {"error": document})
+        over = {**ended(self._database, JobState.FAILED, error), "retry_at": None}
+        change.update(which, over, EventType.FAILED, {"error": over["error"]})
 
 
 def _waits() -> sa.ColumnElement[bool]:

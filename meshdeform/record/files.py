@@ -92,8 +92,8 @@ class _Sum:
     due: float
 
 
-class Rooms:
-    """The room of each owner. Thread-safe.
+class StorageQuotas:
+    """How many more bytes each owner may keep in the files of their jobs. Thread-safe.
 
     For an owner with many jobs the sum is remembered for a while. Meanwhile, what this process accepts is added, and
     what others accept and workers write is not; nobody is refused by a remembered sum.

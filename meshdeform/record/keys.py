@@ -48,10 +48,7 @@ class ApiKey:
 
 
 class KeyRing:
-    """The keys of a record.
-
-    Raises UnavailableError: in every method: the database does not answer.
-    """
+    """The keys of a record. Every method raises UnavailableError if the database does not answer."""
 
     def __init__(self, database: Database) -> None:
         self._database = database

@@ -2,10 +2,6 @@
 
 A worker renews its own row while it runs, and with it the lease of its job. It owns that job by the lease and by the
 attempt number, which every write names.
-
-Decide which queued job comes next: by priority, and within one the owners in turn, by the time that they have run.
-
-A job that has run for long while others wait is handed over: it stops as if its worker did, and its owner rests.
 """
 
 from __future__ import annotations
@@ -14,7 +10,7 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -24,10 +20,9 @@ from meshdeform.record.changes import JobChange, Row, changing, hold, stale, wit
 from meshdeform.record.database import Database
 from meshdeform.record.files import measure
 from meshdeform.record.models import Artifact, CheckpointRef, EventType, Job, JobError, JobState, Progress
-from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import artifacts, checkpoints, events, jobs, workers
+from meshdeform.record.turns import USUAL, Ids, Turns, choices, hold_claims, waits_longer
 from meshdeform.requests.document import PARAMS_OF_KIND
-from meshdeform.settings import Settings
 
 _log = logging.getLogger(__name__)
 _queued = jobs.c.state == JobState.QUEUED
@@ -41,25 +36,6 @@ HANDED_OVER, HANDED_BACK, OUTAGE = "handed_over", "handed_back", "outage"
 store or the record was away for too long."""
 _LEFT_S = 900.0
 """Seconds for which a worker leaves a job to others that may have what it lacks."""
-Ids = sa.Select[tuple[str]]
-_CLAIMS = 0x636C61696D  # an arbitrary number, unlikely to be used by another program
-
-
-@dataclass(frozen=True)
-class Turns:
-    """How owners share the workers."""
-
-    turn_s: float = 300.0
-    """Seconds for which a job of another owner waits before one that has run for as long is handed over to it."""
-    max_running: int = 0  # largest number of jobs of one owner that run at the same time; 0: no limit
-
-    @classmethod
-    def of(cls, settings: Settings) -> Self:
-        """Return those of a deployment."""
-        return cls(settings.turn_s, settings.max_running_jobs)
-
-
-USUAL = Turns()
 
 
 @dataclass(frozen=True)
@@ -244,7 +220,11 @@ class Leases:
         if lease_s is not None:
             values["lease_expires_at"] = self._database.now(lease_s)
         if as_event and self._database.is_sqlite:
-            return JobState(self._write(job_id, attempt, values, EventType.PROGRESS, _progress_of).state)
+
+            def data(row: Row) -> dict[str, Any]:
+                return rows.job(row).progress.model_dump(mode="json")
+
+            return JobState(self._write(job_id, attempt, values, EventType.PROGRESS, data).state)
         # Workers do this most often, and so it is one statement.
         change = sa.update(jobs).where(rows.fenced(job_id, attempt)).values(version=jobs.c.version + 1, **values)
         statement = (
@@ -341,25 +321,23 @@ class Leases:
         if not state.terminal:
             raise ValueError(f"{state} is not terminal")
         cancel_requested = jobs.c.state == JobState.CANCELING
-        canceled_anyway = state is JobState.SUCCEEDED
+        may_lose = state is JobState.SUCCEEDED
         values = {
             **released(self._database),
-            "state": sa.case((cancel_requested, JobState.CANCELED), else_=state) if canceled_anyway else state,
-            "fraction": sa.case((cancel_requested, jobs.c.fraction), else_=1.0) if canceled_anyway else jobs.c.fraction,
+            **ended(self._database, sa.case((cancel_requested, JobState.CANCELED), else_=state) if may_lose else state),
+            "fraction": sa.case((cancel_requested, jobs.c.fraction), else_=1.0) if may_lose else jobs.c.fraction,
             "error": error.model_dump() if error else None,
-            "finished_at": self._database.now(),
-            "phase": "done",
             "step_s": step_s,
             "made_by": made_by,
         }
 
-        def ended(row: Row) -> dict[str, Any]:
+        def data(row: Row) -> dict[str, Any]:
             if row.state == JobState.SUCCEEDED:
                 return {"artifacts": sorted(result.name for result in results)}
             return {"error": row.error} if row.error else {}
 
         with changing(self._database) as change:
-            changed = change.update(rows.fenced(job_id, attempt), values, lambda row: EventType(row.state), ended)
+            changed = change.update(rows.fenced(job_id, attempt), values, lambda row: EventType(row.state), data)
             if not changed:
                 raise stale(change.connection, job_id, attempt)
             if changed[0].state == JobState.SUCCEEDED:
@@ -400,10 +378,7 @@ class Leases:
             last = sa.and_(jobs.c.state == JobState.RUNNING, jobs.c.oom_attempts + 1 >= max_attempts)
             over = {
                 **released(self._database),
-                "state": JobState.FAILED,
-                "error": JobError.of(error).model_dump(),
-                "finished_at": self._database.now(),
-                "phase": "done",
+                **ended(self._database, JobState.FAILED, JobError.of(error)),
                 "oom_attempts": jobs.c.oom_attempts + 1,
             }
             changed = change.update(sa.and_(where, last), over, EventType.FAILED, lambda row: {"error": row.error})
@@ -426,8 +401,8 @@ class Leases:
                 raise stale(change.connection, job_id, attempt)
             document = error.model_dump()
             if before + 1 >= max_attempts:
-                over = {"state": JobState.FAILED, "finished_at": self._database.now(), "phase": "done"}
-                over = {**released(self._database), **over, "error": document, "failures": before + 1}
+                over = {**released(self._database), **ended(self._database, JobState.FAILED, error)}
+                over["failures"] = before + 1
                 running = sa.and_(where, jobs.c.state == JobState.RUNNING)
                 if changed := change.update(running, over, EventType.FAILED, {"error": document}):
                     return JobState(changed[0].state)
@@ -494,69 +469,15 @@ def released(database: Database, until: Any = None) -> dict[str, Any]:
     return {"worker_id": None, "lease_expires_at": None, "eta_s": None, **more}
 
 
+def ended(database: Database, state: Any, error: JobError | None = None) -> dict[str, Any]:
+    """Return the values of a job that is over, in a state, with the error that ended it if it failed."""
+    document = {} if error is None else {"error": error.model_dump()}
+    return {"state": state, "finished_at": database.now(), "phase": "done", **document}
+
+
 def _why(reason: str) -> Callable[[Row], dict[str, Any]]:
     return lambda row: {"reason": reason} if row.state == JobState.QUEUED else {}
 
 
 def _queued_or_canceled(row: Row) -> EventType:
     return EventType(row.state)
-
-
-def _progress_of(row: Row) -> dict[str, Any]:
-    return rows.job(row).progress.model_dump(mode="json")
-
-
-def may_start(database: Database, max_running: int) -> sa.ColumnElement[bool]:
-    """Return the condition that a job is queued, not postponed, and within its owner's limit of running jobs."""
-    now = sa.and_(jobs.c.state == JobState.QUEUED, sa.or_(jobs.c.retry_at.is_(None), jobs.c.retry_at <= database.now()))
-    if not max_running:
-        return now
-    return sa.and_(now, jobs.c.owner_id.not_in(_running().having(sa.func.count() >= max_running)))
-
-
-def hold_claims(database: Database, connection: sa.Connection, turns: Turns) -> None:
-    """Let no other claim count the running jobs before this transaction has ended; on SQLite none can anyway."""
-    if turns.max_running and not database.is_sqlite:
-        connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_CLAIMS)))
-
-
-def choices(database: Database, readable: Ids, turns: Turns, served: Any) -> tuple[Ids, ...]:
-    """Return the queries for the next job among readable ones, of which the first that finds one decides.
-
-    `served` is the owner whose job was taken last. An owner that has just handed a job over rests for as long as a turn
-    lasts, unless only such owners wait.
-    """
-    free = readable.where(may_start(database, turns.max_running))
-    by_urgency = free.order_by(jobs.c.priority.desc(), jobs.c.id)
-    top = by_urgency.with_only_columns(jobs.c.priority).limit(1).scalar_subquery()
-    equal = free.where(jobs.c.priority == top)
-    yielded = sa.and_(jobs.c.state == JobState.QUEUED, jobs.c.yielded_at > database.now(-turns.turn_s))
-    # In the order of an index (ix_jobs_share), so that each is one look-up in it.
-    in_turn = equal.where(jobs.c.owner_id.not_in(sa.select(jobs.c.owner_id).where(yielded)))
-    in_turn = in_turn.order_by(jobs.c.owner_id, jobs.c.id)
-    first_yielded = equal.where(jobs.c.yielded_at.is_not(None)).order_by(jobs.c.yielded_at)
-    # After the last owner comes the first; the last choice is for when other workers hold all of that priority.
-    return in_turn.where(jobs.c.owner_id > served), in_turn, first_yielded, by_urgency
-
-
-def waits_longer(database: Database, readable: Ids, turns: Turns, job: Job) -> Ids:
-    """Return the query for a job for which a running one should make room, beyond those for which others already do.
-
-    It has waited for a turn and has a higher priority, or the same one and an owner with fewer running jobs.
-    """
-    others = sa.and_(jobs.c.state.in_(OWNED), jobs.c.yielded_at.is_not(None))
-    leaving = sa.select(sa.func.count()).select_from(jobs).where(others).scalar_subquery()
-    staying = _running().where(jobs.c.yielded_at.is_(None))
-    number = sa.select(sa.func.count()).select_from(jobs)
-    mine = number.where(jobs.c.state.in_(OWNED), jobs.c.yielded_at.is_(None), jobs.c.owner_id == job.owner_id)
-    # Whoever comes in the place of one that leaves may be of any of them.
-    as_many = staying.having(sa.func.count() + leaving >= mine.scalar_subquery())
-    behind = sa.and_(jobs.c.priority == job.priority, jobs.c.owner_id.not_in(as_many))
-    since = sa.func.coalesce(jobs.c.yielded_at, jobs.c.created_at)
-    long = sa.and_(since <= database.now(-turns.turn_s), sa.or_(jobs.c.priority > job.priority, behind))
-    return readable.where(may_start(database, turns.max_running), long).limit(1).offset(leaving)
-
-
-def _running() -> Ids:
-    """Return the query for the owners of running jobs, in groups."""
-    return sa.select(jobs.c.owner_id).where(jobs.c.state.in_(OWNED)).group_by(jobs.c.owner_id)

@@ -1,4 +1,4 @@
-"""Jobs and their parts as frozen values."""
+"""Jobs and what belongs to them, as frozen values."""
 
 from __future__ import annotations
 
@@ -10,36 +10,15 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from meshdeform.api.states import (
-    TERMINAL_STATES,
-    EventType,
-    JobError,
-    JobState,
-    OriginMode,
-    Progress,
-    WebhookEvent,
-)
+from meshdeform.api.states import TERMINAL_STATES as TERMINAL_STATES
+from meshdeform.api.states import EventType as EventType
+from meshdeform.api.states import JobError as JobError
+from meshdeform.api.states import JobState as JobState
+from meshdeform.api.states import OriginMode as OriginMode
+from meshdeform.api.states import Progress as Progress
+from meshdeform.api.states import WebhookEvent as WebhookEvent
 from meshdeform.errors import UnreadableJobError
 from meshdeform.requests.document import MAX_PRIORITY, JobKind, JobRequest, read_stored
-
-__all__ = [
-    "TERMINAL_STATES",
-    "Artifact",
-    "CheckpointRef",
-    "Claim",
-    "Event",
-    "EventType",
-    "Job",
-    "JobError",
-    "JobState",
-    "NewJob",
-    "Origin",
-    "OriginMode",
-    "Page",
-    "Progress",
-    "StoredFile",
-    "WebhookEvent",
-]
 
 
 class _Frozen(BaseModel):
@@ -123,7 +102,7 @@ class Job(_Frozen):
     resolved: dict[str, Any] | None = None
     """The values of all parameters; None for jobs of older versions."""
     files: dict[str, StoredFile]
-    """Its files by the names of the parts of its kind."""
+    """Its files by the names of the fields of its kind."""
     error: JobError | None = None
     created_at: datetime
     started_at: datetime | None = None
@@ -146,7 +125,7 @@ class Job(_Frozen):
     artifacts: tuple[Artifact, ...] = ()
     """The results of a job that has succeeded, by name; read by `JobRecord.get` and `list_jobs` only."""
     faces: int | None = None
-    parts: int | None = None
+    meshes: int | None = None
     """The triangles and meshes of its asset; None if unknown."""
     made_by: str | None = None
     """The versions that computed its results, in order; None if unknown, or there are none."""
@@ -194,7 +173,7 @@ class NewJob:
     """The content of a new job."""
 
     request: JobRequest
-    files: Mapping[str, StoredFile]  # its files by the names of the parts of its kind; already stored
+    files: Mapping[str, StoredFile]  # its files by the names of the fields of its kind; already stored
     fetching: bool = False  # whether its files are still to come (`record.fetching`)
     owner_id: str = ""  # empty if keys are off
     origin: Origin | None = None
@@ -209,7 +188,7 @@ class NewJob:
     resolved: BaseModel | None = None  # the values of all parameters, as the check of the request returned them
     # The triangles and meshes of its asset, if known
     faces: int | None = None
-    parts: int | None = None
+    meshes: int | None = None
     # The idempotency key of the HTTP request, and what returns the answer from the new job; written with the job
     claim: Claim | None = None
     answer: Callable[[Job], dict[str, Any]] | None = None

@@ -2,16 +2,11 @@
 
 `JobRecord` has the users' operations on jobs. Those of workers and the reconciler are in its attributes `leases` and
 `upkeep`; others (`files`, `events`, `idempotency`, `webhooks` and so on) hold the rest.
-
-Idempotency keys of requests, with the hash of the request and the answer, which is written with the job.
-
-Source: the IETF draft "The Idempotency-Key HTTP Header Field", with its three refusals.
 """
 
 from __future__ import annotations
 
 import base64
-import math
 import secrets as random_bytes
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
@@ -19,21 +14,21 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from meshdeform.errors import ConflictError, IdempotencyBusyError, IdempotencyMismatchError, ParameterError
+from meshdeform.errors import ConflictError, ParameterError
 from meshdeform.record import rows
 from meshdeform.record.changes import EventLog, changing, find_job
 from meshdeform.record.counters import read_counters
 from meshdeform.record.database import MAX_CONNECTIONS, Database, NewRow, insert
 from meshdeform.record.deliveries import Deliveries
 from meshdeform.record.fetching import FETCHING_S, Fetching
-from meshdeform.record.files import FileLedger, Rooms, check_number, measure
+from meshdeform.record.files import FileLedger, StorageQuotas, check_number, measure
+from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.ids import decode_cursor, encode_cursor, least_id, new_job_id
 from meshdeform.record.keys import KeyRing
 from meshdeform.record.leases import Leases
 from meshdeform.record.models import (
     TERMINAL_STATES,
     Artifact,
-    Claim,
     EventType,
     Job,
     JobState,
@@ -43,7 +38,6 @@ from meshdeform.record.models import (
 from meshdeform.record.schema import (
     artifacts,
     discarded,
-    idempotency,
     job_files,
     job_texts,
     jobs,
@@ -57,13 +51,8 @@ from meshdeform.record.usage import UsageLedger
 from meshdeform.record.webhooks import WebhookBook
 from meshdeform.record.words import WordLedger
 
-_LOCK = sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(sa.bindparam("owner", type_=sa.String))))
 _CLOCKS_DIFFER = timedelta(hours=1)
 _BEGINNING = datetime.min.replace(tzinfo=UTC)
-_HELD_S = 30.0
-"""How long a request holds its key, for the case that its process dies. A slower request may lose its key to a
-repetition; it is then undone, so that nothing happens twice."""
-_MOST_RETRY_S = 5  # the first request may finish at any moment
 
 
 class JobRecord:
@@ -86,8 +75,8 @@ class JobRecord:
         self.keys = KeyRing(self._database)
         self.words = WordLedger(self._database, self.files)
         self.usage = UsageLedger(self._database)
-        self._rooms = Rooms()
-        self.fetching = Fetching(self._database, self.files, self._rooms)
+        self._quotas = StorageQuotas()
+        self.fetching = Fetching(self._database, self.files, self._quotas)
 
     def close(self) -> None:
         """Close every connection."""
@@ -133,7 +122,7 @@ class JobRecord:
             if new.claim is not None:
                 assert new.answer is not None
                 self.idempotency.complete(new.claim, new.answer(job), connection)
-        self._rooms.accepted(new.owner_id, added)
+        self._quotas.accepted(new.owner_id, added)
         return job
 
     def get(self, job_id: str, owner: str | None = None) -> Job:
@@ -206,7 +195,7 @@ class JobRecord:
         return job
 
     def delete(self, job_id: str, owner: str | None = None) -> list[str]:
-        """Delete a finished job. Its objects are due for removal from then on (`files.remove_job`).
+        """Delete a finished job. Its objects are due for removal from then on (`reconciler.remove_job`).
 
         Returns the keys of the files that it used, with the checkpoint of its origin: other jobs may use them.
         `ConflictError`: the job is not over.
@@ -281,16 +270,14 @@ class JobRecord:
         """
         if limit:
             with self._database.read() as connection:
-                self._rooms.check(connection, owner_id, files, limit)
+                self._quotas.check(connection, owner_id, files, limit)
 
     def _hold_to_limits(self, connection: sa.Connection, new: NewJob) -> int:
         if not new.max_active and not new.max_stored_bytes:
             return 0
-        if not self._database.is_sqlite:
-            # Serialise the counts: two concurrent requests would both find room for one more job.
-            connection.execute(_LOCK, {"owner": new.owner_id})
+        self._database.serialise(connection, new.owner_id)
         check_number(connection, new.owner_id, new.max_active)
-        return self._rooms.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
+        return self._quotas.check(connection, new.owner_id, new.sizes, new.max_stored_bytes)
 
 
 def _with_artifacts(connection: sa.Connection, jobs_found: list[Job]) -> list[Job]:
@@ -334,63 +321,3 @@ def _has_words(query: str) -> sa.ColumnElement[bool]:
     for word in rows.folded(query).split():
         mine = mine.where(job_texts.c.text.contains(word, autoescape=True))
     return mine.exists()
-
-
-class IdempotencyLedger:
-    """The idempotency keys of all owners and their answers."""
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
-
-    def begin(self, owner_id: str, key: str, request_hash: str) -> Claim | dict[str, Any]:
-        """Take a key: return the claim, to be completed or abandoned, or the answer to an earlier identical request.
-
-        Raises IdempotencyMismatchError, IdempotencyBusyError: the key was used for a different request, or an identical
-        one is in progress.
-        """
-        token = random_bytes.token_hex(16)
-        now, until = self._database.now(), self._database.now(_HELD_S)
-        values = {"request_hash": request_hash, "token": token, "locked_until": until, "created_at": now}
-        insert = self._database.upsert(idempotency).values(owner_id=owner_id, key=key, **values)
-        with self._database.write() as connection:
-            if connection.execute(insert.on_conflict_do_nothing().returning(idempotency.c.key)).first():
-                return Claim(owner_id, key, token)
-            row = connection.execute(sa.select(idempotency).where(_is(owner_id, key)).with_for_update()).one_or_none()
-            if row is None:
-                raise IdempotencyBusyError("The key was just released.")
-            if row.request_hash != request_hash:
-                raise IdempotencyMismatchError("This Idempotency-Key was used for a different request.")
-            if row.response is not None:
-                return dict(row.response)
-            abandoned = sa.and_(_is(owner_id, key), idempotency.c.locked_until < now)
-            take = sa.update(idempotency).where(abandoned).values(values).returning(idempotency.c.key)
-            if connection.execute(take).first() is None:
-                left_s = math.ceil((row.locked_until - datetime.now(UTC)).total_seconds())
-                raise IdempotencyBusyError(
-                    "The first request with this Idempotency-Key is still in progress, or its server has stopped.",
-                    retry_after_s=min(max(1, left_s), _MOST_RETRY_S),
-                )
-        return Claim(owner_id, key, token)
-
-    def complete(self, claim: Claim, response: dict[str, Any], connection: sa.Connection) -> None:
-        """Write the answer within the transaction of the request.
-
-        Raises IdempotencyBusyError: another request has taken over the key; roll the transaction back, so that nothing
-        is done twice.
-        """
-        mine = sa.and_(_is(claim.owner_id, claim.key), idempotency.c.token == claim.token)
-        done = sa.update(idempotency).where(mine).values(response=response).returning(idempotency.c.key)
-        if connection.execute(done).first() is None:
-            raise IdempotencyBusyError("Another request has taken over this Idempotency-Key.")
-
-    def abandon(self, claim: Claim) -> None:
-        """Release the key of a refused request, so that it may be repeated."""
-        mine = sa.and_(
-            _is(claim.owner_id, claim.key), idempotency.c.token == claim.token, idempotency.c.response.is_(None)
-        )
-        with self._database.write() as connection:
-            connection.execute(sa.delete(idempotency).where(mine))
-
-
-def _is(owner_id: str, key: str) -> sa.ColumnElement[bool]:
-    return sa.and_(idempotency.c.owner_id == owner_id, idempotency.c.key == key)

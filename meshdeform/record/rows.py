@@ -62,10 +62,10 @@ def new_job(job_id: str, new: NewJob, now: Any, deadline: Any) -> dict[str, Any]
         "state": JobState.QUEUED,
         "request": _stored_request(request),
         "resolved": new.resolved.model_dump(mode="json") if new.resolved else None,
-        "files": {part: file.model_dump() for part, file in new.files.items()},
+        "files": {name: file.model_dump() for name, file in new.files.items()},
         "origin": origin.model_dump(mode="json") if origin else None,
         "faces": new.faces,
-        "parts": new.parts,
+        "parts": new.meshes,
         "priority": request.priority,
         "deadline_at": deadline,
         "retention_s": request.retention_s or new.retention_s,
@@ -97,7 +97,7 @@ def _stored_request(request: JobRequest) -> dict[str, Any]:
 
 def job_files(job_id: str, new: NewJob) -> list[dict[str, Any]]:
     """Return the rows of a new job's stored files."""
-    files = [{"part": part, "key": file.key, "size": file.size} for part, file in new.files.items()]
+    files = [{"part": name, "key": file.key, "size": file.size} for name, file in new.files.items()]
     if new.origin is not None and new.origin.key:
         files.append({"part": ORIGIN, "key": new.origin.key, "size": new.origin.size})
     return [{"job_id": job_id, "owner_id": new.owner_id, **each} for each in files]
@@ -140,6 +140,7 @@ def _job(columns: dict[str, Any], *, damaged: bool = False) -> Job:
         "retry_at": None if columns["phase"] == FETCHING else columns["retry_at"],
         "progress": Progress.model_construct(**{name: columns[name] for name in Progress.model_fields}),
         "artifacts": (),
+        "meshes": columns["parts"],
         "damaged": damaged,
     }
     return Job(**{name: columns[name] for name in Job.__annotations__ if name not in own}, **own)

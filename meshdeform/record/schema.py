@@ -14,7 +14,7 @@ record at once; what takes away or renames begins the next generation, "0100", a
 are never merged, so that the record of any commit can be upgraded (`scripts/upgrade-test`).
 """
 ORIGIN = "(origin)"
-"""The `part` of the checkpoint of a job's origin in `job_files`; the parts of a kind of job are identifiers."""
+"""The `part` of the checkpoint of a job's origin in `job_files`; the fields of a kind of job are identifiers."""
 # Byte order, whatever the database's locale: ids sort by time.
 _ID = sa.String(64).with_variant(sa.String(64, collation="C"), "postgresql")
 
@@ -39,7 +39,7 @@ jobs = sa.Table(
     # As written by the user; the values that run are in `resolved`.
     sa.Column("request", sa.JSON, nullable=False),
     sa.Column("resolved", sa.JSON(none_as_null=True)),
-    # Its files by part; `job_files` is their index.
+    # Its files by field; `job_files` is their index.
     sa.Column("files", sa.JSON, nullable=False),
     # For a job that continues another one: a copy of that job's checkpoint, and its source.
     sa.Column("origin", sa.JSON(none_as_null=True)),
@@ -72,7 +72,7 @@ jobs = sa.Table(
     sa.Column("retry_at", UtcDateTime),
     # Size of its mesh, the basis of estimates; null if unknown.
     sa.Column("faces", sa.Integer),
-    sa.Column("parts", sa.Integer),
+    sa.Column("parts", sa.Integer),  # its meshes
     # Sequence number of the newest event.
     sa.Column("event_seq", sa.Integer, nullable=False),
     sa.Column("step", sa.Integer, nullable=False),
@@ -102,7 +102,7 @@ sa.Index("ix_jobs_share", jobs.c.state, jobs.c.priority, jobs.c.owner_id, jobs.c
 _yielded = jobs.c.yielded_at.is_not(None)
 sa.Index(None, jobs.c.state, jobs.c.yielded_at, sqlite_where=_yielded, postgresql_where=_yielded)
 
-# The stored files that a job needs: those of its parts, and the checkpoint of its origin as `ORIGIN`. Never changed.
+# The stored files that a job needs: those of its fields, and the checkpoint of its origin as `ORIGIN`. Never changed.
 job_files = sa.Table(
     "job_files",
     metadata,
@@ -115,7 +115,7 @@ job_files = sa.Table(
     sa.Index(None, "owner_id", "key", "size"),
 )
 
-# The text to search: prompt, file names and labels of a job (`search.py`). A table of its own is small enough to scan
+# The text to search: prompt, file names and labels of a job. A table of its own is small enough to scan
 # on SQLite. On PostgreSQL it has an index of trigrams, unless the server refuses that, so the migration makes it apart.
 job_texts = sa.Table(
     "job_texts",

@@ -11,11 +11,12 @@ import sqlalchemy as sa
 
 from meshdeform.errors import KindRetiredError, WorkerLostError
 from meshdeform.record import rows
-from meshdeform.record.changes import JobChange, Row, changing
+from meshdeform.record.changes import JobChange, changing
 from meshdeform.record.database import Database
-from meshdeform.record.leases import may_start, released
+from meshdeform.record.leases import ended, released
 from meshdeform.record.models import TERMINAL_STATES, EventType, JobError, JobState
 from meshdeform.record.schema import discarded, events, idempotency, jobs, uploads, webhooks
+from meshdeform.record.turns import may_start
 from meshdeform.requests.choices import RETIRED_KINDS
 
 _BATCH = 100
@@ -104,7 +105,6 @@ class Upkeep:
         self, change: JobChange, held: sa.ColumnElement[bool], max_attempts: int, blamed: sa.ColumnElement[bool]
     ) -> list[str]:
         lost = WorkerLostError(f"The workers of {max_attempts} attempts died or were cut off.")
-        over = {"finished_at": self._database.now(), "phase": "done"}
         count = jobs.c.lost_attempts + sa.case((blamed, 1), else_=0)
         more = {"lost_attempts": count}
         running = sa.and_(held, jobs.c.state == JobState.RUNNING)
@@ -112,14 +112,14 @@ class Upkeep:
         exhausted = sa.and_(running, sa.or_(count >= max_attempts, too_often))
         # It may have stopped long ago; for so long at most it was alive.
         expired = released(self._database, jobs.c.lease_expires_at)
-        failed = {**expired, **over, **more, "state": JobState.FAILED, "error": JobError.of(lost).model_dump()}
-        canceled = {**expired, **over, "state": JobState.CANCELED}
+        failed = {**expired, **more, **ended(self._database, JobState.FAILED, JobError.of(lost))}
+        canceled = {**expired, **ended(self._database, JobState.CANCELED)}
         again = {**expired, **more, "state": JobState.QUEUED, "phase": "queued"}
         cancel_requested = sa.and_(held, jobs.c.state == JobState.CANCELING)
-        ended = change.update(cancel_requested, canceled, EventType.CANCELED)
-        ended += change.update(exhausted, failed, EventType.FAILED, lambda row: {"error": row.error})
-        queued = change.update(running, again, EventType.RECOVERED, _lost_attempt)
-        change.counters.add("lease_expirations", value=len(ended) + len(queued))
+        over = change.update(cancel_requested, canceled, EventType.CANCELED)
+        over += change.update(exhausted, failed, EventType.FAILED, lambda row: {"error": row.error})
+        queued = change.update(running, again, EventType.RECOVERED, lambda row: {"lost_attempts": row.lost_attempts})
+        change.counters.add("lease_expirations", value=len(over) + len(queued))
         return [row.id for row in queued]
 
     def held(self, worker_id: str) -> HeldJob | None:
@@ -153,9 +153,7 @@ class Upkeep:
         late = sa.and_(jobs.c.state.in_([JobState.QUEUED, *rows.OWNED]), jobs.c.deadline_at < self._database.now())
         cancel_requested = jobs.c.state == JobState.CANCELING
         values = {
-            "state": sa.case((cancel_requested, JobState.CANCELED), else_=JobState.EXPIRED),
-            "finished_at": self._database.now(),
-            "phase": "done",
+            **ended(self._database, sa.case((cancel_requested, JobState.CANCELED), else_=JobState.EXPIRED)),
             "eta_s": None,
             "ran_s": jobs.c.ran_s + self._database.seconds(jobs.c.claimed_at, self._database.now()),
             "claimed_at": None,
@@ -165,23 +163,17 @@ class Upkeep:
         }
 
         def end(change: JobChange, held: sa.ColumnElement[bool]) -> list[str]:
-            ended = change.update(held, values, lambda row: EventType(row.state))
+            over = change.update(held, values, lambda row: EventType(row.state))
             # The lease stays in the row for information; the state prevents further writes of the worker.
-            return [row.id for row in ended if row.lease_expires_at]
+            return [row.id for row in over if row.lease_expires_at]
 
         return self._each(late, end)
 
     def fail_retired(self) -> None:
         """End every queued job of a kind that no worker runs any more (`kind_retired`)."""
         waiting = sa.and_(jobs.c.state == JobState.QUEUED, jobs.c.kind.in_(sorted(RETIRED_KINDS)))
-        error = JobError.of(KindRetiredError("Jobs of this kind are no longer run.")).model_dump()
-        values = {
-            "state": JobState.FAILED,
-            "finished_at": self._database.now(),
-            "phase": "done",
-            "error": error,
-            "retry_at": None,
-        }
+        error = JobError.of(KindRetiredError("Jobs of this kind are no longer run."))
+        values = {**ended(self._database, JobState.FAILED, error), "retry_at": None}
 
         def end(change: JobChange, held: sa.ColumnElement[bool]) -> list[str]:
             return [row.id for row in change.update(held, values, EventType.FAILED, lambda row: {"error": row.error})]
@@ -278,7 +270,3 @@ def _losses_in_a_row() -> sa.ColumnElement[int]:
     after = events.c.seq > sa.func.coalesce(saved.correlate(jobs).scalar_subquery(), 0)
     lost = sa.select(sa.func.count()).where(mine, events.c.type == EventType.RECOVERED, after)
     return lost.correlate(jobs).scalar_subquery()
-
-
-def _lost_attempt(row: Row) -> dict[str, Any]:
-    return {"lost_attempts": row.lost_attempts}

@@ -87,9 +87,7 @@ class UploadLedger:
         self, connection: sa.Connection, owner_id: str, size: int, max_uploads: int, max_bytes: int
     ) -> None:
         """Count the uploads of an owner that no job uses, and refuse one more if it exceeds a limit."""
-        if not self._database.is_sqlite:
-            # Concurrent transactions would each find room for one more.
-            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"uploads {owner_id}"))))
+        self._database.serialise(connection, f"uploads {owner_id}")
         used = sa.exists().where(job_files.c.key == uploads.c.key)
         mine = sa.and_(uploads.c.owner_id == owner_id, uploads.c.expires_at > self._database.now(), sa.not_(used))
         counts = sa.select(sa.func.count(), sa.func.coalesce(sa.func.sum(uploads.c.size), 0)).where(mine)

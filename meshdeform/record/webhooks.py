@@ -17,7 +17,7 @@ import sqlalchemy as sa
 
 from meshdeform.errors import ConflictError, NotFoundError, RequestError
 from meshdeform.record.database import Database
-from meshdeform.record.deliveries import Deliveries
+from meshdeform.record.deliveries import Deliveries, new_delivery
 from meshdeform.record.ids import decode_cursor, encode_cursor, new_id
 from meshdeform.record.rows import read
 from meshdeform.record.schema import deliveries, delivery_attempts, webhooks
@@ -116,9 +116,7 @@ class WebhookBook:
             "created_at": self._database.now(),
         }
         with self._database.write() as connection:
-            if not self._database.is_sqlite:
-                # Serialise the count: two concurrent requests would both find room for one more webhook.
-                connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"webhooks {owner}"))))
+            self._database.serialise(connection, f"webhooks {owner}")
             own = sa.select(sa.func.count()).select_from(webhooks).where(_of_account(owner))
             if connection.execute(own).scalar_one() >= MAX_WEBHOOKS:
                 raise RequestError(
@@ -241,7 +239,9 @@ class WebhookBook:
                 raise ConflictError(
                     "The delivery is still pending.", advice="Wait: it is retried automatically.", state=row.state
                 )
-            return self._add(connection, webhook, row.type, row.payload, row.job_id, row.replay_of or row.id)
+            first = row.replay_of or row.id
+            new = new_delivery(self._database, webhook_id, row.type, row.payload, row.job_id, replay_of=first)
+            return self._add(connection, webhook, new)
 
     def send_test(self, webhook_id: str, owner: str) -> Delivery:
         """Send a message of the type `meshdeform.test`, whatever events the webhook subscribes to.
@@ -254,37 +254,17 @@ class WebhookBook:
             "data": {"webhook_id": webhook_id},
         }
         with self._database.write() as connection:
-            return self._add(connection, _find(connection, webhook_id, owner), TEST_EVENT, payload)
+            new = new_delivery(self._database, webhook_id, TEST_EVENT, payload)
+            return self._add(connection, _find(connection, webhook_id, owner), new)
 
-    def _add(
-        self,
-        connection: sa.Connection,
-        webhook: sa.Row[Any],
-        kind: str,
-        payload: dict[str, Any],
-        job_id: str = "",
-        replay_of: str | None = None,
-    ) -> Delivery:
+    def _add(self, connection: sa.Connection, webhook: sa.Row[Any], new: sa.Insert) -> Delivery:
         if webhook.disabled_at is not None:
             raise ConflictError(
                 "The webhook is disabled: nothing is sent to it.",
                 advice="Enable it first, with PATCH.",
                 state="disabled",
             )
-        now = self._database.now()
-        values = {
-            "id": new_id("msg"),
-            "webhook_id": webhook.id,
-            "job_id": job_id,
-            "replay_of": replay_of,
-            "type": kind,
-            "payload": payload,
-            "state": "pending",
-            "attempts": 0,
-            "next_at": now,
-            "created_at": now,
-        }
-        return _delivery(connection.execute(sa.insert(deliveries).values(values).returning(deliveries)).one())
+        return _delivery(connection.execute(new.returning(deliveries)).one())
 
 
 def _new_secret() -> str:

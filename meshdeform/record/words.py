@@ -79,9 +79,7 @@ class WordLedger:
         elsewhere.
         """
         with self._database.write() as connection:
-            if not self._database.is_sqlite:
-                # Concurrent transactions would each find room, and the names free.
-                connection.execute(sa.select(sa.func.pg_advisory_xact_lock(sa.func.hashtext(f"words {owner}"))))
+            self._database.serialise(connection, f"words {owner}")
             before = _all(connection, owner)
             check(before)
             nouns = {each.noun for each in added}

@@ -8,37 +8,12 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import TypeVar
 
-from meshdeform.deformation.settings import Carrier, GuidanceKind, OrientationMode, Rigidity, Safeguard
+from meshdeform.deformation.settings import Carrier as Carrier
+from meshdeform.deformation.settings import GuidanceKind as GuidanceKind
+from meshdeform.deformation.settings import OrientationMode as OrientationMode
+from meshdeform.deformation.settings import Rigidity as Rigidity
+from meshdeform.deformation.settings import Safeguard as Safeguard
 from meshdeform.requests.kind_folders import kind_names
-
-__all__ = [
-    "BUILTIN_MODEL",
-    "METRES",
-    "RETIRED_KINDS",
-    "RETIRED_PARTS",
-    "AlignMode",
-    "AppearanceMode",
-    "BackdropMode",
-    "Carrier",
-    "Easing",
-    "GuidanceKind",
-    "JobKind",
-    "LengthUnit",
-    "OrientationMode",
-    "PartsAs",
-    "Preset",
-    "RegionAction",
-    "RigMode",
-    "Rigidity",
-    "Safeguard",
-    "StartMode",
-    "Symmetry",
-    "UpAxis",
-    "is_builtin",
-    "is_retired",
-    "is_weights_file",
-    "member_of",
-]
 
 E = TypeVar("E", bound=StrEnum)
 
@@ -50,7 +25,7 @@ _WEIGHTS_SUFFIX = ".safetensors"
 RETIRED_KINDS = frozenset({"prior_teach"})
 """Kinds of job that are no longer made. Those in the record are shown, and end without a run."""
 
-RETIRED_PARTS = frozenset({"meshes", "weights"})
+RETIRED_FIELDS = frozenset({"meshes", "weights"})
 """Parts of jobs that taught the builtin prior, or used what it was taught."""
 
 

@@ -12,12 +12,12 @@ from typing import TypeVar
 from meshdeform.errors import ParameterError
 from meshdeform.requests.choices import BUILTIN_MODEL, GuidanceKind
 from meshdeform.requests.document import DeformParams, JobRequest
-from meshdeform.requests.groups import PLACES
+from meshdeform.requests.groups import GROUPS
 from meshdeform.requests.parameters import (
     GUIDANCES,
     OF_OPTIMISER,
-    SILHOUETTE_PARTS,
-    TARGET_PARTS,
+    SILHOUETTE_FIELDS,
+    TARGET_FIELDS,
     OpenGuidanceParams,
 )
 
@@ -52,11 +52,11 @@ def kind_like(job: JobRequest, branch: R) -> R:
 
 def _kinds(request: JobRequest, default_model: str, files: Collection[str]) -> list[GuidanceKind]:
     """Return the kinds that fit a prompt and files, the preferred one first."""
-    targets = [name for name in TARGET_PARTS if name in files]
+    targets = [name for name in TARGET_FIELDS if name in files]
     if targets:
-        return [*([GuidanceKind.TARGET] if targets == [TARGET_PARTS[0]] else []), GuidanceKind.EXEMPLAR]
+        return [*([GuidanceKind.TARGET] if targets == [TARGET_FIELDS[0]] else []), GuidanceKind.EXEMPLAR]
     prompted = request.prompt or request.params.prompts
-    if not prompted and not set(SILHOUETTE_PARTS).isdisjoint(files):
+    if not prompted and not set(SILHOUETTE_FIELDS).isdisjoint(files):
         return [GuidanceKind.SILHOUETTES]
     shapes_first = [GuidanceKind.EXEMPLAR, GuidanceKind.SDS]
     return shapes_first if default_model == BUILTIN_MODEL else shapes_first[::-1]
@@ -74,7 +74,7 @@ def _named(request: R, kinds: Sequence[GuidanceKind]) -> R:
         raise ParameterError.at(
             ["params", "guidance", name],
             f"No kind of guidance for this job has all options that were sent: `{kind}` has no {name}.",
-            f"Leave it out, or set params.guidance.kind; {' and '.join(PLACES[name][1])} have it.",
+            f"Leave it out, or set params.guidance.kind; {' and '.join(GROUPS[name][1])} have it.",
         )
     written = {name: getattr(params.guidance, name) for name in params.guidance.model_fields_set}
     guidance = GUIDANCES[kind].model_validate({"kind": kind.value, **written})

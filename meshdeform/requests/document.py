@@ -25,58 +25,21 @@ from pydantic import (
 from pydantic_core import SchemaValidator
 
 from meshdeform.errors import KindRetiredError, ParameterError, UnreadableJobError
-from meshdeform.requests.choices import (
-    BUILTIN_MODEL,
-    RETIRED_KINDS,
-    AppearanceMode,
-    Carrier,
-    Easing,
-    GuidanceKind,
-    JobKind,
-    Preset,
-    RigMode,
-    Safeguard,
-    is_builtin,
-)
-from meshdeform.requests.kind_folders import merged
-from meshdeform.requests.parameters import (
-    MAX_PROMPT_LENGTH,
-    MAX_STEPS,
-    DeformParams,
-    ResolvedParams,
-    StrictModel,
-    active_prompts,
-)
+from meshdeform.requests.choices import BUILTIN_MODEL as BUILTIN_MODEL
+from meshdeform.requests.choices import RETIRED_KINDS, AppearanceMode, Carrier, Easing, RigMode, is_builtin
+from meshdeform.requests.choices import GuidanceKind as GuidanceKind
+from meshdeform.requests.choices import JobKind as JobKind
+from meshdeform.requests.choices import Preset as Preset
+from meshdeform.requests.choices import Safeguard as Safeguard
+from meshdeform.requests.declaration import StrictModel
+from meshdeform.requests.kind_folders import kind_table
+from meshdeform.requests.parameters import MAX_PROMPT_LENGTH as MAX_PROMPT_LENGTH
+from meshdeform.requests.parameters import MAX_STEPS as MAX_STEPS
+from meshdeform.requests.parameters import DeformParams as DeformParams
+from meshdeform.requests.parameters import ResolvedParams as ResolvedParams
+from meshdeform.requests.parameters import active_prompts
 from meshdeform.requests.presets import OVERRIDES, Family
 from meshdeform.requests.problems import reason
-
-__all__ = [
-    "BUILTIN_MODEL",
-    "MAX_DEADLINE_S",
-    "MAX_FRAMES",
-    "MAX_METADATA_ENTRIES",
-    "MAX_METADATA_NAME",
-    "MAX_METADATA_VALUE",
-    "MAX_PRIORITY",
-    "MAX_PROMPT_LENGTH",
-    "MAX_RETENTION_S",
-    "MAX_STEPS",
-    "PARAMS_OF_KIND",
-    "DeformParams",
-    "GuidanceKind",
-    "JobKind",
-    "JobRequest",
-    "MorphParams",
-    "OutputParams",
-    "Preset",
-    "ResolvedParams",
-    "Safeguard",
-    "first_problem",
-    "read_stored",
-    "read_unbounded",
-    "resolve",
-]
-
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -103,7 +66,7 @@ _MetaKey = Annotated[str, StringConstraints(min_length=1, max_length=MAX_METADAT
 _MetaValue = Annotated[str, StringConstraints(max_length=MAX_METADATA_VALUE)]
 PARAMS_OF_KIND: dict[JobKind, type[BaseModel]] = {
     JobKind.TEXT_DEFORM: DeformParams,
-    **{JobKind(kind): model for kind, model in merged("params", "PARAMS").items()},
+    **{JobKind(kind): model for kind, model in kind_table("params", "PARAMS").items()},
 }
 """The model of the parameters of each kind of job."""
 _JOB_EVENT = r"^job\.(queued|started|recovered|canceling|succeeded|failed|canceled|expired)$"
@@ -127,11 +90,11 @@ def read_unbounded(model: type[M], document: Mapping[str, Any]) -> M:
 
 
 def first_problem(error: ValidationError, *within: str) -> str:
-    """Return the first problem of a document, which is itself `within` another one, after the place where it is."""
+    """Return the first problem of a document, which is itself `within` another one, after the location where it is."""
     problem = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    place = ".".join(map(str, (*within, *problem["loc"])))
+    location = ".".join(map(str, (*within, *problem["loc"])))
     said = reason(problem).rstrip(".")
-    return f"{place}: {said}" if place else said
+    return f"{location}: {said}" if location else said
 
 
 @cache
@@ -376,7 +339,7 @@ def read_stored(document: Mapping[str, Any]) -> JobRequest:
     if kind == JobKind.TEXT_DEFORM:
         params = _with_guidance_of_its_time(params)
     if isinstance(params, Mapping):
-        retired = merged("params", "RETIRED").get(str(kind), ())
+        retired = kind_table("params", "RETIRED").get(str(kind), ())
         params = {name: value for name, value in params.items() if name not in retired}
     model = next((known for name, known in PARAMS_OF_KIND.items() if name == kind), None)
     if model is None:

@@ -11,7 +11,7 @@ from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.parameters import GUIDANCES, OPEN, CommonParams, ControlParams, InputParams, OpenGuidanceParams
 from meshdeform.requests.problems import did_you_mean, reason
 
-PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
+GROUPS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     **dict.fromkeys(CommonParams.model_fields, ("", ())),
     **dict.fromkeys(ControlParams.model_fields, ("control", ())),
     **dict.fromkeys(InputParams.model_fields, ("input", ())),
@@ -31,19 +31,19 @@ _TAGS: dict[str, type[BaseModel]] = {
 """What pydantic adds to the path of guidance, and the model of each."""
 
 
-def plain_place(place: Sequence[Any]) -> list[Any]:
-    """Return a place in a request without the kind of guidance, which pydantic adds to the path of a union's member."""
-    tagged = list(place[:2]) == ["params", "guidance"] and place[2:3] and place[2] in _TAGS
-    return [*place[:2], *place[3:]] if tagged else list(place)
+def plain_location(location: Sequence[Any]) -> list[Any]:
+    """Return a location in a request without the kind of guidance, which pydantic adds to that of a union's member."""
+    tagged = list(location[:2]) == ["params", "guidance"] and location[2:3] and location[2] in _TAGS
+    return [*location[:2], *location[3:]] if tagged else list(location)
 
 
-def elsewhere(place: Sequence[Any]) -> str | None:
-    """Return where a parameter is that was looked for at this place; None if there is none of this name."""
-    path = plain_place(place)
+def elsewhere(location: Sequence[Any]) -> str | None:
+    """Return where a parameter is that was looked for at this location; None if there is none of this name."""
+    path = plain_location(location)
     name = str(path[-1])
-    if path[0] != "params" or len(path) > 3 or name not in PLACES:
+    if path[0] != "params" or len(path) > 3 or name not in GROUPS:
         return None
-    group, kinds = PLACES[name]
+    group, kinds = GROUPS[name]
     place_now = f"it is params.{group}.{name}" if group else f"it is params.{name}"
     if group != "guidance":
         return f"{place_now}."
@@ -68,7 +68,7 @@ def grouped(params: Mapping[str, Any]) -> dict[str, Any]:
     rest: dict[str, Any] = {}
     for name, value in params.items():
         if name not in groups:
-            group = PLACES.get(name, ("", ()))[0]
+            group = GROUPS.get(name, ("", ()))[0]
             (groups[group] if group else rest)[name] = value
     return {**rest, **{name: group for name, group in groups.items() if group}}
 
@@ -81,18 +81,18 @@ def without_unused(params: Mapping[str, Any]) -> dict[str, Any]:
         return dict(params)
     used = GUIDANCES[kind]
     # Unknown names are refused, not dropped.
-    own = {name: value for name, value in guidance.items() if name in used.model_fields or name not in PLACES}
+    own = {name: value for name, value in guidance.items() if name in used.model_fields or name not in GROUPS}
     return {**params, "guidance": own}
 
 
 def in_plain_words(findings: Sequence[Any], model: type[BaseModel]) -> list[dict[str, Any]]:
-    """Return pydantic's findings about a document in plain words, with what to use in place of what is unknown.
+    """Return pydantic's findings about a document in plain words, with what to use in location of what is unknown.
 
     What was written is not in them.
     """
     return [
         {
-            "loc": plain_place(finding["loc"]),
+            "loc": plain_location(finding["loc"]),
             "msg": _unknown(finding["loc"], model) if finding["type"] == "extra_forbidden" else reason(finding),
             "type": finding["type"],
         }
@@ -100,13 +100,13 @@ def in_plain_words(findings: Sequence[Any], model: type[BaseModel]) -> list[dict
     ]
 
 
-def _unknown(place: Sequence[Any], model: type[BaseModel]) -> str:
-    if advice := elsewhere(place):
+def _unknown(location: Sequence[Any], model: type[BaseModel]) -> str:
+    if advice := elsewhere(location):
         return advice
     inner: type[BaseModel] | None = model
-    for step in place[:-1]:
+    for step in location[:-1]:
         inner = _TAGS[step] if step in _TAGS else _model_of(inner, step) if inner is not None else None
-    return did_you_mean(str(place[-1]), inner.model_fields if inner is not None else ())
+    return did_you_mean(str(location[-1]), inner.model_fields if inner is not None else ())
 
 
 def _model_of(model: type[BaseModel], name: Any) -> type[BaseModel] | None:

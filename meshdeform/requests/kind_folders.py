@@ -13,7 +13,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
-__all__ = ["brought", "kind_names", "merged"]
+__all__ = ["kind_modules", "kind_names", "kind_table"]
 
 _KINDS = "meshdeform.kinds"
 
@@ -31,12 +31,12 @@ def kind_names() -> Iterator[str]:
 
 
 @cache
-def brought(module: str) -> tuple[ModuleType, ...]:
+def kind_modules(module: str) -> tuple[ModuleType, ...]:
     """Return the modules of this name, one of each folder that has one."""
     names = (f"{folder}.{module}" for folder in _folders())
     return tuple(import_module(name) for name in names if find_spec(name) is not None)
 
 
-def merged(module: str, table: str) -> Mapping[str, Any]:
+def kind_table(module: str, table: str) -> Mapping[str, Any]:
     """Return what the folders have in the table of this name in these modules."""
-    return {key: value for each in brought(module) for key, value in getattr(each, table, {}).items()}
+    return {key: value for each in kind_modules(module) for key, value in getattr(each, table, {}).items()}

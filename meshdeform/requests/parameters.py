@@ -58,38 +58,6 @@ from meshdeform.requests.selection import (
     SelectionParams,
 )
 
-__all__ = [
-    "CONSTANTS",
-    "FROM_PRESET",
-    "GUIDANCES",
-    "MAX_PROMPTS",
-    "MAX_PROMPT_LENGTH",
-    "MAX_SEED",
-    "MAX_SILHOUETTES",
-    "MAX_STEPS",
-    "MAX_TARGETS",
-    "MAX_WORDS",
-    "OF_OPTIMISER",
-    "OPEN",
-    "SILHOUETTE_PARTS",
-    "TARGET_PARTS",
-    "WORDS_PART",
-    "ControlParams",
-    "DeformParams",
-    "ExemplarGuidanceParams",
-    "InputParams",
-    "OpenGuidanceParams",
-    "PromptGuidanceParams",
-    "ResolvedParams",
-    "SilhouetteGuidanceParams",
-    "StrictModel",
-    "TargetGuidanceParams",
-    "ViewParams",
-    "WeightedPromptParams",
-    "active_prompts",
-    "prompt_words",
-]
-
 MAX_PROMPTS = 8
 
 _MAX_LENGTH = 1_000
@@ -108,19 +76,19 @@ MAX_PROMPT_LENGTH = 1_000
 
 MAX_SILHOUETTES = 4
 
-SILHOUETTE_PARTS = tuple(f"silhouette_{number}" for number in range(1, MAX_SILHOUETTES + 1))
-"""The names of the parts with the pictures."""
+SILHOUETTE_FIELDS = tuple(f"silhouette_{number}" for number in range(1, MAX_SILHOUETTES + 1))
+"""The fields of the pictures."""
 
 MAX_TARGETS = 8
 
-TARGET_PARTS = ("target", *(f"target_{number}" for number in range(2, MAX_TARGETS + 1)))
-"""The names of the parts with target meshes; `target` guidance has the first alone."""
+TARGET_FIELDS = ("target", *(f"target_{number}" for number in range(2, MAX_TARGETS + 1)))
+"""The fields of target meshes; `target` guidance has the first alone."""
 
 MAX_WORDS = 8
 """Words of somebody's own that one request can name."""
 
-WORDS_PART = "words"
-"""The name of the part with the content of words of one's own."""
+WORDS_FIELD = "words"
+"""The field with the content of words of one's own."""
 
 _MAX_WEIGHT = 1e6
 
@@ -340,7 +308,7 @@ class PictureParams(Parameters):
         (),
         max_length=MAX_SILHOUETTES,
         description="Pictures whose silhouettes the result should have ([Control](control.md#pictures-as-targets)): "
-        "the first entry describes the part `silhouette_1`, and so on.",
+        "the first entry describes the field `silhouette_1`, and so on.",
         examples=[[{"azimuth": 0.0}, {"azimuth": 90.0}]],
     )
 
@@ -617,7 +585,7 @@ class PromptGuidanceParams(PromptParams):
 
 
 class TargetGuidanceParams(TargetParams):
-    """A second mesh, sent as the part `target`."""
+    """A second mesh, sent as the field `target`."""
 
     kind: Literal["target"] = Field(
         description="Kind of guidance.", examples=["target"], json_schema_extra=_AS_GUIDANCE
@@ -672,7 +640,7 @@ class DeformParams(CommonParams):
     guidance: GuidanceParams = Field(
         default_factory=OpenGuidanceParams,
         description="Guidance of the deformation, by `kind`: `exemplar` (what the prompt's noun stands for, part to "
-        "part), `sds` (a diffusion model and the prompt), `target` (a second mesh, sent as the part `target`) or "
+        "part), `sds` (a diffusion model and the prompt), `target` (a second mesh, sent as the field `target`) or "
         "`silhouettes` (pictures alone). Default: the first that fits the files and the prompt and has every option "
         "that was sent ([Which kind](parameters.md#which-kind)).",
         examples=[{"strength": 0.9}, {"kind": "sds"}],

@@ -17,28 +17,22 @@ Family = Literal["builtin", "sd", "target", "silhouettes", "exemplar"]
 _GUARDED: dict[str, Any] = {"safeguard": "intersections", "carrier": "auto"}
 
 # An image difference is a smaller number than score distillation's sum over 16,384 latents.
-_TARGET: dict[str, Any] = {
+_PICTURES: dict[str, Any] = {
     "appearance": "normals",
     "jacobian_reg_weight": 0.1,
     "laplacian_weight": 1e-3,
     "normal_weight": 10.0,
-    "point_weight": 1.0,
     "stiffness": 10.0,
     "framing": 0.57,
     "framing_max": 1.0,
 }
+_TARGET: dict[str, Any] = {**_PICTURES, "point_weight": 1.0}
 
 # Nothing but these terms holds what no picture shows.
-_SILHOUETTES: dict[str, Any] = {
-    "appearance": "normals",
-    "jacobian_reg_weight": 0.1,
-    "laplacian_weight": 1e-3,
-    "normal_weight": 10.0,
-    "stiffness": 10.0,
-    "silhouette_weight": 10.0,
-    "framing": 0.57,
-    "framing_max": 1.0,
-}
+_SILHOUETTES: dict[str, Any] = {**_PICTURES, "silhouette_weight": 10.0}
+
+# What our own presets have for both.
+_TO_PICTURES: dict[str, Any] = {**_GUARDED, "dirichlet_weight": 0.01, "learning_rate": 0.02}
 
 # The built-in model was trained on pictures of normals, of shapes inside the unit sphere.
 _BUILTIN_VIEW: dict[str, Any] = {"appearance": "normals", "framing": 0.57, "framing_max": 1.0}
@@ -86,35 +80,11 @@ OVERRIDES: dict[tuple[Family, str], dict[str, Any]] = {
     ("sd", "balanced"): {**_SD, "steps": 2000, "learning_rate": 0.005},
     ("sd", "preview"): {**_SD, "steps": 300, "learning_rate": 0.01},
     ("target", "paper"): _TARGET,
-    ("target", "balanced"): {
-        **_TARGET,
-        **_GUARDED,
-        "dirichlet_weight": 0.01,
-        "steps": 150,
-        "learning_rate": 0.02,
-    },
-    ("target", "preview"): {
-        **_TARGET,
-        **_GUARDED,
-        "dirichlet_weight": 0.01,
-        "steps": 80,
-        "learning_rate": 0.02,
-    },
+    ("target", "balanced"): {**_TARGET, **_TO_PICTURES, "steps": 150},
+    ("target", "preview"): {**_TARGET, **_TO_PICTURES, "steps": 80},
     ("silhouettes", "paper"): _SILHOUETTES,
-    ("silhouettes", "balanced"): {
-        **_SILHOUETTES,
-        **_GUARDED,
-        "dirichlet_weight": 0.01,
-        "steps": 150,
-        "learning_rate": 0.02,
-    },
-    ("silhouettes", "preview"): {
-        **_SILHOUETTES,
-        **_GUARDED,
-        "dirichlet_weight": 0.01,
-        "steps": 80,
-        "learning_rate": 0.02,
-    },
+    ("silhouettes", "balanced"): {**_SILHOUETTES, **_TO_PICTURES, "steps": 150},
+    ("silhouettes", "preview"): {**_SILHOUETTES, **_TO_PICTURES, "steps": 80},
     # Nothing is optimised: a preset only says how the front is found.
     **{("exemplar", preset.value): {"orientation": "auto"} for preset in Preset},
 }

@@ -33,7 +33,7 @@ _MOST = 1e30
 _Coordinate = Annotated[float, Field(ge=-_MOST, le=_MOST)]
 """A number of which float64 can hold the square, and the square's sums."""
 _Length = Annotated[float, Field(gt=0.0)]
-_PLACES = ("node", "mesh", "material", "component", "joint", "color", "box", "sphere", "capsule", "faces")
+_SELECTORS = ("node", "mesh", "material", "component", "joint", "color", "box", "sphere", "capsule", "faces")
 _NAMED = {"node": "nodes", "mesh": "mesh_names", "material": "materials", "joint": "joints"}
 """The members that name something, and where an asset's summary lists it."""
 List = Literal["rigid", "regions"] | tuple[str | int, ...]
@@ -148,15 +148,15 @@ class SelectionParams(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _one_place(self) -> Self:
-        if sum(getattr(self, name) is not None for name in _PLACES) != 1:
-            raise ValueError(f"exactly one of {', '.join(_PLACES)} is required")
+    def _one_selector(self) -> Self:
+        if sum(getattr(self, name) is not None for name in _SELECTORS) != 1:
+            raise ValueError(f"exactly one of {', '.join(_SELECTORS)} is required")
         return self
 
     @property
     def where(self) -> tuple[str, Any]:
         """The member that says where, and its value."""
-        return next((name, value) for name in _PLACES if (value := getattr(self, name)) is not None)
+        return next((name, value) for name in _SELECTORS if (value := getattr(self, name)) is not None)
 
     @property
     def named(self) -> tuple[str, str | int] | None:
@@ -225,10 +225,10 @@ class PartParams(SelectionParams):
     )
 
     @model_validator(mode="after")
-    def _one_place(self) -> Self:
-        places = (*_PLACES, "parts")
-        if sum(getattr(self, name) is not None for name in places) != 1:
-            raise ValueError(f"exactly one of {', '.join(places)} is required")
+    def _one_selector(self) -> Self:
+        selectors = (*_SELECTORS, "parts")
+        if sum(getattr(self, name) is not None for name in selectors) != 1:
+            raise ValueError(f"exactly one of {', '.join(selectors)} is required")
         return self
 
     @property
@@ -284,17 +284,17 @@ class LandmarkParams(StrictModel):
     )
 
 
-def find_parts(place: List, number: int, selection: SelectionParams, parts: Sequence[Mapping[str, Any]]) -> list[int]:
+def find_parts(path: List, number: int, selection: SelectionParams, parts: Sequence[Mapping[str, Any]]) -> list[int]:
     """Return the indices of what a selection names.
 
-    `place`: name of the list in `params`, or the path to it there; `number`: place of the selection in the list;
+    `path`: name of the list in `params`, or the path to it there; `number`: its number in the list;
     `selection`: one that names something; `parts`: everything of that kind in the asset, each with `index` and `name`.
     """
     what, reference = selection.named or selection.where
     matching = _matching(reference, parts)
     if matching:
         return matching
-    raise refuse_selection(place, number, what, _missing(what, reference), _nearest(what, reference, parts))
+    raise refuse_selection(path, number, what, _missing(what, reference), _nearest(what, reference, parts))
 
 
 def find_excluded(exclude: Sequence[str | int], nodes: Sequence[Mapping[str, Any]]) -> list[int]:
@@ -320,37 +320,37 @@ def _matching(reference: str | int, parts: Sequence[Mapping[str, Any]]) -> list[
 
 
 def check_selections(
-    place: List,
+    path: List,
     selections: Sequence[SelectionParams],
     named: Mapping[str, Sequence[Mapping[str, Any]]],
     triangles: int | None = None,
 ) -> None:
     """Refuse selections of what the asset does not have; the geometry is looked at when the run starts.
 
-    `place`: name of the list in `params`, or the path to it there. `named`: lists of what can be named: `nodes`,
+    `path`: name of the list in `params`, or the path to it there. `named`: lists of what can be named: `nodes`,
     `mesh_names`, `materials` and `joints`. A missing list is not checked. `triangles`: the asset's triangles, if known.
     """
     for number, selection in enumerate(selections):
         if selection.named is not None and (parts := named.get(_NAMED[selection.named[0]])) is not None:
-            find_parts(place, number, selection, parts)
+            find_parts(path, number, selection, parts)
         if triangles is not None and selection.faces is not None:
-            check_faces(place, number, selection.faces, triangles)
+            check_faces(path, number, selection.faces, triangles)
 
 
-def check_faces(place: List, number: int, faces: Sequence[int | tuple[int, int]], count: int) -> None:
+def check_faces(path: List, number: int, faces: Sequence[int | tuple[int, int]], count: int) -> None:
     """Refuse numbers of triangles that an asset of `count` triangles does not have."""
     for item in faces:
         first, last = item if isinstance(item, tuple) else (item, item)
         if last >= count or first > last:
             detail = f"the asset has no triangles {first} to {last}." if first != last else f"no triangle {first}."
-            raise refuse_selection(place, number, "faces", detail, f"Its triangles are 0 to {count - 1}.")
+            raise refuse_selection(path, number, "faces", detail, f"Its triangles are 0 to {count - 1}.")
 
 
-def refuse_selection(place: List, number: int, what: str, detail: str, advice: str) -> ParameterError:
+def refuse_selection(path: List, number: int, what: str, detail: str, advice: str) -> ParameterError:
     """Return the error about one member of one selection."""
-    path = [place] if isinstance(place, str) else list(place)
-    message = f"params.{'.'.join(map(str, path))}: {detail}"
-    return ParameterError.at(["params", *path, number, what], message, advice)
+    steps = [path] if isinstance(path, str) else list(path)
+    message = f"params.{'.'.join(map(str, steps))}: {detail}"
+    return ParameterError.at(["params", *steps, number, what], message, advice)
 
 
 def _missing(what: str, reference: str | int) -> str:

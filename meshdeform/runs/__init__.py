@@ -1,7 +1,7 @@
 """The kinds of job by name. Torch-free: the code that runs a kind is imported when a worker first needs it.
 
 To add a kind, add a folder to `meshdeform/kinds`, whose docstring says what belongs in it. The check of requests, the
-parts of a form, the start in the worker and the lists in the documentation follow from its description.
+fields of a form, the start in the worker and the lists in the documentation follow from its description.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from meshdeform.errors import KindRetiredError, ParameterError
-from meshdeform.requests.choices import RETIRED_PARTS, is_retired
+from meshdeform.requests.choices import RETIRED_FIELDS, is_retired
 from meshdeform.requests.document import JobRequest, OutputParams
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import kind_modules
 from meshdeform.runs.base import JobFile, JobRun, Kind, RunInput
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
     from meshdeform.settings import Settings
 
-__all__ = ["check_request", "file_parts", "kind_of", "kinds", "start_run"]
+__all__ = ["check_request", "file_fields", "kind_of", "kinds", "start_run"]
 
 
 @cache
 def _kinds() -> dict[str, Kind]:
-    further = [kind for module in brought("description") for kind in module.KINDS]
+    further = [kind for module in kind_modules("description") for kind in module.KINDS]
     return {kind.name: kind for kind in (TEXT_DEFORM, *further)}
 
 
@@ -43,9 +43,9 @@ def kind_of(name: str) -> Kind:
     return _kinds()[name]
 
 
-def file_parts() -> tuple[str, ...]:
+def file_fields() -> tuple[str, ...]:
     """Return the names of the files read by any kind, without duplicates."""
-    return tuple(dict.fromkeys(name for kind in kinds() for name in kind.parts))
+    return tuple(dict.fromkeys(name for kind in kinds() for name in kind.fields))
 
 
 def check_request(
@@ -58,13 +58,13 @@ def check_request(
     """
     _refuse_retired(request, files)
     kind = kind_of(request.kind)
-    for part in kind.reads:
-        if part.required and part.name not in files:
+    for field in kind.reads:
+        if field.required and field.name not in files:
             raise ParameterError.at(
-                [part.name], f"`{part.name}` is missing.", f"Send it as the part `{part.name}`: {part.summary}"
+                [field.name], f"`{field.name}` is missing.", f"Send it as the field `{field.name}`: {field.summary}"
             )
-    for name in sorted(set(files) - set(kind.parts)):
-        reads = ", ".join(kind.parts) or "no file"
+    for name in sorted(set(files) - set(kind.fields)):
+        reads = ", ".join(kind.fields) or "no file"
         raise ParameterError.at([name], f"The kind `{kind.name}` does not read `{name}`.", f"It reads: {reads}.")
     if request.output != OutputParams() and not kind.takes_output:
         raise ParameterError.at(["output"], "`output` is for jobs that deform one asset.", "Leave it out.")
@@ -73,7 +73,7 @@ def check_request(
 
 def _refuse_retired(request: JobRequest, files: Collection[str]) -> None:
     """Refuse a job with taught weights, sent or taken from another job."""
-    if not RETIRED_PARTS.isdisjoint(files) or is_retired(getattr(request.params, "model", None) or ""):
+    if not RETIRED_FIELDS.isdisjoint(files) or is_retired(getattr(request.params, "model", None) or ""):
         raise KindRetiredError("Weights whose words were taught are no longer used.")
 
 

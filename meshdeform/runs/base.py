@@ -113,11 +113,11 @@ class RunLog:
 
 
 @dataclass(frozen=True)
-class FilePart:
-    """A file that a kind of job reads."""
+class FileField:
+    """A file that a kind of job reads, as a field of a form."""
 
     name: str
-    """Name of the part of a form, and of the member of the document's `files` that refers to a stored file: at most 64
+    """Name of the field of a form, and of the member of the document's `files` that refers to a stored file: at most 64
     lower-case letters, digits and `_`."""
     summary: str  # one sentence about the file
     required: bool
@@ -198,7 +198,7 @@ class RunInput:
     """The input of a run."""
 
     request: JobRequest
-    files: Mapping[str, InputFile]  # files by the names of the kind's parts
+    files: Mapping[str, InputFile]  # files by the names of the kind's fields
     resolved: Mapping[str, Any] | None = None
     """The values of all parameters, as the kind's check returned them when the job was accepted, in JSON. If None, the
     run resolves them."""
@@ -347,7 +347,7 @@ class Kind:
 
     name: JobKind
     summary: str  # one sentence about the kind
-    reads: tuple[FilePart, ...]  # the first is required: it is the job's `asset` in the API, and names its downloads
+    reads: tuple[FileField, ...]  # the first is required: it is the job's `asset` in the API, and names its downloads
     params: type[BaseModel]
     """The model of `params` in its requests. Workers read `checkpoint_every_steps` from it."""
     check: Callable[[JobRequest, Settings, Mapping[str, JobFile]], BaseModel]
@@ -361,7 +361,7 @@ class Kind:
     artifacts: tuple[ArtifactKind, ...]
     takes_output: bool = False  # whether requests may have options in `output`
     uses: Callable[[JobRequest], Collection[str]] | None = None
-    """Returns the names of the parts that a request uses; a branch inherits only these. Default: all."""
+    """Returns the names of the fields that a request uses; a branch inherits only these. Default: all."""
     outlook: Callable[[JobRequest, Any, Settings, JobFile], dict[str, Any] | None] = lambda *_: None
     """Returns whether what a valid request asks for is `doubtful`, the `reasons` in sentences, and `suggestions`:
     prompts that would work better; None where nobody knows. Takes the request, the result of `check`, the settings and
@@ -374,7 +374,7 @@ class Kind:
     request that contradicts it. Takes the job's request and the branch's. Default: unchanged. Torch-free."""
     goal: Callable[[JobRequest, Mapping[str, str]], str] = lambda request, _: request.prompt
     """Returns the goal in a few words, for the names of downloads. Takes the request and the
-    names of its files by part. Default: the prompt."""
+    names of its files by field. Default: the prompt."""
 
     def check_extra(self, request: JobRequest, params: Any) -> None:
         """Refuse what could not run on this machine, as DependencyError.
@@ -385,17 +385,17 @@ class Kind:
             raise missing_torch()
 
     @property
-    def parts(self) -> tuple[str, ...]:
-        """The names of the parts that it reads, in order."""
-        return tuple(part.name for part in self.reads)
+    def fields(self) -> tuple[str, ...]:
+        """The names of the fields of its files, in order."""
+        return tuple(each.name for each in self.reads)
 
-    def content_of(self, part: str) -> FileContent:
-        """Return the type as which the file of a part is checked."""
-        return next(each.content for each in self.reads if each.name == part)
+    def content_of(self, name: str) -> FileContent:
+        """Return the type as which the file of a field is checked."""
+        return next(each.content for each in self.reads if each.name == name)
 
     def inherits(self, request: JobRequest) -> frozenset[str]:
-        """Return the names of the parts that a branch with this request takes from its job unless it replaces them."""
-        return frozenset(self.parts if self.uses is None else self.uses(request))
+        """Return the names of the fields that a branch with this request takes from its job unless it replaces them."""
+        return frozenset(self.fields if self.uses is None else self.uses(request))
 
 
 def params_of(request: JobRequest, model: type[P], kept: Mapping[str, Any] | None = None) -> P:

@@ -12,7 +12,7 @@ from meshdeform.exemplar.shapes import Shape
 from meshdeform.plain.body import Body
 from meshdeform.plain.reader import Reader
 from meshdeform.requests.choices import OrientationMode
-from meshdeform.requests.parameters import TARGET_PARTS
+from meshdeform.requests.parameters import TARGET_FIELDS
 from meshdeform.runs.base import RunInput
 from meshdeform.runs.facts import AssetFacts
 from meshdeform.runs.plain_change import source_body
@@ -64,7 +64,7 @@ def is_described(body: Body, noun: str | None) -> bool:
 
 def _described(facts: AssetFacts, job_input: RunInput) -> ParsedPrompt | None:
     """Return the only prompt if it tells attributes of its noun; None if it does not, or the source's is given."""
-    if facts.params.source_noun is not None or facts.params.prompts or any(n in job_input.files for n in TARGET_PARTS):
+    if facts.params.source_noun is not None or facts.params.prompts or any(n in job_input.files for n in TARGET_FIELDS):
         return None
     asked = parse(facts.request.prompt)
     return asked if asked.attributes else None

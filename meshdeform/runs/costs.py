@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from meshdeform.requests.choices import Safeguard
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 
 END_SHARE = 0.75
 """How much of a job's time outside its steps comes after the last one."""
@@ -53,19 +53,19 @@ class Costs:
     guard: float = 0.0
     parts: float = 0.0
 
-    def seconds(self, faces: int | None, parts: int | None, safeguard: str | None) -> Seconds:
-        """Return the cost of a job with a mesh of so many faces and parts, None where unknown."""
-        large, guarded, several = features(faces, parts, safeguard)
+    def seconds(self, faces: int | None, meshes: int | None, safeguard: str | None) -> Seconds:
+        """Return the cost of a job with a mesh of so many faces, of so many meshes, None where unknown."""
+        large, guarded, several = features(faces, meshes, safeguard)
         of_step = self.step + guarded * self.guard + several * self.parts
         return Seconds(self.once + large * self.faces, of_step)
 
 
-def features(faces: int | None, parts: int | None, safeguard: str | None) -> tuple[float, float, float]:
+def features(faces: int | None, meshes: int | None, safeguard: str | None) -> tuple[float, float, float]:
     """Return the factors of `Costs.faces`, `guard` and `parts`."""
     count = _USUAL_FACES if faces is None else faces
     guarded = safeguard not in (None, Safeguard.NONE)
     deformed = _DEFORMED_FACES if count > _LARGE else count
-    return count / 1e5, guarded * math.sqrt(deformed / 1e4), float(guarded and (parts or 1) > 1)
+    return count / 1e5, guarded * math.sqrt(deformed / 1e4), float(guarded and (meshes or 1) > 1)
 
 
 MEASURED: dict[str, Costs] = {
@@ -80,7 +80,7 @@ MEASURED: dict[str, Costs] = {
 def costs_of(workload: str) -> Costs:
     """Return the costs of a workload; of kinds that were not measured, a second for each step and one for the rest."""
     name = "/".join(workload.split("/")[:2])
-    found: Costs = MEASURED.get(name) or merged("description", "COSTS").get(name, Costs())
+    found: Costs = MEASURED.get(name) or kind_table("description", "COSTS").get(name, Costs())
     return found
 
 

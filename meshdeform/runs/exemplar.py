@@ -40,7 +40,7 @@ from meshdeform.plain.read_parts import ReadParts
 from meshdeform.reading import NO_PART, Reading
 from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.choices import Carrier
-from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, WORDS_PART
+from meshdeform.requests.parameters import SILHOUETTE_FIELDS, TARGET_FIELDS, WORDS_FIELD
 from meshdeform.runs.base import RunInput, RunLog
 from meshdeform.runs.believed import believed_source
 from meshdeform.runs.control import WeldedSurface, read_control
@@ -97,7 +97,7 @@ def _identity(job_input: RunInput) -> dict[str, str]:
     """Return the identity of what guides a run: with the SHA-256 of what was sent, if anything was."""
     sent = [
         job_input.files[name].digest
-        for name in (*TARGET_PARTS, *SILHOUETTE_PARTS, WORDS_PART)
+        for name in (*TARGET_FIELDS, *SILHOUETTE_FIELDS, WORDS_FIELD)
         if name in job_input.files
     ]
     sha256 = hashlib.sha256("".join(sent).encode()).hexdigest() if sent else ""
@@ -121,7 +121,7 @@ def _shape(state: Mapping[str, NDArray[Any]], facts: AssetFacts, frame: CameraFr
 
 def _targets(facts: AssetFacts, job_input: RunInput, frame: CameraFrame) -> dict[str, TargetFit]:
     """Return the targets of a job by their parts, placed on its asset."""
-    sent = {name: job_input.files[name] for name in TARGET_PARTS if name in job_input.files}
+    sent = {name: job_input.files[name] for name in TARGET_FIELDS if name in job_input.files}
     return {
         name: TargetFit.of(
             facts.params, facts.asset, facts.welded.mesh, load_asset(file.data, file.filename, job_input.limits), frame

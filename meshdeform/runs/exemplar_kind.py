@@ -10,7 +10,7 @@ from collections.abc import Collection
 
 from meshdeform.errors import ParameterError
 from meshdeform.requests.document import JobRequest, ResolvedParams
-from meshdeform.requests.parameters import OF_OPTIMISER, TARGET_PARTS, active_prompts
+from meshdeform.requests.parameters import OF_OPTIMISER, TARGET_FIELDS, active_prompts
 
 __all__ = ["STEPS", "check_exemplar", "steps_of"]
 
@@ -47,9 +47,9 @@ def check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collect
     if len(targets) > 1 and params.landmarks:
         detail = "Landmarks are places on one target, and several were sent."
         raise ParameterError.at(["params", "guidance", "landmarks"], detail, "Send one target, or no landmarks.")
-    if targets and TARGET_PARTS[0] not in targets:
-        detail = f"`{min(targets)}` was sent, and `{TARGET_PARTS[0]}` was not."
-        raise ParameterError.at([min(targets)], detail, f"Send the first target as `{TARGET_PARTS[0]}`.")
+    if targets and TARGET_FIELDS[0] not in targets:
+        detail = f"`{min(targets)}` was sent, and `{TARGET_FIELDS[0]}` was not."
+        raise ParameterError.at([min(targets)], detail, f"Send the first target as `{TARGET_FIELDS[0]}`.")
 
 
 def _refuse_options_of_targets(request: JobRequest) -> None:
@@ -58,5 +58,5 @@ def _refuse_options_of_targets(request: JobRequest) -> None:
             raise ParameterError.at(
                 ["params", "guidance", name],
                 f"params.guidance.{name} is about a target, and none was sent.",
-                f"Send a mesh as the part `{TARGET_PARTS[0]}`, or leave {name} out.",
+                f"Send a mesh as the field `{TARGET_FIELDS[0]}`, or leave {name} out.",
             )

@@ -15,7 +15,7 @@ from meshdeform.geometry.mesh import RestMesh
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests.document import JobRequest, ResolvedParams
-from meshdeform.requests.parameters import SILHOUETTE_PARTS
+from meshdeform.requests.parameters import SILHOUETTE_FIELDS
 from meshdeform.runs.base import InputFile
 from meshdeform.runs.control import AssetControl, WeldedSurface, read_control
 from meshdeform.runs.fits import SilhouetteFit
@@ -74,7 +74,7 @@ class Wanted:
         control = read_control(params, surface, frame, mesh)
         several = bool(params.prompts)
         prompts = read_prompts(facts.request.prompt, params, surface, mesh, control) if several else None
-        names = [name for name in SILHOUETTE_PARTS[: len(params.silhouettes)] if name in files]
+        names = [name for name in SILHOUETTE_FIELDS[: len(params.silhouettes)] if name in files]
         pictures = SilhouetteFit.of(params, [files[name].data for name in names]) if params.silhouettes else None
         return cls(control, prompts, pictures)
 

@@ -23,7 +23,7 @@ from meshdeform.guidance.masks import covered, placed_masks
 from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
 from meshdeform.requests.choices import AlignMode
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.requests.parameters import SILHOUETTE_PARTS
+from meshdeform.requests.parameters import SILHOUETTE_FIELDS
 from meshdeform.requests.selection import Place
 from meshdeform.runs.text_deform_check import check_points, check_vertex
 
@@ -52,7 +52,7 @@ class SilhouetteFit:
             raise ParameterError(detail, advice="Give each picture one entry with its azimuth.")
         views = [
             SilhouetteView(read_silhouette(data, f"`{name}`").mask, each.azimuth, each.elevation, each.fov)
-            for name, data, each in zip(SILHOUETTE_PARTS, pictures, params.silhouettes, strict=False)
+            for name, data, each in zip(SILHOUETTE_FIELDS, pictures, params.silhouettes, strict=False)
         ]
         return cls(
             params, views, hashlib.sha256(b"".join(hashlib.sha256(data).digest() for data in pictures)).hexdigest()
@@ -69,7 +69,7 @@ class SilhouetteFit:
                 "iou_before": round(first, 4),
                 "iou": round(last, 4),
             }
-            for name, each, first, last in zip(SILHOUETTE_PARTS, self.params.silhouettes, before, after, strict=False)
+            for name, each, first, last in zip(SILHOUETTE_FIELDS, self.params.silhouettes, before, after, strict=False)
         ]
 
 

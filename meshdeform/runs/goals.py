@@ -91,7 +91,7 @@ def _fitted(params: ResolvedParams, job_input: GoalSource) -> Goal:
     file = job_input.target
     if file is None:
         raise ParameterError(
-            "params.guidance is `target`, but there is no target mesh.", advice="Send one as the part `target`."
+            "params.guidance is `target`, but there is no target mesh.", advice="Send one as the field `target`."
         )
     target = load_asset(file.data, file.filename, job_input.limits)
     fit = TargetFit.of(params, job_input.asset, job_input.world, target, job_input.frame)

@@ -13,7 +13,7 @@ from meshdeform.errors import PartNotFoundError
 from meshdeform.plain.words import Sentence
 from meshdeform.requests.choices import GuidanceKind
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.requests.parameters import WORDS_PART
+from meshdeform.requests.parameters import WORDS_FIELD
 from meshdeform.runs.base import JobRun, RunInput, RunLog, import_extra, load_model
 from meshdeform.runs.believed import believed_source, is_described
 from meshdeform.runs.changes import asked_changes, has_controls, is_change
@@ -35,7 +35,7 @@ _OPTIMISED = "meshdeform.runs.optimised"
 def start(job_input: RunInput) -> JobRun:
     """Read the files and start the run, with the words of somebody's own that the request pins."""
     params = resolved_params(job_input.request, job_input.default_model, job_input.resolved)
-    sent = job_input.files.get(WORDS_PART)
+    sent = job_input.files.get(WORDS_FIELD)
     words = words_of(params.words, None if sent is None else sent.data)
     with in_use(words):
         run = _started(job_input, params)

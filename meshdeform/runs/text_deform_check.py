@@ -22,8 +22,8 @@ from meshdeform.errors import (
 from meshdeform.priors import check_model, configured_name, hidden_folders, public_names
 from meshdeform.requests.choices import StartMode, is_builtin, is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL, GuidanceKind, JobRequest, ResolvedParams, resolve
-from meshdeform.requests.groups import PLACES
-from meshdeform.requests.parameters import SILHOUETTE_PARTS, TARGET_PARTS, ViewParams, active_prompts
+from meshdeform.requests.groups import GROUPS
+from meshdeform.requests.parameters import SILHOUETTE_FIELDS, TARGET_FIELDS, ViewParams, active_prompts
 from meshdeform.requests.selection import check_selections, find_excluded
 from meshdeform.runs.base import JobFile
 from meshdeform.runs.changes import asked_changes, check_change, check_parts, is_change, refuse_unread_change
@@ -46,7 +46,7 @@ _LocatedPoint = tuple[str, int, str, Sequence[float]]
 _SAME_DEG = 1.0
 """Directions of pictures that differ by less are the same."""
 
-_TARGET = TARGET_PARTS[0]
+_TARGET = TARGET_FIELDS[0]
 
 
 def check(request: JobRequest, settings: Settings, files: Mapping[str, JobFile]) -> ResolvedParams:
@@ -72,9 +72,9 @@ def check(request: JobRequest, settings: Settings, files: Mapping[str, JobFile])
 
 def _checked_params(request: JobRequest, settings: Settings, files: Collection[str]) -> ResolvedParams:
     default_model, allowed = settings.model, settings.allowed_models
-    targets = [name for name in TARGET_PARTS if name in files]
+    targets = [name for name in TARGET_FIELDS if name in files]
     resolved = resolve(request.params, default_model=default_model)
-    _check_pictures(resolved, request.prompt, [name for name in SILHOUETTE_PARTS if name in files])
+    _check_pictures(resolved, request.prompt, [name for name in SILHOUETTE_FIELDS if name in files])
     _check_targets(resolved, targets)
     if resolved.guidance is GuidanceKind.SDS:
         model = resolved.model
@@ -150,7 +150,7 @@ def _check_targets(params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse `target` guidance without its mesh, and target meshes that the guidance does not use."""
     if params.guidance is GuidanceKind.TARGET and _TARGET not in targets:
         raise ParameterError.at(
-            ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the part `target`."
+            ["params", "guidance"], "`target` guidance needs a second mesh.", "Send it as the field `target`."
         )
     if params.guidance is GuidanceKind.EXEMPLAR:
         return
@@ -158,13 +158,13 @@ def _check_targets(params: ResolvedParams, targets: Collection[str]) -> None:
         raise ParameterError.at(
             ["params", "guidance"],
             f"A target was sent, but the guidance is `{params.guidance}`, which does not use it.",
-            "Leave params.guidance.kind out, or omit the part `target`.",
+            "Leave params.guidance.kind out, or omit the field `target`.",
         )
     for name in sorted(set(targets) - {_TARGET}):
         raise ParameterError.at(
             ["params", "guidance"],
             f"`{name}` was sent, but only `exemplar` guidance takes the nearest of several targets.",
-            f"Leave params.guidance.kind out, or omit the part `{name}`.",
+            f"Leave params.guidance.kind out, or omit the field `{name}`.",
         )
 
 
@@ -222,21 +222,21 @@ def _check_pictures(params: ResolvedParams, prompt: str, present: Collection[str
             raise ParameterError.at(
                 ["params", "guidance", "silhouettes"],
                 detail,
-                "Send it as the part `silhouette_1`, with its azimuth in params.guidance.silhouettes.",
+                "Send it as the field `silhouette_1`, with its azimuth in params.guidance.silhouettes.",
             )
         if prompt:
             detail = "There is a prompt, and `silhouettes` guidance does not use it."
             advice = "Leave params.guidance.kind out to use both, or leave the prompt out."
             raise ParameterError.at(["params", "guidance"], detail, advice)
-    parts = SILHOUETTE_PARTS[: len(views)]
+    parts = SILHOUETTE_FIELDS[: len(views)]
     for number, name in enumerate(parts):
         if name not in present:
-            detail = f"params.guidance.silhouettes has {len(views)} entries, and the part `{name}` is missing."
+            detail = f"params.guidance.silhouettes has {len(views)} entries, and the field `{name}` is missing."
             raise ParameterError.at(
-                ["params", "guidance", "silhouettes", number], detail, f"Send the picture as the part `{name}`."
+                ["params", "guidance", "silhouettes", number], detail, f"Send the picture as the field `{name}`."
             )
     for name in sorted(set(present) - set(parts)):
-        detail = f"The part `{name}` was sent, and params.guidance.silhouettes has {len(views)} entries."
+        detail = f"The field `{name}` was sent, and params.guidance.silhouettes has {len(views)} entries."
         advice = "Give each picture an entry with its azimuth, in the order of the parts."
         raise ParameterError.at(["params", "guidance", "silhouettes"], detail, advice)
     for number, view in enumerate(views):
@@ -303,7 +303,7 @@ def check_points(params: ResolvedParams, bounds: Mapping[str, Sequence[Sequence[
         for name, number, member, point in points:
             away = max(max(a - x, x - b) for a, x, b in zip(low, point, high, strict=True))
             if away > _MAX_REACH * size:
-                path = f"{PLACES[name][0]}.{name}"
+                path = f"{GROUPS[name][0]}.{name}"
                 detail = f"params.{path}: the point is {away / size:.1g} times as far from the {file} as that is long."
                 advice = f"Give a point within {_MAX_REACH:,} lengths of the {file}."
                 raise ParameterError.at(["params", *path.split("."), number, member], detail, advice)

@@ -26,12 +26,12 @@ from meshdeform.requests.document import (
     resolve,
 )
 from meshdeform.requests.parameters import (
-    SILHOUETTE_PARTS,
-    TARGET_PARTS,
-    WORDS_PART,
+    SILHOUETTE_FIELDS,
+    TARGET_FIELDS,
+    WORDS_FIELD,
     prompt_words,
 )
-from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobFile, Kind, start_of
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FileField, JobFile, Kind, start_of
 from meshdeform.runs.changes import asked_changes
 from meshdeform.runs.exemplar_kind import steps_of
 from meshdeform.runs.outlook import outlook_of
@@ -136,18 +136,18 @@ def _steps(request: JobRequest, default_model: str, kept: Mapping[str, Any] | No
 def _uses(request: JobRequest) -> list[str]:
     params = request.params
     prompted = request.prompt or params.prompts
-    targets = {GuidanceKind.TARGET: [_TARGET], GuidanceKind.EXEMPLAR: [] if prompted else TARGET_PARTS}
+    targets = {GuidanceKind.TARGET: [_TARGET], GuidanceKind.EXEMPLAR: [] if prompted else TARGET_FIELDS}
     return [
         "asset",
         *targets.get(params.kind, ()),
-        *SILHOUETTE_PARTS[: len(params.silhouettes)],
-        *([WORDS_PART] if pins_of(request) else []),
+        *SILHOUETTE_FIELDS[: len(params.silhouettes)],
+        *([WORDS_FIELD] if pins_of(request) else []),
     ]
 
 
 def _goal(request: JobRequest, filenames: Mapping[str, str]) -> str:
     """Return the prompt, or what the result is to look like; `filenames` are those of the files, by part."""
-    like = filenames.get(_TARGET) or filenames.get(SILHOUETTE_PARTS[0])
+    like = filenames.get(_TARGET) or filenames.get(SILHOUETTE_FIELDS[0])
     return prompt_words(request.prompt, request.params) or (f"like {PurePath(like).stem}" if like else "")
 
 
@@ -163,39 +163,39 @@ TEXT_DEFORM = Kind(
     summary="Deforms an asset until it looks like a prompt, a second mesh, or pictures of it from given sides; or "
     "changes it in plain words, such as longer legs ([Changes in plain words](plain.md)).",
     reads=(
-        FilePart(
+        FileField(
             "asset",
             "The file to deform: GLB, OBJ, PLY, STL or ZIP.",
             required=True,
             media_types=_MESHES,
         ),
-        FilePart(
+        FileField(
             _TARGET,
             "The second mesh of `target` guidance; of `exemplar`, the first target.",
             required=False,
             media_types=_MESHES,
         ),
         *(
-            FilePart(
+            FileField(
                 name,
                 f"Target {number} of `exemplar` guidance, of which the nearest is taken.",
                 required=False,
                 media_types=_MESHES,
             )
-            for number, name in enumerate(TARGET_PARTS[1:], 2)
+            for number, name in enumerate(TARGET_FIELDS[1:], 2)
         ),
         *(
-            FilePart(
+            FileField(
                 name,
                 f"Picture {number} of `silhouettes`: a mask, or an object in front of a plain background.",
                 required=False,
                 media_types=("image/png", "image/jpeg", "image/webp"),
                 content="silhouette",
             )
-            for number, name in enumerate(SILHOUETTE_PARTS, 1)
+            for number, name in enumerate(SILHOUETTE_FIELDS, 1)
         ),
-        FilePart(
-            WORDS_PART,
+        FileField(
+            WORDS_FIELD,
             "The words of your own that `words` pins, as `meshdeform words export` writes them; the service adds them.",
             required=False,
             media_types=("application/octet-stream",),

@@ -1,6 +1,6 @@
 """Pin the words of somebody's own that a request names: their content goes with the job. Torch-free, numpy-free.
 
-A request has the SHA-256 of each word (`params.guidance.words`), and the job a further file, `WORDS_PART`, with their
+A request has the SHA-256 of each word (`params.guidance.words`), and the job a further file, `WORDS_FIELD`, with their
 content. What becomes of a word later changes no job that has it.
 """
 
@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from meshdeform.errors import ParameterError, VocabularyError
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.parameters import MAX_WORDS, WORDS_PART, ExemplarParams
+from meshdeform.requests.parameters import MAX_WORDS, WORDS_FIELD, ExemplarParams
 from meshdeform.runs.base import ArtifactData, JobRun, StepReport
 from meshdeform.vocabulary.grammar import named_nouns
 from meshdeform.words import Word, in_use, joined, read_words
@@ -60,7 +60,7 @@ def about_own(error: VocabularyError, request: JobRequest, words: Iterable[Word]
 
 
 def pinned(request: R, words: Iterable[Word]) -> tuple[R, bytes | None]:
-    """Return a request that pins the words it names, and the content of its part `WORDS_PART`, or None without any.
+    """Return a request that pins the words it names, and the content of its field `WORDS_FIELD`, or None without any.
 
     `words`: all that its owner has; for a branch, those that its job has before those of the same nouns.
 
@@ -89,7 +89,7 @@ def pinned(request: R, words: Iterable[Word]) -> tuple[R, bytes | None]:
 
 
 def words_of(pins: Mapping[str, str], data: bytes | None) -> list[Word]:
-    """Return the words of the part `WORDS_PART`, which are to be those that a request pins.
+    """Return the words of the field `WORDS_FIELD`, which are to be those that a request pins.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def words_of(pins: Mapping[str, str], data: bytes | None) -> list[Word]:
         wrong = sorted(noun for noun in {*found, *pins} if found.get(noun) != pins.get(noun))
         detail = f"The content of {', '.join(map(repr, wrong))} is not what the request pins."
         raise ParameterError.at(
-            _PATH, detail, f"Send all words that it pins as the part `{WORDS_PART}`, and no others."
+            _PATH, detail, f"Send all words that it pins as the field `{WORDS_FIELD}`, and no others."
         )
     return words
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Path
@@ -39,7 +40,7 @@ from meshdeform.errors import (
 )
 from meshdeform.record.ids import JOB_ID_PATTERN
 from meshdeform.requests.document import PARAMS_OF_KIND, JobKind
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import kind_modules
 from meshdeform.serving import DEFAULT_URL
 from service.http.idempotency import REPLAYED
 from service.jobs.documents import (
@@ -101,6 +102,10 @@ _MODELS = (
     Problem,
 )
 _REFERENCE = "#/components/schemas/{model}"
+BYTES = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}
+"""The content of bodies that are bytes. Code generators know no other media type for them."""
+# `format: binary` comes from OpenAPI 3.0; code generators still rely on it to recognise files.
+FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
 _DESCRIPTION = (
     "Post an asset and a prompt as a job, follow it, and download its results. Every error is a problem document "
     "(RFC 9457) with a stable code and advice. The guide is docs/http.md."
@@ -138,8 +143,39 @@ WAITED = {"Preference-Applied": header("The longest wait that `Prefer` requested
 
 def json_body(model: str, example: dict[str, Any], *, required: bool = True) -> dict[str, Any]:
     """Return the OpenAPI description of a body that is a JSON document."""
-    content = {"schema": {"$ref": f"#/components/schemas/{model}"}, "example": example}
+    content = {"schema": {"$ref": _REFERENCE.format(model=model)}, "example": example}
     return {"requestBody": {"required": required, "content": {"application/json": content}}}
+
+
+def bytes_body(description: str) -> dict[str, Any]:
+    """Return the OpenAPI description of a body that is the bytes of a file."""
+    return {"requestBody": {"required": True, "description": description, "content": BYTES}}
+
+
+def form_body(
+    model: str, files: Mapping[str, Any], form_examples: Mapping[str, Any], document: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the OpenAPI description of a body that is a form, or its document alone.
+
+    `files`: the schemas of the form's files by name; `document`: what the media type of the document has beside its
+    schema, such as `examples`.
+    """
+    schema = {"$ref": _REFERENCE.format(model=model)}
+    form = {
+        "schema": {
+            "type": "object",
+            "required": ["request"],
+            "additionalProperties": False,
+            "properties": {**files, "request": schema},
+        },
+        "encoding": {
+            **{name: {"contentType": "application/octet-stream"} for name in files},
+            "request": {"contentType": "application/json"},
+        },
+        "examples": form_examples,
+    }
+    content = {"multipart/form-data": form, "application/json": {"schema": schema, **document}}
+    return {"requestBody": {"required": True, "content": content}}
 
 
 def describe(app: FastAPI) -> None:
@@ -150,7 +186,7 @@ def describe(app: FastAPI) -> None:
         if app.openapi_schema is None:
             document = generate()
             others = [model for kind, model in PARAMS_OF_KIND.items() if kind != JobKind.TEXT_DEFORM]
-            bring = brought("routes")
+            bring = kind_modules("routes")
             models: list[type[BaseModel]] = [*_MODELS, *(model for each in bring for model in each.MODELS), *others]
             _, more = models_json_schema([(model, "validation") for model in models], ref_template=_REFERENCE)
             schemas = document.setdefault("components", {}).setdefault("schemas", {})

@@ -22,7 +22,7 @@ from meshdeform.api.jobs import SignedUrl
 from meshdeform.errors import NotFoundError, RangeError, StoredFileError
 from meshdeform.record.models import Artifact
 from meshdeform.storage import sign_path, verify_path
-from service.documentation.responses import CALLER_ERRORS, header
+from service.documentation.responses import BYTES, CALLER_ERRORS, header
 from service.http.auth import SIGNING_KEY, Viewer, lifetime_s, viewer
 from service.http.errors import problem_responses
 from service.state import AppState, AppStateDep
@@ -91,12 +91,11 @@ def download_responses(media_types: str) -> dict[int | str, dict[str, Any]]:
 
     Code generators would parse bytes as JSON if one of several media types were JSON, so the document has a single one.
     """
-    content = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}
     return {
-        200: {"description": f"The bytes. {media_types}", "content": content, "headers": _HEADERS},
+        200: {"description": f"The bytes. {media_types}", "content": BYTES, "headers": _HEADERS},
         206: {
             "description": f"The bytes in `Range`. {media_types}",
-            "content": content,
+            "content": BYTES,
             "headers": {**_HEADERS, **_CONTENT_RANGE},
         },
         304: {"description": "Unchanged: `If-None-Match` holds its `ETag`."},
@@ -104,17 +103,11 @@ def download_responses(media_types: str) -> dict[int | str, dict[str, Any]]:
     }
 
 
-@dataclass(frozen=True)
+@dataclass
 class Conditions:
     """The conditional headers of a request for bytes."""
 
-    range: str | None = None
-    if_range: str | None = None
-    if_none_match: str | None = None
-
-
-def _conditions(
-    range_: Annotated[
+    range: Annotated[
         str | None,
         Header(
             alias="Range",
@@ -122,7 +115,7 @@ def _conditions(
             max_length=200,
             examples=["bytes=1024-"],
         ),
-    ] = None,
+    ] = None
     if_range: Annotated[
         str | None,
         Header(
@@ -130,16 +123,14 @@ def _conditions(
             max_length=200,
             examples=[_TAG],
         ),
-    ] = None,
+    ] = None
     if_none_match: Annotated[
         str | None,
         Header(description="The `ETag` of your copy. Default: none.", max_length=1000, examples=[_TAG]),
-    ] = None,
-) -> Conditions:
-    return Conditions(range_, if_range, if_none_match)
+    ] = None
 
 
-ConditionsDep = Annotated[Conditions, Depends(_conditions)]
+ConditionsDep = Annotated[Conditions, Depends()]
 
 
 @dataclass(frozen=True)
@@ -186,12 +177,12 @@ def download(request: Request, app: AppState, file: Download, conditions: Condit
     headers = file.headers
     if matches(conditions.if_none_match, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    part = requested_range(conditions.range, conditions.if_range, headers["ETag"], file.size)
-    start, end = (part.start, part.end) if part else (0, file.size)
+    wanted = requested_range(conditions.range, conditions.if_range, headers["ETag"], file.size)
+    start, end = (wanted.start, wanted.end) if wanted else (0, file.size)
     headers["Content-Length"] = str(end - start)
-    if part:
+    if wanted:
         headers["Content-Range"] = f"bytes {start}-{end - 1}/{file.size}"
-    status = 206 if part else 200
+    status = 206 if wanted else 200
     if request.method == "HEAD":
         return Response(status_code=status, headers=headers, media_type=file.content_type)
     # Checked and opened before the response starts, so that a missing or cut object still gives an error status.

@@ -37,7 +37,7 @@ from meshdeform.record.models import Artifact, CheckpointRef, Job, JobState, Sto
 from meshdeform.runs import kind_of
 from meshdeform.runs.base import RESULT
 from meshdeform.support.files import result_name
-from service.documentation.responses import CALLER_ERRORS, JobId, Step
+from service.documentation.responses import BYTES, CALLER_ERRORS, JobId, Step, bytes_body
 from service.downloads.making import deformed_alike, made, makeable
 from service.downloads.responses import (
     OPEN_TO_SIGNED,
@@ -51,7 +51,7 @@ from service.downloads.responses import (
 from service.downloads.variants import MAX_STRENGTH, STRENGTH_STEP, Variant
 from service.http.auth import PrincipalDep, ViewerDep
 from service.http.bodies import clean_filename, receive_file
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers, problem_responses
 from service.state import AppState, AppStateDep
 
 artifacts = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"], dependencies=KNOWN_QUERY)
@@ -73,10 +73,10 @@ _RESPONSES = download_responses(
     f"`Content-Type` is one of {', '.join(f'`{each}`' for each in dict.fromkeys(_TYPES.values()))}."
 )
 _HEAD_BYTES = 64
-_Part = Annotated[
+_Field = Annotated[
     str,
     Path(
-        description="The name of a part of the job's kind.",
+        description="The name of a field of the job's kind.",
         max_length=64,
         pattern="^[a-z][a-z0-9_]*$",
         examples=["asset"],
@@ -99,14 +99,10 @@ _Name = Annotated[
 
 @artifacts.get(
     "",
-    operation_id="list_artifacts",
     summary="List a job's artifacts",
-    responses={
-        200: {"model": ArtifactList, "description": "The results; none until the job has succeeded."},
-        **problem_responses(NotFoundError, *CALLER_ERRORS),
-    },
+    responses=answers(ArtifactList, "The results; none until the job has succeeded.", NotFoundError, *CALLER_ERRORS),
 )
-def list_artifacts(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+def list_artifacts(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:
     """All artifacts appear together when the job succeeds, and never change; others can be made later."""
     views = [ArtifactView.of(artifact, id) for artifact in app.record.artifacts(id, viewer.owner_id)]
     return JSONResponse(ArtifactList(artifacts=views).model_dump(mode="json"))
@@ -115,7 +111,7 @@ def list_artifacts(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response: 
 async def _variant(
     app: AppStateDep,
     reader: ReaderDep,
-    id: JobId,  # noqa: A002
+    id: JobId,
     name: _Name,
     strength: Annotated[
         float | None,
@@ -165,7 +161,6 @@ async def _variant(
 @artifacts.head("/{name}", include_in_schema=False, openapi_extra=OPEN_TO_SIGNED)
 @artifacts.get(
     "/{name}",
-    operation_id="get_artifact",
     summary="Download an artifact",
     response_class=StreamingResponse,
     responses={
@@ -188,7 +183,7 @@ def get_artifact(
     request: Request,
     app: AppStateDep,
     reader: ReaderDep,
-    id: JobId,  # noqa: A002
+    id: JobId,
     name: _Name,
     conditions: ConditionsDep,
     variant: Annotated[Download | None, Depends(_variant)],
@@ -205,23 +200,21 @@ def get_artifact(
 
 @artifacts.post(
     "/{name}",
-    operation_id="make_artifact",
     summary="Make an artifact that the job was not asked for",
-    responses={
-        200: {"model": ArtifactView, "description": "The artifact, which the job has from now on."},
-        **problem_responses(
-            NotFoundError,
-            JobNotFinishedError,
-            AssetTooLargeError,
-            AssetUnsupportedError,
-            TooMuchStoredError,
-            DependencyError,
-            StoredFileError,
-            *CALLER_ERRORS,
-        ),
-    },
+    responses=answers(
+        ArtifactView,
+        "The artifact, which the job has from now on.",
+        NotFoundError,
+        JobNotFinishedError,
+        AssetTooLargeError,
+        AssetUnsupportedError,
+        TooMuchStoredError,
+        DependencyError,
+        StoredFileError,
+        *CALLER_ERRORS,
+    ),
 )
-async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
+async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:
     """Makes `morph.glb`, `map.safetensors` or another format of `result.glb` for a job that has succeeded, once."""
     artifact = await app.take_in(principal.owner_id, _make, app, id, principal.owner_id, name)
     return JSONResponse(ArtifactView.of(artifact, id).model_dump(mode="json"))
@@ -229,14 +222,10 @@ async def make_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, na
 
 @artifacts.post(
     "/{name}/url",
-    operation_id="sign_artifact",
     summary="Create a signed URL for an artifact",
-    responses={
-        200: {"model": SignedUrl, "description": "The URL."},
-        **problem_responses(NotFoundError, JobNotFinishedError, *CALLER_ERRORS),
-    },
+    responses=answers(SignedUrl, "The URL.", NotFoundError, JobNotFinishedError, *CALLER_ERRORS),
 )
-def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:  # noqa: A002
+def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _Name) -> Response:
     """Anyone who has the URL can read this one artifact without an API key, for example a browser or a viewer."""
     artifact = _find(app, id, principal.owner_id, name)
     link = signed_url(app, f"/v1/jobs/{id}/artifacts/{name}", artifact)
@@ -244,7 +233,7 @@ def sign_artifact(app: AppStateDep, principal: PrincipalDep, id: JobId, name: _N
 
 
 def _file_name(job: Job, artifact: Artifact) -> str:
-    filenames = {part: file.filename for part, file in job.files.items()}
+    filenames = {name: file.filename for name, file in job.files.items()}
     try:
         goal = kind_of(job.request.kind).goal(job.request, filenames)
         seed = getattr(job.request.params, "seed", None)  # a kind of job may have none
@@ -292,14 +281,12 @@ def _find(app: AppState, job_id: str, owner: str | None, name: str) -> Artifact:
 
 @checkpoints.get(
     "",
-    operation_id="list_checkpoints",
     summary="List a job's checkpoints",
-    responses={
-        200: {"model": CheckpointList, "description": "The checkpoints that are still stored, in order of steps."},
-        **problem_responses(NotFoundError, *CALLER_ERRORS),
-    },
+    responses=answers(
+        CheckpointList, "The checkpoints that are still stored, in order of steps.", NotFoundError, *CALLER_ERRORS
+    ),
 )
-def list_checkpoints(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+def list_checkpoints(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response:
     """Available in any state of the job. Only the newest checkpoints are kept; older ones are deleted."""
     views = [CheckpointView.of(checkpoint, id) for checkpoint in _checkpoints(app, id, viewer.owner_id)]
     return JSONResponse(CheckpointList(checkpoints=views).model_dump(mode="json"))
@@ -308,7 +295,6 @@ def list_checkpoints(app: AppStateDep, viewer: ViewerDep, id: JobId) -> Response
 @checkpoints.head("/{step}/mesh.glb", include_in_schema=False)
 @checkpoints.get(
     "/{step}/mesh.glb",
-    operation_id="get_checkpoint_mesh",
     summary="Download the mesh of a checkpoint",
     response_class=StreamingResponse,
     responses=download_responses(f"`Content-Type` is `{_GLB}`."),
@@ -317,7 +303,7 @@ def get_checkpoint_mesh(
     request: Request,
     app: AppStateDep,
     viewer: ViewerDep,
-    id: JobId,  # noqa: A002
+    id: JobId,
     step: Step,
     conditions: ConditionsDep,
 ) -> Response:
@@ -354,7 +340,6 @@ def _checkpoints(app: AppState, job_id: str, owner: str | None) -> list[Checkpoi
 @sources.head("/files/{part}", include_in_schema=False)
 @sources.get(
     "/files/{part}",
-    operation_id="get_file",
     summary="Download a job's file",
     response_class=StreamingResponse,
     responses=_RESPONSES,
@@ -363,8 +348,8 @@ def get_file(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    id: JobId,  # noqa: A002 - the name in the path
-    part: _Part,
+    id: JobId,
+    part: _Field,
     conditions: ConditionsDep,
 ) -> Response:
     """A file of a job of any kind as it was sent. Available in any state of the job, and streamed like an artifact."""
@@ -374,7 +359,6 @@ def get_file(
 @sources.head("/asset", include_in_schema=False)
 @sources.get(
     "/asset",
-    operation_id="get_asset",
     summary="Download a job's asset",
     response_class=StreamingResponse,
     responses=_RESPONSES,
@@ -383,7 +367,7 @@ def get_asset(
     request: Request,
     app: AppStateDep,
     viewer: ViewerDep,
-    id: JobId,  # noqa: A002 - the name in the path
+    id: JobId,
     conditions: ConditionsDep,
 ) -> Response:
     """The first of the job's files, which is the asset to deform."""
@@ -392,13 +376,12 @@ def get_asset(
 
 @sources.post(
     "/apply",
-    operation_id="apply_job",
     summary="Deform another file as the job's asset was",
     response_class=StreamingResponse,
     responses={
         200: {
             "description": "The file as a GLB, with its new shape.",
-            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+            "content": BYTES,
         },
         **problem_responses(
             AssetError,
@@ -415,19 +398,13 @@ def get_asset(
             *CALLER_ERRORS,
         ),
     },
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "description": "A file that a job may deform.",
-            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
-        }
-    },
+    openapi_extra=bytes_body("A file that a job may deform."),
 )
 async def apply_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    id: JobId,  # noqa: A002 - the name in the path
+    id: JobId,
     filename: Annotated[
         str,
         Query(
@@ -473,11 +450,11 @@ def _streamed(path: FilePath, held: ExitStack) -> Iterator[bytes]:
             yield chunk
 
 
-def _file_of(job: Job, part: str) -> StoredFile:
+def _file_of(job: Job, name: str) -> StoredFile:
     names = list(job.files)
-    if part not in names:
-        raise NotFoundError(f"The job has no file {part!r}.", advice=f"It has: {', '.join(names)}.", files=names)
-    return job.files[part]
+    if name not in names:
+        raise NotFoundError(f"The job has no file {name!r}.", advice=f"It has: {', '.join(names)}.", files=names)
+    return job.files[name]
 
 
 def _download(request: Request, app: AppState, file: StoredFile, conditions: ConditionsDep) -> Response:

@@ -105,7 +105,6 @@ class _Wanted:
 
 @router.get(
     "",
-    operation_id="get_events",
     summary="Follow a job",
     response_class=JSONResponse,
     responses={
@@ -123,7 +122,7 @@ async def get_events(
     request: Request,
     app: AppStateDep,
     viewer: ViewerDep,
-    id: JobId,  # noqa: A002 - the path's own word
+    id: JobId,
     wanted: Annotated[_Wanted, Depends()],
 ) -> Response:
     """A stream ends with the job's final event. For JSON, `Prefer: wait=N` waits for events if there are none yet."""
@@ -162,7 +161,7 @@ async def _stream(
     yield f"retry: {_RETRY_MS}\n\n"
     while True:
         for event in events:
-            yield _written(event)
+            yield f"id: {event.seq}\nevent: {event.type}\ndata: {EventView.of(event).model_dump_json()}\n\n"
             after, over = event.seq, event.type.terminal
         # If the process is ending, the client reconnects to another one, or to the next.
         if over or waiters.closing:
@@ -196,10 +195,6 @@ def _next_events(app: AppState, job_id: str, after: int, owner: str | None = Non
 
 def _more(after: int) -> Callable[[JobPosition | None], bool]:
     return lambda head: head is None or head.seq > after or head.state.terminal
-
-
-def _written(event: Event) -> str:
-    return f"id: {event.seq}\nevent: {event.type}\ndata: {EventView.of(event).model_dump_json()}\n\n"
 
 
 def _wants_stream(request: Request) -> bool:

@@ -241,7 +241,7 @@ async def settled(
     owner: str | None,
     wait_s: float,
     *,
-    request: Request | None = None,
+    request: Request,
 ) -> Job:
     """Return a job once it has finished, or earlier on timeout, on disconnection, or if no slot is free.
 
@@ -266,13 +266,12 @@ async def wait_here(
     condition: Callable[[JobPosition | None], bool],
     wait_s: float,
     *,
-    request: Request | None = None,
+    request: Request,
 ) -> None:
     """Hold a slot (`LimitError`: none is free) until a job meets a condition, time is up, or the client disconnects."""
     with waiters.slot(owner or ""):
         async with anyio.create_task_group() as group:
-            if request is not None:
-                group.start_soon(_cancel_when_gone, request, group.cancel_scope)
+            group.start_soon(_cancel_when_gone, request, group.cancel_scope)
             await waiters.until(job_id, condition, wait_s)
             group.cancel_scope.cancel()
 

@@ -30,10 +30,10 @@ from meshdeform.errors import (
     RequestTimeoutError,
     readable_size,
 )
-from meshdeform.requests.choices import RETIRED_PARTS
+from meshdeform.requests.choices import RETIRED_FIELDS
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from meshdeform.requests.groups import in_plain_words
-from meshdeform.runs import file_parts
+from meshdeform.runs import file_fields
 from service.http.errors import parameter_error
 
 if TYPE_CHECKING:
@@ -45,10 +45,10 @@ _LEAST_BYTES = 64 * 1024
 _Document = TypeVar("_Document", bound=BaseModel)
 DOCUMENT = "request"
 _MAX_HEADER_BYTES = 8 * 1024
-_MOST_PARTS = 250
+_MOST_FIELDS = 250
 _QUOTED = re.compile(rb'"(?:[^"\\]|\\.)*"')
 _JOB_ADVICE = (
-    "Send the file as the part `asset` and the JSON document as the part `request`: "
+    "Send the file as the field `asset` and the JSON document as the field `request`: "
     """curl -F asset=@FILE -F 'request={"prompt": "a mushroom"}' URL."""
 )
 _EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([a-z0-9._-]+)'[^']*'([^;\s]+)", re.IGNORECASE)
@@ -140,7 +140,7 @@ class ReceivedFile:
 
 @dataclass(frozen=True)
 class FormFiles:
-    """The file parts that a form may have, those of them that may be repeated, and advice on how to send it."""
+    """The fields of files that a form may have, those of them that may be repeated, and advice on how to send it."""
 
     names: Collection[str]
     advice: str
@@ -148,8 +148,8 @@ class FormFiles:
 
 
 def job_files() -> FormFiles:
-    """Return the file parts of the forms of jobs of all kinds."""
-    return FormFiles(file_parts(), _JOB_ADVICE)
+    """Return the fields of files of the forms of jobs of all kinds."""
+    return FormFiles(file_fields(), _JOB_ADVICE)
 
 
 async def receive_form(
@@ -160,9 +160,9 @@ async def receive_form(
     max_bytes: int,
     known: FormFiles | None = None,
 ) -> tuple[bytes, dict[str, ReceivedFile]]:
-    """Receive the part `request`, unparsed, and the file parts by name; by default those of every kind of job.
+    """Receive the field `request`, unparsed, and the files by field; by default those of every kind of job.
 
-    Files of a repeated part are named NAME, NAME_2, NAME_3 and so on.
+    Files of a repeated field are named NAME, NAME_2, NAME_3 and so on.
     """
     known = known or job_files()
     if content_length.isdigit() and int(content_length) > max_bytes:
@@ -189,14 +189,14 @@ async def receive_form(
 
 
 class _Receiver:
-    """Handle the parser's events and collect the parts."""
+    """Handle the parser's events and collect the fields."""
 
     def __init__(self, folder: Path, known: FormFiles) -> None:
         self._folder, self._known = folder, known
         self._headers: dict[str, bytes] = {}
-        self._field, self._value = b"", b""
-        self._part: _Part | None = None
-        self._parts: dict[str, _Part] = {}
+        self._name, self._value = b"", b""
+        self._current: _Field | None = None
+        self._fields: dict[str, _Field] = {}
         self._ended = False
 
     def callbacks(self) -> MultipartCallbacks:
@@ -214,58 +214,58 @@ class _Receiver:
     def form(self) -> tuple[bytes, dict[str, ReceivedFile]]:
         if not self._ended:
             raise RequestError("The body ends without the final boundary.", advice="Send the whole body.")
-        if DOCUMENT not in self._parts:
-            raise RequestError(f"The part `{DOCUMENT}` is missing.", advice=self._known.advice)
-        document = self._parts[DOCUMENT]
-        assert isinstance(document, _DocumentPart)
-        files = {name: part.file() for name, part in self._parts.items() if isinstance(part, _FilePart)}
+        if DOCUMENT not in self._fields:
+            raise RequestError(f"The field `{DOCUMENT}` is missing.", advice=self._known.advice)
+        document = self._fields[DOCUMENT]
+        assert isinstance(document, _DocumentField)
+        files = {name: field.file() for name, field in self._fields.items() if isinstance(field, _FileField)}
         return bytes(document.data), files
 
     def close(self) -> None:
-        for part in self._parts.values():
-            part.close()
+        for field in self._fields.values():
+            field.close()
 
     def _on_part_begin(self) -> None:
         self._headers = {}
 
     def _on_header_field(self, data: bytes, start: int, end: int) -> None:
-        self._field = _joined(self._field, data[start:end])
+        self._name = _joined(self._name, data[start:end])
 
     def _on_header_value(self, data: bytes, start: int, end: int) -> None:
         self._value = _joined(self._value, data[start:end])
 
     def _on_header_end(self) -> None:
-        self._headers[self._field.decode("latin-1").lower()] = self._value
-        self._field, self._value = b"", b""
+        self._headers[self._name.decode("latin-1").lower()] = self._value
+        self._name, self._value = b"", b""
 
     def _on_headers_finished(self) -> None:
         disposition = self._headers.get("content-disposition", b"")
         _, options = parse_options_header(disposition)
         name = options.get(b"name", b"").decode("utf-8", "replace")
         known = sorted((*self._known.names, DOCUMENT))
-        if name in RETIRED_PARTS.difference(known):
-            raise KindRetiredError(f"The part {name!r} was for lessons and what they taught.")
+        if name in RETIRED_FIELDS.difference(known):
+            raise KindRetiredError(f"The field {name!r} was for lessons and what they taught.")
         if name not in known:
-            advice = f"The parts are {', '.join(known[:-1])} and {known[-1]}."
-            raise RequestError(f"Unknown part {name[:100]!r}.", advice=advice)
-        if name in self._parts and name not in self._known.repeated:
-            raise RequestError(f"The part `{name}` was sent twice.", advice="Send it once.")
-        if len(self._parts) >= _MOST_PARTS:
-            raise RequestError(f"The form has more than {_MOST_PARTS} parts.", advice="Send the meshes as one ZIP.")
-        name = next(each for each in _numbered(name) if each not in self._parts)
+            advice = f"The fields are {', '.join(known[:-1])} and {known[-1]}."
+            raise RequestError(f"Unknown field {name[:100]!r}.", advice=advice)
+        if name in self._fields and name not in self._known.repeated:
+            raise RequestError(f"The field `{name}` was sent twice.", advice="Send it once.")
+        if len(self._fields) >= _MOST_FIELDS:
+            raise RequestError(f"The form has more than {_MOST_FIELDS} fields.", advice="Send the meshes as one ZIP.")
+        name = next(each for each in _numbered(name) if each not in self._fields)
         if name == DOCUMENT:
-            self._part = _DocumentPart()
+            self._current = _DocumentField()
         else:
-            self._part = _FilePart(self._folder / name, clean_filename(_filename(disposition, options)))
-        self._parts[name] = self._part
+            self._current = _FileField(self._folder / name, clean_filename(_filename(disposition, options)))
+        self._fields[name] = self._current
 
     def _on_part_data(self, data: bytes, start: int, end: int) -> None:
-        assert self._part is not None
-        self._part.write(data[start:end])
+        assert self._current is not None
+        self._current.write(data[start:end])
 
     def _on_part_end(self) -> None:
-        if self._part is not None:
-            self._part.close()
+        if self._current is not None:
+            self._current.close()
 
     def _on_end(self) -> None:
         self._ended = True
@@ -275,25 +275,25 @@ def _numbered(name: str) -> Iterator[str]:
     return itertools.chain([name], (f"{name}_{number}" for number in itertools.count(2)))
 
 
-class _Part(Protocol):
+class _Field(Protocol):
     def write(self, data: bytes) -> None: ...
     def close(self) -> None: ...
 
 
-class _DocumentPart:
+class _DocumentField:
     def __init__(self) -> None:
         self.data = bytearray()
 
     def write(self, data: bytes) -> None:
         if len(self.data) + len(data) > MAX_DOCUMENT_BYTES:
-            raise RequestError(f"The part `{DOCUMENT}` is longer than {MAX_DOCUMENT_BYTES} bytes.")
+            raise RequestError(f"The field `{DOCUMENT}` is longer than {MAX_DOCUMENT_BYTES} bytes.")
         self.data += data
 
     def close(self) -> None:
         pass
 
 
-class _FilePart:
+class _FileField:
     def __init__(self, path: Path, filename: str) -> None:
         self.path, self.filename = path, filename
         self.size, self.digest = 0, hashlib.sha256()
@@ -330,5 +330,5 @@ def clean_filename(filename: str) -> str:
 
 def _joined(header: bytes, data: bytes) -> bytes:
     if len(header) + len(data) > _MAX_HEADER_BYTES:
-        raise RequestError(f"A part's header is longer than {_MAX_HEADER_BYTES} bytes.")
+        raise RequestError(f"A field's header is longer than {_MAX_HEADER_BYTES} bytes.")
     return header + data

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fastapi import Depends, FastAPI, Request
@@ -12,6 +12,7 @@ from fastapi.dependencies.models import Dependant
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
+from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
@@ -56,9 +57,9 @@ def parameter_error(errors: Sequence[Any]) -> ParameterError:
     """Convert pydantic's errors to a ParameterError, without the input, which may be long or secret."""
     problems = [{"loc": list(error["loc"]), "msg": reason(error), "type": error["type"]} for error in errors]
     first = problems[0]
-    place = ".".join(str(part) for part in first["loc"])
+    location = ".".join(str(step) for step in first["loc"])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return ParameterError(f"{place}: {first['msg']}{more}" if place else f"{first['msg']}{more}", errors=problems)
+    return ParameterError(f"{location}: {first['msg']}{more}" if location else f"{first['msg']}{more}", errors=problems)
 
 
 def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[str, Any]]:
@@ -71,6 +72,20 @@ def problem_responses(*errors: type[MeshdeformError]) -> dict[int | str, dict[st
         example = _document(error(title), "/v1/jobs")
         response["content"][PROBLEM_TYPE]["examples"][error.code] = {"summary": title, "value": example}
     return {**dict(sorted(responses.items())), "default": {"description": "Any other error.", "content": _content()}}
+
+
+def answers(
+    model: type[BaseModel] | None,
+    description: str,
+    *errors: type[MeshdeformError],
+    status: int = 200,
+    headers: Mapping[str, Any] | None = None,
+) -> dict[int | str, dict[str, Any]]:
+    """Return the response objects of a route for OpenAPI: that of success, maybe with a document, and its errors."""
+    success: dict[str, Any] = {"description": description}
+    success |= {"model": model} if model is not None else {}
+    success |= {"headers": headers} if headers is not None else {}
+    return {status: success, **problem_responses(*errors)}
 
 
 def _content() -> dict[str, Any]:

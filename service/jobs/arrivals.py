@@ -109,26 +109,26 @@ async def _given_up(fetches: Iterable[asyncio.Task[ReceivedFile]]) -> None:
     await asyncio.gather(*fetches, return_exceptions=True)
 
 
-async def taken_along(app: AppState, owner_id: str, submission: Submission) -> Submission:
+async def with_inline_files(app: AppState, owner_id: str, submission: Submission) -> Submission:
     """Return a request with the files that its document holds, or that are kept of an earlier preview."""
     files = dict(submission.files)
-    for name, (source, place) in submission.document.sources.items():
+    for name, (source, location) in submission.document.sources.items():
         path = submission.folder / name
         if isinstance(source, PreviewSource) and source.sha256 is not None:
             files[name] = app.kept_assets.fetch(owner_id, source.sha256, path)
         elif source.data is not None:
-            files[name] = await to_thread.run_sync(_decode, source, place, path)
+            files[name] = await to_thread.run_sync(_decode, source, location, path)
     return replace(submission, document=submission.document.without(files), files=files)
 
 
-def _decode(source: FileSource, place: list[str], path: Path) -> ReceivedFile:
+def _decode(source: FileSource, location: list[str], path: Path) -> ReceivedFile:
     text = source.data or ""
     if text.startswith("data:"):
         text = text.partition(",")[2]
     try:
         data = base64.b64decode("".join(text.split()), validate=True)
     except (binascii.Error, ValueError) as error:
-        raise ParameterError.at([*place, "data"], "The text is not base64.", "Encode the file's bytes.") from error
+        raise ParameterError.at([*location, "data"], "The text is not base64.", "Encode the file's bytes.") from error
     path.write_bytes(data)
     return ReceivedFile(path, clean_filename(source.filename), len(data), hashlib.sha256(data).hexdigest())
 
@@ -222,7 +222,7 @@ def _tls() -> ssl.SSLContext:
     return httpx.create_ssl_context()
 
 
-def go_on(app: AppState, caller: Caller, job_id: str, arrivals: Arrivals, held: AsyncExitStack) -> None:
+def complete_later(app: AppState, caller: Caller, job_id: str, arrivals: Arrivals, held: AsyncExitStack) -> None:
     """Wait for the files of a job that was accepted early, after its request was answered; then close what is held."""
     late = asyncio.create_task(_completed(app, caller, job_id, arrivals, held))
     app.late.add(late)
@@ -282,7 +282,7 @@ def _failed(app: AppState, job_id: str, failure: MeshdeformError) -> bool:
     return True
 
 
-async def give_up_late(app: AppState) -> None:
+async def give_up_fetching(app: AppState) -> None:
     """Let all jobs fail whose files are still being fetched, when the server stops."""
     for late in list(app.late):
         late.cancel()

@@ -14,7 +14,7 @@ from meshdeform.errors import (
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import CheckpointRef, Job, JobState, Origin, OriginMode, StoredFile
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.parameters import WORDS_PART
+from meshdeform.requests.parameters import WORDS_FIELD
 from meshdeform.runs import kind_of
 from meshdeform.words import in_use
 from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
@@ -58,7 +58,7 @@ def retry(app: AppState, caller: Caller, job_id: str, document: RetryDocument | 
             checkpoints = app.record.leases.checkpoints(job_id)
             newest = sorted(checkpoints, key=lambda each: (each.step, each.attempt), reverse=True)
             origin = _copy_checkpoint(app, leases, job, newest, OriginMode.RETRY) or _initial_origin(app, leases, job)
-            size = {"faces": job.faces, "parts": job.parts}
+            size = {"faces": job.faces, "meshes": job.meshes}
             new = new_job(app, caller, request, job.files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
@@ -85,7 +85,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
         request, pinned, words = pin_words(app, caller.owner_id, request, folder, sent=sent)
         inherited = _inherited(job, request, references)
         with in_use(words):
-            params = check(request, app.settings, files={*inherited, *references, *([WORDS_PART] if pinned else [])})
+            params = check(request, app.settings, files={*inherited, *references, *([WORDS_FIELD] if pinned else [])})
         with app.record.files.leases() as leases:
             files = dict(inherited)
             for name, reference in references.items():
@@ -94,7 +94,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                 app.record.check_room(caller.owner_id, {key_of(file): file.size}, app.settings.max_stored_bytes)
                 files[name] = store_file(app, leases, file)
             if pinned is not None:
-                files[WORDS_PART] = store_file(app, leases, pinned)
+                files[WORDS_FIELD] = store_file(app, leases, pinned)
             _lease(app, leases, inherited.values())
             known = app.record.leases.checkpoints(job_id)
             origin = _copy_checkpoint(
@@ -108,7 +108,7 @@ def branch(app: AppState, caller: Caller, job_id: str, step: int, document: Bran
                     steps=steps,
                 )
             files = in_order(request, files)
-            size = {"faces": job.faces, "parts": job.parts}
+            size = {"faces": job.faces, "meshes": job.meshes}
             new = new_job(app, caller, request, files, origin=origin, resolved=params, claim=claim, **size)
             return record_job(app, new, leases)
 
@@ -119,10 +119,10 @@ def _inherited(
     """Return the files of the other job that a branch keeps."""
     # `ParameterError`: the request replaces a file to which the checkpoint belongs.
     kind = kind_of(job.kind)
-    for part in kind.reads:
-        if part.required and part.name in named:
+    for field in kind.reads:
+        if field.required and field.name in named:
             raise ParameterError.at(
-                [part.name], f"A branch keeps its job's `{part.name}`.", "Post a new job for another file."
+                [field.name], f"A branch keeps its job's `{field.name}`.", "Post a new job for another file."
             )
     kept = kind.inherits(request) - set(named)
     return {name: file for name, file in job.files.items() if name in kept}

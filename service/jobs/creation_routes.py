@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from anyio import to_thread
 from fastapi import APIRouter, Header, Query, Request, Response
@@ -29,6 +29,7 @@ from service.documentation.responses import (
     ASSET_ERRORS,
     CALLER_ERRORS,
     ETAG,
+    FILE,
     LOCATION,
     NEW_JOB_ERRORS,
     REPLAY,
@@ -37,15 +38,16 @@ from service.documentation.responses import (
     WAITED,
     JobId,
     Step,
+    form_body,
     json_body,
 )
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
 from service.http.bodies import body_of, parse_document, receive_document, receive_form
 from service.http.callers import while_waited_for
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer
-from service.jobs.arrivals import Arrivals, arriving, go_on, taken_along
+from service.jobs.arrivals import Arrivals, arriving, complete_later, with_inline_files
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument, RetryDocument
 from service.jobs.intake import (
@@ -63,73 +65,49 @@ from service.webhooks.routes import checked_address
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
-_UPLOAD = {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}
 _DOCUMENT = {"prompt": "a mushroom", "params": {"seed": 7}}
 _HEADERS = {**LOCATION, **RETRY_AFTER, **ETAG, **REPLAY}
-# `format: binary` comes from OpenAPI 3.0; code generators still rely on it to recognise files.
-FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
-PARTS = {
-    part.name: {
+FILES = {
+    file.name: {
         **FILE,
-        "description": f"{part.summary} If absent, `request.files.{part.name}` names a stored file.",
+        "description": f"{file.summary} If absent, `request.files.{file.name}` names a stored file.",
     }
-    for kind in reversed(kinds())  # where kinds share a part, the first describes it
-    for part in kind.reads
+    for kind in reversed(kinds())  # where kinds share a file, the first describes it
+    for file in kind.reads
 }
-BODY: dict[str, Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["request"],
-                    "additionalProperties": False,
-                    "properties": {**PARTS, "request": {"$ref": "#/components/schemas/JobDocument"}},
-                },
-                "encoding": {
-                    **{name: {"contentType": "application/octet-stream"} for name in PARTS},
-                    "request": {"contentType": "application/json"},
-                },
-                "examples": {
-                    "prompt": {
-                        "summary": "An asset and a prompt",
-                        "value": {"asset": "the bytes of sphere.glb", "request": _DOCUMENT},
-                    },
-                    "target": {
-                        "summary": "An asset and a second mesh",
-                        "value": {
-                            "asset": "the bytes of sphere.glb",
-                            "request": {"params": {"seed": 7}},
-                            "target": "the bytes of vase.glb",
-                        },
-                    },
-                },
-            },
-            "application/json": {
-                "schema": {"$ref": "#/components/schemas/JobDocument"},
-                "examples": {
-                    "upload": {"summary": "Use a complete upload", "value": {**_DOCUMENT, "asset": _UPLOAD}},
-                    "artifact": {
-                        "summary": "Use a result of another job",
-                        "value": {
-                            **_DOCUMENT,
-                            "asset": {"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"},
-                        },
-                    },
-                    "url": {
-                        "summary": "Let the server fetch the asset",
-                        "value": {**_DOCUMENT, "asset": {"url": "https://example.org/models/sphere.glb"}},
-                    },
-                    "inline": {
-                        "summary": "An asset in the document",
-                        "value": {**_DOCUMENT, "asset": {"data": "Z2xURgIAAAA...", "filename": "sphere.glb"}},
-                    },
-                },
+BODY = form_body(
+    "JobDocument",
+    FILES,
+    {
+        "prompt": {
+            "summary": "An asset and a prompt",
+            "value": {"asset": "the bytes of sphere.glb", "request": _DOCUMENT},
+        },
+        "target": {
+            "summary": "An asset and a second mesh",
+            "value": {
+                "asset": "the bytes of sphere.glb",
+                "request": {"params": {"seed": 7}},
+                "target": "the bytes of vase.glb",
             },
         },
-    }
-}
+    },
+    {
+        "examples": {
+            name: {"summary": summary, "value": {**_DOCUMENT, "asset": asset}}
+            for name, summary, asset in (
+                ("upload", "Use a complete upload", {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}),
+                (
+                    "artifact",
+                    "Use a result of another job",
+                    {"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"},
+                ),
+                ("url", "Let the server fetch the asset", {"url": "https://example.org/models/sphere.glb"}),
+                ("inline", "An asset in the document", {"data": "Z2xURgIAAAA...", "filename": "sphere.glb"}),
+            )
+        }
+    },
+)
 # The Python generator writes code that cannot be imported for an operation with two media types and no parameter.
 RequestId = Annotated[
     str | None,
@@ -145,7 +123,6 @@ RequestId = Annotated[
 
 @router.post(
     "",
-    operation_id="create_job",
     summary="Create a job",
     status_code=202,
     responses={
@@ -187,7 +164,7 @@ async def _created(request: Request, app: AppState, caller: Caller) -> KeptAnswe
     """Accept a job once its files are there, or, if one comes from a slow host, before."""
     owner_id = caller.owner_id
     async with AsyncExitStack() as held:
-        arrivals = await held.enter_async_context(brought(request, app, owner_id))
+        arrivals = await held.enter_async_context(receiving(request, app, owner_id))
         if await arrivals.within(FETCH_SOON_S):
             submission = await arrivals.all()
             if submission.urls:
@@ -195,18 +172,22 @@ async def _created(request: Request, app: AppState, caller: Caller) -> KeptAnswe
             return await app.take_in(owner_id, accept_job, app, caller, submission)
         answer = await app.take_in(owner_id, accept_early, app, caller, arrivals.submission)
         if not answer.replayed:
-            go_on(app, caller, answer.body["id"], arrivals, held.pop_all())
+            complete_later(app, caller, answer.body["id"], arrivals, held.pop_all())
         return answer
 
 
 @router.post(
     ":validate",
-    operation_id="validate_job",
     summary="Validate a job without creating it",
-    responses={
-        200: {"model": Validation, "description": "The job would be accepted."},
-        **problem_responses(StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, *CALLER_ERRORS),
-    },
+    responses=answers(
+        Validation,
+        "The job would be accepted.",
+        StoredFileError,
+        *ASSET_ERRORS,
+        *REQUEST_ERRORS,
+        ConflictError,
+        *CALLER_ERRORS,
+    ),
     openapi_extra=BODY,
 )
 async def validate_job(
@@ -223,14 +204,17 @@ async def validate_job(
 
 @router.post(
     ":parts",
-    operation_id="list_job_parts",
     summary="List the parts of the asset that words can name",
-    responses={
-        200: {"model": FoundParts, "description": "The parts, or those of the prompt and what it makes of the asset."},
-        **problem_responses(
-            StoredFileError, *ASSET_ERRORS, *REQUEST_ERRORS, ConflictError, DependencyError, *CALLER_ERRORS
-        ),
-    },
+    responses=answers(
+        FoundParts,
+        "The parts, or those of the prompt and what it makes of the asset.",
+        StoredFileError,
+        *ASSET_ERRORS,
+        *REQUEST_ERRORS,
+        ConflictError,
+        DependencyError,
+        *CALLER_ERRORS,
+    ),
     openapi_extra=BODY,
 )
 async def list_job_parts(
@@ -260,28 +244,28 @@ async def list_job_parts(
 
 @router.post(
     "/{id}/retry",
-    operation_id="retry_job",
     summary="Retry a job that did not succeed",
     status_code=202,
-    responses={
-        202: {"model": JobView, "description": "A new job.", "headers": _HEADERS},
-        **problem_responses(
-            NotFoundError,
-            ConflictError,
-            UnreadableJobError,
-            StoredFileError,
-            *REQUEST_ERRORS,
-            *NEW_JOB_ERRORS,
-            *CALLER_ERRORS,
-        ),
-    },
+    responses=answers(
+        JobView,
+        "A new job.",
+        NotFoundError,
+        ConflictError,
+        UnreadableJobError,
+        StoredFileError,
+        *REQUEST_ERRORS,
+        *NEW_JOB_ERRORS,
+        *CALLER_ERRORS,
+        status=202,
+        headers=_HEADERS,
+    ),
     openapi_extra=json_body("RetryDocument", {"max_run_s": 7200}, required=False),
 )
 async def retry_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    id: JobId,  # noqa: A002 - the name in the path
+    id: JobId,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Creates a new job that continues a failed, canceled or expired one from its last checkpoint.
@@ -297,29 +281,29 @@ async def retry_job(
 
 @router.post(
     "/{id}/checkpoints/{step}/branch",
-    operation_id="branch_job",
     summary="Branch a job from a checkpoint",
     status_code=202,
-    responses={
-        202: {"model": JobView, "description": "A new job.", "headers": _HEADERS},
-        **problem_responses(
-            NotFoundError,
-            StoredFileError,
-            *ASSET_ERRORS,
-            *REQUEST_ERRORS,
-            *NEW_JOB_ERRORS,
-            ConflictError,
-            UnreadableJobError,
-            *CALLER_ERRORS,
-        ),
-    },
+    responses=answers(
+        JobView,
+        "A new job.",
+        NotFoundError,
+        StoredFileError,
+        *ASSET_ERRORS,
+        *REQUEST_ERRORS,
+        *NEW_JOB_ERRORS,
+        ConflictError,
+        UnreadableJobError,
+        *CALLER_ERRORS,
+        status=202,
+        headers=_HEADERS,
+    ),
     openapi_extra=json_body("BranchDocument", {"prompt": "a vase", "params": {"seed": 7}}),
 )
 async def branch_job(
     request: Request,
     app: AppStateDep,
     principal: PrincipalDep,
-    id: JobId,  # noqa: A002
+    id: JobId,
     step: Step,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
@@ -339,8 +323,8 @@ async def _check_webhook(app: AppState, owner_id: str, request: JobRequest) -> N
     try:
         await checked_address(app, owner_id, request.webhook.url)
     except WebhookAddressError as error:
-        place = {"loc": ["webhook", "url"], "msg": error.detail, "type": "value_error"}
-        raise WebhookAddressError(error.detail, advice=error.advice_text, errors=[place]) from error
+        location = {"loc": ["webhook", "url"], "msg": error.detail, "type": "value_error"}
+        raise WebhookAddressError(error.detail, advice=error.advice_text, errors=[location]) from error
 
 
 async def _received(
@@ -363,9 +347,9 @@ async def _received(
         folder,
         app.settings.max_upload_bytes,
     )
-    document = parse_document(model, text, "The part `request`")
+    document = parse_document(model, text, "The field `request`")
     for name in missing_files(document, files):
-        raise RequestError(f"The part `{name}` is missing.", advice=file_advice(name))
+        raise RequestError(f"The field `{name}` is missing.", advice=file_advice(name))
     return Submission(document, files, folder)
 
 
@@ -379,7 +363,7 @@ def _parsed(text: bytes, model: type[JobDocument]) -> JobDocument:
 
 
 @asynccontextmanager
-async def brought(
+async def receiving(
     request: Request, app: AppState, owner_id: str, model: type[JobDocument] = JobDocument
 ) -> AsyncIterator[Arrivals]:
     """Receive a request and start to fetch what it names by URLs; all files are deleted when the block ends.
@@ -391,7 +375,7 @@ async def brought(
         async with AsyncExitStack() as held:
             submission = await _received(request, app, owner_id, held, model, folder)
             await _check_webhook(app, owner_id, submission.document)
-            submission = await taken_along(app, owner_id, submission)
+            submission = await with_inline_files(app, owner_id, submission)
             if not submission.document.sources:
                 kept.push_async_exit(held.pop_all())
         yield await kept.enter_async_context(arriving(app, owner_id, submission))
@@ -402,7 +386,7 @@ async def submitted(
     request: Request, app: AppState, owner_id: str, model: type[JobDocument] = JobDocument
 ) -> AsyncIterator[Submission]:
     """Receive a request and all its files, which are deleted when the block ends."""
-    async with brought(request, app, owner_id, model) as arrivals, AsyncExitStack() as held:
+    async with receiving(request, app, owner_id, model) as arrivals, AsyncExitStack() as held:
         submission = await arrivals.all()
         if submission.urls:
             await held.enter_async_context(app.bodies.slot(owner_id))

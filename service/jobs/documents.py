@@ -16,7 +16,7 @@ from meshdeform.requests.parameters import MAX_SEED
 UPLOAD_ID_PATTERN = id_pattern("upl")
 SHA256_PATTERN = r"^[0-9a-fA-F]{64}$"
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
-_Part = Annotated[str, StringConstraints(min_length=1, max_length=64)]
+_Field = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 _Sha256 = Annotated[str, StringConstraints(to_lower=True, pattern=SHA256_PATTERN)]
 
 
@@ -93,13 +93,13 @@ class FileSource(_Reference):
 
 
 class _WithFiles(JobRequest):
-    files: Mapping[_Part, FileReference | FileSource] = Field(default_factory=dict)
+    files: Mapping[_Field, FileReference | FileSource] = Field(default_factory=dict)
     # The members that name a file of their own, beside those in `files`.
     _named: ClassVar[tuple[str, ...]] = ()
 
     @property
     def references(self) -> dict[str, tuple[FileReference | FileSource, list[str]]]:
-        """The files that the document names by part, each with its place in the document."""
+        """The files that the document names by field, each with its location in the document."""
         own = {name: getattr(self, name) for name in self._named}
         return {
             **{name: (reference, ["files", name]) for name, reference in self.files.items()},
@@ -117,20 +117,20 @@ class _WithFiles(JobRequest):
 class JobDocument(_WithFiles):
     """A job request, with references to the files that are not sent along."""
 
-    files: dict[_Part, FileSource] = Field(
+    files: dict[_Field, FileSource] = Field(
         default_factory=dict,
-        description="The files that are not sent along, by the names of their parts; `GET /v1/limits` lists the "
-        "parts of each kind of job. Default: none.",
+        description="The files that are not sent along, by the names of their fields; `GET /v1/limits` lists the "
+        "fields of each kind of job. Default: none.",
         examples=[{"asset": {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}}],
     )
     asset: FileSource | None = Field(
         None,
-        description="The file to deform, unless it is sent as the part `asset`. The same as `files.asset`.",
+        description="The file to deform, unless it is sent as the field `asset`. The same as `files.asset`.",
         examples=[{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}],
     )
     target: FileSource | None = Field(
         None,
-        description="The second mesh of `target` guidance, unless it is sent as the part `target`. The same as "
+        description="The second mesh of `target` guidance, unless it is sent as the field `target`. The same as "
         "`files.target`.",
         examples=[{"job_id": "job_01kg9zqk2xf3v8c5m7n9p1r4t6", "artifact": "result.glb"}],
     )
@@ -143,10 +143,10 @@ class JobDocument(_WithFiles):
         every = self.references.items()
         return {name: (each, at) for name, (each, at) in every if isinstance(each, FileSource) and each.is_own}
 
-    def without(self, parts: Collection[str]) -> Self:
-        """Return the document without the references of these parts, as if they had been sent along."""
-        members = {name for name in self._named if name in parts}
-        kept = {name: each for name, each in self.files.items() if name not in parts}
+    def without(self, fields: Collection[str]) -> Self:
+        """Return the document without the references of these fields, as if they had been sent along."""
+        members = {name for name in self._named if name in fields}
+        kept = {name: each for name, each in self.files.items() if name not in fields}
         bare = self.model_copy(update={**dict.fromkeys(members), "files": kept})
         bare.__pydantic_fields_set__.difference_update(members if kept else {*members, "files"})
         return bare
@@ -172,7 +172,7 @@ class PreviewDocument(JobDocument):
 
     asset: PreviewSource | None = Field(
         None,
-        description="The file to deform, unless it is sent as the part `asset`.",
+        description="The file to deform, unless it is sent as the field `asset`.",
         examples=[{"sha256": _SHA256}],
     )
     seeds: list[Annotated[int, Field(ge=0, le=MAX_SEED)]] = Field(
@@ -186,9 +186,9 @@ class PreviewDocument(JobDocument):
 class BranchDocument(_WithFiles):
     """A request for a job that starts from a checkpoint of another job and has the same required files."""
 
-    files: dict[_Part, FileReference] = Field(
+    files: dict[_Field, FileReference] = Field(
         default_factory=dict,
-        description="Optional files by the names of their parts. Default: those of the other job that the request "
+        description="Optional files by the names of their fields. Default: those of the other job that the request "
         "uses.",
         examples=[{"target": {"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}}],
     )

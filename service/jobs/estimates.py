@@ -15,10 +15,11 @@ import sqlalchemy as sa
 from meshdeform.api.documents import JobEstimate
 from meshdeform.errors import UnreadableJobError
 from meshdeform.record.database import Database
-from meshdeform.record.leases import Leases, Turns
+from meshdeform.record.leases import Leases
 from meshdeform.record.models import JobState
 from meshdeform.record.rows import OWNED
 from meshdeform.record.schema import jobs
+from meshdeform.record.turns import Turns
 from meshdeform.requests.choices import is_builtin
 from meshdeform.requests.document import JobRequest, read_stored
 from meshdeform.runs import kind_of
@@ -40,7 +41,7 @@ class JobSize:
     """What is known of a job's mesh, which its time depends on, and of its safeguard."""
 
     faces: int | None = None
-    parts: int | None = None
+    meshes: int | None = None
     safeguard: str | None = None
 
 
@@ -68,7 +69,7 @@ def estimate(
         pace, basis = history.pace(request.kind, request.workload)
         if pace is None:
             return JobEstimate(basis=basis, steps=steps)
-        seconds = costs_of(request.workload).seconds(size.faces, size.parts, size.safeguard).times(pace)
+        seconds = costs_of(request.workload).seconds(size.faces, size.meshes, size.safeguard).times(pace)
         run_s = seconds.of(steps)
 
         def seconds_left(row: _Row) -> float:
@@ -106,13 +107,10 @@ class _History:
                 count = len(measured)
                 return pace_of(measured), f"{count} job{'s' * (count > 1)} of this kind {words}"
         basis = "no job of this kind has succeeded here yet"
-        if costs_of(workload) == Costs() or not self._is_builtin(workload):
+        # Costs were measured with the builtin model.
+        if costs_of(workload) == Costs() or not is_builtin(workload.split("/")[2] or self._default_model):
             return None, basis
         return Seconds(1.0, 1.0), f"{basis}: a rough figure, by the pace of another machine"
-
-    def _is_builtin(self, workload: str) -> bool:
-        """Return whether the model of a workload is the one that costs were measured with."""
-        return is_builtin(workload.split("/")[2] or self._default_model)
 
     def _measured(self, alike: sa.ColumnElement[bool]) -> list[tuple[Seconds, Seconds]]:
         """Return the expected and the actual seconds of the newest successful jobs."""

@@ -33,13 +33,13 @@ from meshdeform.errors import (
 )
 from meshdeform.priors import public_names
 from meshdeform.record.files import FileLeases
-from meshdeform.record.leases import Turns
 from meshdeform.record.models import Claim, NewJob, StoredFile
 from meshdeform.record.repository import check_priority
+from meshdeform.record.turns import Turns
 from meshdeform.requests.choices import GuidanceKind, PartsAs
 from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest, ResolvedParams
-from meshdeform.requests.parameters import WORDS_PART
+from meshdeform.requests.parameters import WORDS_FIELD
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import JobFile, Kind
 from meshdeform.runs.changes import parts_of
@@ -95,7 +95,7 @@ def check(
 
 @dataclass(frozen=True)
 class CheckedJob:
-    """A job that could run: its parameters, and its files and what is known of them, by part."""
+    """A job that could run: its parameters, and its files and what is known of them, by field."""
 
     params: BaseModel
     files: dict[str, ReceivedFile]
@@ -103,7 +103,7 @@ class CheckedJob:
 
     @property
     def summaries(self) -> dict[str, AssetSummary | PictureSummary]:
-        """Summaries of the files by part, of those that were decoded."""
+        """Summaries of the files by field, of those that were decoded."""
         return {name: file.summary for name, file in self.known.items() if file.summary is not None}
 
 
@@ -117,21 +117,21 @@ def checked(app: AppState, owner_id: str, submission: Submission, *, look: bool 
     check(request, app.settings, files=submission.names)
     files = submission.fetch_all(app, owner_id)
     kind = kind_of(request.kind)
-    sent = {name: file for name, file in files.items() if name != WORDS_PART}  # which `ready` has checked, or made
+    sent = {name: file for name, file in files.items() if name != WORDS_FIELD}  # which `ready` has checked, or made
     known = {name: JobFile(decoded(app, owner_id, kind, name, file)) for name, file in sent.items()}
     if look:
-        first = kind.parts[0]
+        first = kind.fields[0]
         path, filename = files[first].path, files[first].filename
         known[first] = replace(known[first], path=path, filename=filename, readings=app.readings)
     return CheckedJob(check(request, app.settings, files=files, known=known), files, known)
 
 
-def decoded(app: AppState, owner_id: str, kind: Kind, part: str, file: ReceivedFile) -> AssetSummary | PictureSummary:
-    """Decode a file completely as what its part should be."""
+def decoded(app: AppState, owner_id: str, kind: Kind, name: str, file: ReceivedFile) -> AssetSummary | PictureSummary:
+    """Decode a file completely as what its field should hold."""
     try:
-        return app.assets.check(file.path, file.filename, file.sha256, owner_id, kind.content_of(part))
+        return app.assets.check(file.path, file.filename, file.sha256, owner_id, kind.content_of(name))
     except SilhouetteError as error:
-        raise type(error)(f"`{part}`: {error.detail}", advice=error.advice_text, **error.extra) from error
+        raise type(error)(f"`{name}`: {error.detail}", advice=error.advice_text, **error.extra) from error
 
 
 def ready(app: AppState, owner_id: str, submission: Submission) -> tuple[Submission, list[Word]]:
@@ -141,13 +141,13 @@ def ready(app: AppState, owner_id: str, submission: Submission) -> tuple[Submiss
     """
     submission = submission.with_kind(app.settings)
     sent = list[Word]()
-    if WORDS_PART in submission.names and WORDS_PART in kind_of(submission.document.kind).parts:
-        submission = submission.with_fetched(app, owner_id, WORDS_PART)
-        file = submission.files[WORDS_PART]
-        decoded(app, owner_id, kind_of(submission.document.kind), WORDS_PART, file)
+    if WORDS_FIELD in submission.names and WORDS_FIELD in kind_of(submission.document.kind).fields:
+        submission = submission.with_fetched(app, owner_id, WORDS_FIELD)
+        file = submission.files[WORDS_FIELD]
+        decoded(app, owner_id, kind_of(submission.document.kind), WORDS_FIELD, file)
         sent = read_words(file.path.read_bytes())
     document, pinned, words = pin_words(app, owner_id, submission.document, submission.folder, sent=sent)
-    files = submission.files if pinned is None else {**submission.files, WORDS_PART: pinned}
+    files = submission.files if pinned is None else {**submission.files, WORDS_FIELD: pinned}
     return replace(submission, document=document, files=files), words
 
 
@@ -171,8 +171,8 @@ def accept_early(app: AppState, caller: Caller, submission: Submission) -> KeptA
         asked = submission.with_kind(app.settings)
         check(asked.document, app.settings, files=asked.names)
         kind = kind_of(asked.document.kind)
-        for part, file in asked.files.items():
-            decoded(app, caller.owner_id, kind, part, file)
+        for name, file in asked.files.items():
+            decoded(app, caller.owner_id, kind, name, file)
         new = new_job(app, caller, asked.document.without(asked.document.references), {}, claim=claim, fetching=True)
         return KeptAnswer(**accepted(app.record.create(new)))
 
@@ -207,7 +207,7 @@ def _stored(
         app.record.check_room(caller.owner_id, sizes, app.settings.max_stored_bytes)
 
     with app.record.files.leases() as leases:
-        stored = {part: store_file(app, leases, file, check_room) for part, file in job.files.items()}
+        stored = {name: store_file(app, leases, file, check_room) for name, file in job.files.items()}
         failpoint("api.stored")
         size = _size(job.summaries)
         yield new_job(app, caller, submission.document, stored, resolved=job.params, claim=claim, **size), leases
@@ -257,14 +257,14 @@ def validate(app: AppState, principal: Principal, submission: Submission) -> Val
 
 def _outlook(app: AppState, request: JobRequest, job: CheckedJob) -> Outlook | None:
     kind = kind_of(request.kind)
-    found = kind.outlook(request, job.params, app.settings, job.known[kind.parts[0]])
+    found = kind.outlook(request, job.params, app.settings, job.known[kind.fields[0]])
     return None if found is None else Outlook(**found)
 
 
 def _size(summaries: Mapping[str, AssetSummary | PictureSummary]) -> dict[str, int]:
-    """Return the faces and parts of the first file, as far as it has any."""
+    """Return the faces and meshes of the first file, as far as it has any."""
     asset = next(iter(summaries.values()))
-    return {"faces": asset.triangles, "parts": asset.meshes} if isinstance(asset, AssetSummary) else {}
+    return {"faces": asset.triangles, "meshes": asset.meshes} if isinstance(asset, AssetSummary) else {}
 
 
 async def list_parts(app: AppState, owner_id: str, submission: Submission, glb: PartsAs | None = None) -> FoundParts:
@@ -365,29 +365,29 @@ def _announce(app: AppState, job_id: str) -> None:
 
 def file_advice(name: str) -> str:
     """Return advice on how to give a job a file."""
-    return f"Send the file as the part `{name}`, or name an upload or an artifact in the document: `files.{name}`."
+    return f"Send the file as the field `{name}`, or name an upload or an artifact in the document: `files.{name}`."
 
 
 def in_order(request: JobRequest, files: Mapping[str, _F]) -> dict[str, _F]:
-    """Return the files of a job in the order of the parts of its kind."""
-    return {name: files[name] for name in kind_of(request.kind).parts if name in files}
+    """Return the files of a job in the order of the fields of its kind."""
+    return {name: files[name] for name in kind_of(request.kind).fields if name in files}
 
 
 def missing_files(document: JobDocument, received: Collection[str]) -> list[str]:
     """Return the names of required files that are neither sent nor named in the document."""
     present = {*received, *document.references}
-    return [part.name for part in kind_of(document.kind).reads if part.required and part.name not in present]
+    return [field.name for field in kind_of(document.kind).reads if field.required and field.name not in present]
 
 
 @dataclass(frozen=True)
 class Submission:
-    """A request for a job, and the files sent with it, by part; those that are fetched join them in `folder`."""
+    """A request for a job, and the files sent with it, by field; those that are fetched join them in `folder`."""
 
     document: JobDocument
     files: dict[str, ReceivedFile]
     folder: Path
     urls: dict[str, str] = field(default_factory=dict)
-    """SHA-256 of the URLs, by part, that the document named."""
+    """SHA-256 of the URLs, by field, that the document named."""
 
     def __post_init__(self) -> None:
         """Check that every file is given once, and every required one is given."""
@@ -395,7 +395,7 @@ class Submission:
         for name in self.files:
             if name in named:
                 raise ParameterError.at(
-                    [name], f"`{name}` is both sent as a part and named in the document.", "Leave one of the two out."
+                    [name], f"`{name}` is both sent as a field and named in the document.", "Leave one of the two out."
                 )
         for name in missing_files(self.document, self.files):
             raise ParameterError.at([name], f"`{name}` is missing.", file_advice(name))
@@ -417,23 +417,23 @@ class Submission:
         return replace(self, document=self.document.without([name]), files={**self.files, name: file})
 
     def fetch_all(self, app: AppState, owner_id: str) -> dict[str, ReceivedFile]:
-        """Fetch the files that the document names, and return all files by name, in the order of the kind's parts."""
+        """Fetch the files that the document names, and return all files by name, in the order of the kind's fields."""
         named = self.document.references.items()
         fetched = {name: fetch(app, owner_id, *reference, self.folder) for name, reference in named}
         return in_order(self.document, {**self.files, **fetched})
 
 
 def fetch(
-    app: AppState, owner_id: str, reference: FileReference | FileSource, place: list[str], folder: Path
+    app: AppState, owner_id: str, reference: FileReference | FileSource, location: list[str], folder: Path
 ) -> ReceivedFile:
     """Copy the file that a reference names into the folder.
 
-    `owner_id`: the owner of the uploads and jobs that may be named. `place`: the member that holds the reference; its
-    last name is also that of the file in the folder.
+    `owner_id`: the owner of the uploads and jobs that may be named. `location`: that of the member that holds the
+    reference; its last name is also that of the file in the folder.
     """
-    path = folder / place[-1]
+    path = folder / location[-1]
     if reference.upload_id is not None:
-        with _reported_at([*place, "upload_id"], f"There is no upload {reference.upload_id}."):
+        with _reported_at([*location, "upload_id"], f"There is no upload {reference.upload_id}."):
             upload = app.record.uploads.get(reference.upload_id, owner=owner_id)
             if upload.key is None or upload.sha256 is None:
                 raise ConflictError(
@@ -443,27 +443,27 @@ def fetch(
             app.store.fetch(upload.key, path, sha256=upload.sha256)
         return ReceivedFile(path, upload.filename, upload.size, upload.sha256)
     assert reference.job_id is not None
-    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
+    with _reported_at([*location, "job_id"], f"There is no job {reference.job_id}."):
         job = app.record.get(reference.job_id, owner=owner_id)
         artifacts = {artifact.name: artifact for artifact in app.record.artifacts(job.id, owner=owner_id)}
     if reference.artifact not in artifacts:
         if not job.state.terminal:
             raise ConflictError(f"The job {job.id} is {job.state}.", advice="Wait until it has succeeded.")
         detail = f"The {job.state} job {job.id} has no such artifact."
-        raise ParameterError.at([*place, "artifact"], detail, f"It has: {', '.join(artifacts) or 'none'}.")
+        raise ParameterError.at([*location, "artifact"], detail, f"It has: {', '.join(artifacts) or 'none'}.")
     artifact = artifacts[reference.artifact]
     Limits.from_settings(app.settings).check_bytes(artifact.size, "The artifact has")
-    with _reported_at([*place, "job_id"], f"There is no job {reference.job_id}."):
+    with _reported_at([*location, "job_id"], f"There is no job {reference.job_id}."):
         app.store.fetch(artifact.key, path, sha256=artifact.sha256)
     return ReceivedFile(path, artifact.name, artifact.size, artifact.sha256)
 
 
 @contextmanager
-def _reported_at(place: list[str], detail: str) -> Iterator[None]:
-    """Turn NotFoundError into a ParameterError at `place`: the document is wrong, not the path of the request."""
+def _reported_at(location: list[str], detail: str) -> Iterator[None]:
+    """Turn NotFoundError into a ParameterError at `location`: the document is wrong, not the path of the request."""
     try:
         yield
     except NotFoundError as error:
         raise ParameterError.at(
-            place, detail, "Check the id; the file may have been deleted or have expired."
+            location, detail, "Check the id; the file may have been deleted or have expired."
         ) from error

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
 from meshdeform.api.states import MAX_PREVIEWED, PREVIEW_S
 from meshdeform.errors import AssetNotKeptError, ConflictError, DependencyError, NumericalError, StoredFileError
-from service.documentation.responses import ASSET_ERRORS, CALLER_ERRORS, REQUEST_ERRORS, header
+from service.documentation.responses import ASSET_ERRORS, BYTES, CALLER_ERRORS, REQUEST_ERRORS, form_body, header
 from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, problem_responses
-from service.jobs.creation_routes import FILE, PARTS, RequestId, submitted
+from service.jobs.creation_routes import FILES, RequestId, submitted
 from service.jobs.documents import PreviewDocument
 from service.jobs.previews import As, preview
 from service.state import AppStateDep
@@ -21,42 +21,21 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"], dependencies=KNOWN_QUERY)
 
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 _DOCUMENT = {"prompt": "a mushroom", "seeds": [0, 1, 2, 3, 4, 5]}
-_BODY: dict[str, Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["request"],
-                    "additionalProperties": False,
-                    "properties": {**PARTS, "request": {"$ref": "#/components/schemas/PreviewDocument"}},
-                },
-                "encoding": {
-                    **{name: {"contentType": FILE["contentMediaType"]} for name in PARTS},
-                    "request": {"contentType": "application/json"},
-                },
-                "examples": {
-                    "first": {
-                        "summary": "The first preview of an asset",
-                        "value": {"asset": "the bytes of sphere.glb", "request": _DOCUMENT},
-                    }
-                },
-            },
-            "application/json": {
-                "schema": {"$ref": "#/components/schemas/PreviewDocument"},
-                "examples": {
-                    "next": {"summary": "The next prompt", "value": {**_DOCUMENT, "asset": {"sha256": _SHA256}}}
-                },
-            },
-        },
-    }
-}
+_BODY = form_body(
+    "PreviewDocument",
+    FILES,
+    {
+        "first": {
+            "summary": "The first preview of an asset",
+            "value": {"asset": "the bytes of sphere.glb", "request": _DOCUMENT},
+        }
+    },
+    {"examples": {"next": {"summary": "The next prompt", "value": {**_DOCUMENT, "asset": {"sha256": _SHA256}}}}},
+)
 
 
 @router.post(
     ":preview",
-    operation_id="preview_job",
     summary="Show what a job would make",
     response_class=Response,
     responses={
@@ -68,7 +47,7 @@ _BODY: dict[str, Any] = {
                 ),
                 "Meshdeform-Draft": header("`true`: a draft; ask again without `draft` for the shape itself.", "false"),
             },
-            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+            "content": BYTES,
         },
         **problem_responses(
             StoredFileError,

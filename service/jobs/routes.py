@@ -23,7 +23,7 @@ from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WA
 from service.downloads.responses import matches
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep, ViewerDep, job_link
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers, problem_responses
 from service.state import AppStateDep
 
 __all__ = ["JobId", "router", "shown"]
@@ -103,12 +103,8 @@ class _Asked:
 
 @router.get(
     "",
-    operation_id="list_jobs",
     summary="List jobs, newest first",
-    responses={
-        200: {"model": JobList, "description": "A page of jobs."},
-        **problem_responses(ParameterError, *CALLER_ERRORS),
-    },
+    responses=answers(JobList, "A page of jobs.", ParameterError, *CALLER_ERRORS),
     openapi_extra={"parameters": [_METADATA]},
 )
 def list_jobs(
@@ -132,7 +128,6 @@ def list_jobs(
 
 @router.get(
     "/{id}",
-    operation_id="get_job",
     summary="Get a job",
     responses={
         200: {"model": JobView, "description": "The job.", "headers": {**ETAG, **RETRY_AFTER, **WAITED}},
@@ -144,7 +139,7 @@ async def get_job(
     request: Request,
     app: AppStateDep,
     viewer: ViewerDep,
-    id: JobId,  # noqa: A002 - the name in the path
+    id: JobId,
     if_none_match: Annotated[
         str | None,
         Header(description="The `ETag` of your version. Default: none.", max_length=1000, examples=['W/"7"']),
@@ -170,14 +165,17 @@ async def get_job(
 
 @router.post(
     "/{id}/cancel",
-    operation_id="cancel_job",
     summary="Cancel a job",
-    responses={
-        200: {"model": JobView, "description": "`canceled`, or `canceling` until its worker stops.", "headers": ETAG},
-        **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
-    },
+    responses=answers(
+        JobView,
+        "`canceled`, or `canceling` until its worker stops.",
+        NotFoundError,
+        ConflictError,
+        *CALLER_ERRORS,
+        headers=ETAG,
+    ),
 )
-def cancel_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
+def cancel_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:
     """A queued job is canceled at once, a running one after its current step. A job that ended otherwise gives 409."""
     try:
         job = app.record.request_cancel(id, principal.owner_id)
@@ -197,16 +195,12 @@ def cancel_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response
 
 @router.delete(
     "/{id}",
-    operation_id="delete_job",
     summary="Delete a job and its artifacts",
     status_code=204,
     response_class=Response,
-    responses={
-        204: {"description": "The job is deleted."},
-        **problem_responses(NotFoundError, ConflictError, *CALLER_ERRORS),
-    },
+    responses=answers(None, "The job is deleted.", NotFoundError, ConflictError, *CALLER_ERRORS, status=204),
 )
-def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002
+def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:
     """The job must have ended: cancel it first. Its files are deleted too, unless another job uses them."""
     files = app.record.delete(id, principal.owner_id)
     with contextlib.suppress(UnavailableError):
@@ -217,14 +211,10 @@ def delete_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response
 
 @router.post(
     "/{id}/url",
-    operation_id="link_job",
     summary="Create a link to a job",
-    responses={
-        200: {"model": SignedUrl, "description": "The address of the page that shows the job."},
-        **problem_responses(NotFoundError, *CALLER_ERRORS),
-    },
+    responses=answers(SignedUrl, "The address of the page that shows the job.", NotFoundError, *CALLER_ERRORS),
 )
-def link_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:  # noqa: A002 - the name in the path
+def link_job(app: AppStateDep, principal: PrincipalDep, id: JobId) -> Response:
     """Anyone who has the link can watch this one job, and read its asset, its checkpoints and its results.
 
     It changes nothing and opens no other job. It ends with its time, with the job, and with the API key that made it.
@@ -272,7 +262,7 @@ def _labels(request: Request) -> dict[str, str]:
             else ""
         )
         if reason:
-            place = ["query", "metadata", name[:MAX_METADATA_NAME]]
-            raise ParameterError.at(place, f"query.metadata: {reason}.", message=reason)
+            location = ["query", "metadata", name[:MAX_METADATA_NAME]]
+            raise ParameterError.at(location, f"query.metadata: {reason}.", message=reason)
         labels[name] = value
     return labels

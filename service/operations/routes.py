@@ -34,7 +34,7 @@ from meshdeform.runs.base import Kind
 from meshdeform.words import MAX_FACES, MAX_SHAPES, MAX_WORD_BYTES, parts_to_set
 from service.documentation.responses import CALLER_ERRORS
 from service.http.auth import PrincipalDep
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers, problem_responses
 from service.schemas import Health, PartHealth, Readiness
 from service.state import AppStateDep
 from service.words.known import as_word
@@ -53,10 +53,7 @@ _EXAMPLE = 'meshdeform_jobs{state="queued"} 3.0\n'
     tags=["models"],
     operation_id="list_models",
     summary="List the models that jobs may use",
-    responses={
-        200: {"model": ModelList, "description": "The models of this server, the default one first."},
-        **problem_responses(*CALLER_ERRORS),
-    },
+    responses=answers(ModelList, "The models of this server, the default one first.", *CALLER_ERRORS),
 )
 def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Each model with its availability and vocabulary. Prompts made of its words are accepted."""
@@ -71,12 +68,8 @@ def get_models(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
 @router.get(
     "/v1/limits",
     tags=["limits"],
-    operation_id="get_limits",
     summary="Get the limits of this server",
-    responses={
-        200: {"model": LimitList, "description": "The limits of everything that a caller controls."},
-        **problem_responses(*CALLER_ERRORS),
-    },
+    responses=answers(LimitList, "The limits of everything that a caller controls.", *CALLER_ERRORS),
 )
 async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Includes the limits of the API key that is used."""
@@ -123,12 +116,8 @@ async def get_limits(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
 @router.get(
     "/v1/usage",
     tags=["usage"],
-    operation_id="get_usage",
     summary="Get what you have used, by month",
-    responses={
-        200: {"model": UsageList, "description": "Jobs, seconds and bytes of each month."},
-        **problem_responses(*CALLER_ERRORS),
-    },
+    responses=answers(UsageList, "Jobs, seconds and bytes of each month.", *CALLER_ERRORS),
 )
 def get_usage(app: AppStateDep, principal: PrincipalDep) -> JSONResponse:
     """Of all keys of your owner together. Jobs that were deleted stay counted."""
@@ -159,9 +148,8 @@ def _described(kind: Kind) -> KindView:
 
 @health.get(
     "/healthz",
-    operation_id="healthz",
     summary="Check liveness",
-    responses={200: {"model": Health, "description": "The process is alive."}, **problem_responses()},
+    responses=answers(Health, "The process is alive."),
 )
 async def healthz() -> JSONResponse:
     """Checks nothing else: an unavailable dependency must not cause a restart of this process."""
@@ -170,7 +158,6 @@ async def healthz() -> JSONResponse:
 
 @health.get(
     "/readyz",
-    operation_id="readyz",
     summary="Check whether the record, Redis and the object store respond",
     responses={
         200: {"model": Readiness, "description": "All of them respond."},
@@ -187,14 +174,13 @@ async def readyz(app: AppStateDep) -> JSONResponse:
     }
     await asyncio.wait([asyncio.wrap_future(answer) for answer in answers.values()], timeout=_READY_S)
     statuses = {name: answer.result() if answer.done() else _SILENT for name, answer in answers.items()}
-    ready = all(part.status == "ok" for part in statuses.values())
+    ready = all(each.status == "ok" for each in statuses.values())
     readiness = Readiness(status="ok" if ready else "unavailable", **statuses)
     return JSONResponse(readiness.model_dump(), 200 if ready else 503, {"Cache-Control": "no-store"})
 
 
 @health.get(
     "/metrics",
-    operation_id="metrics",
     summary="Get metrics for Prometheus",
     response_class=Response,
     responses={

@@ -39,7 +39,7 @@ from meshdeform.record.ids import id_pattern
 from meshdeform.record.webhooks import Webhook
 from service.documentation.responses import header
 from service.http.auth import PrincipalDep
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers
 from service.state import AppState, AppStateDep
 
 router = APIRouter(prefix="/v1/webhooks", tags=["webhooks"], dependencies=KNOWN_QUERY)
@@ -77,13 +77,18 @@ _HAPPENED = {
 
 @router.post(
     "",
-    operation_id="create_webhook",
     summary="Create a webhook",
     status_code=201,
-    responses={
-        201: {"model": WebhookWithSecret, "description": "The new webhook with its secret.", "headers": _LOCATION},
-        **problem_responses(RequestError, ParameterError, WebhookAddressError, UnavailableError),
-    },
+    responses=answers(
+        WebhookWithSecret,
+        "The new webhook with its secret.",
+        RequestError,
+        ParameterError,
+        WebhookAddressError,
+        UnavailableError,
+        status=201,
+        headers=_LOCATION,
+    ),
 )
 async def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWebhook) -> Response:
     """The host is resolved and must be public. This is checked again for every message."""
@@ -98,12 +103,8 @@ async def create_webhook(app: AppStateDep, principal: PrincipalDep, body: NewWeb
 
 @router.get(
     "",
-    operation_id="list_webhooks",
     summary="List your webhooks",
-    responses={
-        200: {"model": WebhookList, "description": "All your webhooks."},
-        **problem_responses(UnavailableError),
-    },
+    responses=answers(WebhookList, "All your webhooks.", UnavailableError),
 )
 def list_webhooks(app: AppStateDep, principal: PrincipalDep) -> Response:
     """Not paginated: there are at most 20."""
@@ -113,12 +114,8 @@ def list_webhooks(app: AppStateDep, principal: PrincipalDep) -> Response:
 
 @router.get(
     "/secret",
-    operation_id="get_webhook_secret",
     summary="Get your account's secret",
-    responses={
-        200: {"model": WebhookSecret, "description": "The secret."},
-        **problem_responses(UnavailableError),
-    },
+    responses=answers(WebhookSecret, "The secret.", UnavailableError),
 )
 def get_webhook_secret(app: AppStateDep, principal: PrincipalDep) -> Response:
     """It signs the messages to the `webhook` that a job's request names, and never changes. Others have their own."""
@@ -128,14 +125,10 @@ def get_webhook_secret(app: AppStateDep, principal: PrincipalDep) -> Response:
 
 @router.get(
     "/{id}",
-    operation_id="get_webhook",
     summary="Get a webhook",
-    responses={
-        200: {"model": WebhookView, "description": "The webhook, without its secret."},
-        **problem_responses(NotFoundError, UnavailableError),
-    },
+    responses=answers(WebhookView, "The webhook, without its secret.", NotFoundError, UnavailableError),
 )
-def get_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002 - the path's own word
+def get_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:
     """Shows whether it is enabled, and if not, why."""
     webhook = app.record.webhooks.get(id, principal.owner_id)
     return JSONResponse(WebhookView.model_validate(webhook).model_dump(mode="json"))
@@ -143,17 +136,15 @@ def get_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Re
 
 @router.patch(
     "/{id}",
-    operation_id="update_webhook",
     summary="Update a webhook",
-    responses={
-        200: {"model": WebhookView, "description": "The updated webhook."},
-        **problem_responses(NotFoundError, ParameterError, WebhookAddressError, UnavailableError),
-    },
+    responses=answers(
+        WebhookView, "The updated webhook.", NotFoundError, ParameterError, WebhookAddressError, UnavailableError
+    ),
 )
 async def update_webhook(
     app: AppStateDep,
     principal: PrincipalDep,
-    id: _WebhookId,  # noqa: A002
+    id: _WebhookId,
     body: WebhookChange,
 ) -> Response:
     """A new URL also applies to pending messages. `enabled: true` re-enables a webhook disabled by `410 Gone`."""
@@ -168,16 +159,12 @@ async def update_webhook(
 
 @router.delete(
     "/{id}",
-    operation_id="delete_webhook",
     summary="Delete a webhook and its log",
     status_code=204,
     response_class=Response,
-    responses={
-        204: {"description": "Deleted."},
-        **problem_responses(NotFoundError, UnavailableError),
-    },
+    responses=answers(None, "Deleted.", NotFoundError, UnavailableError, status=204),
 )
-def delete_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
+def delete_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:
     """Cancels pending messages; one that is being sent may still arrive."""
     app.record.webhooks.delete(id, principal.owner_id)
     return Response(status_code=204)
@@ -185,14 +172,10 @@ def delete_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) ->
 
 @router.post(
     "/{id}/rotate",
-    operation_id="rotate_webhook",
     summary="Rotate the secret",
-    responses={
-        200: {"model": WebhookWithSecret, "description": "The webhook with its new secret."},
-        **problem_responses(NotFoundError, UnavailableError),
-    },
+    responses=answers(WebhookWithSecret, "The webhook with its new secret.", NotFoundError, UnavailableError),
 )
-def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
+def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:
     """For 24 hours, messages have two signatures: one by the new secret and one by the previous secret."""
     webhook, secret = app.record.webhooks.rotate(id, principal.owner_id)
     return JSONResponse(_with_secret(webhook, secret), headers={"Cache-Control": "no-store"})
@@ -200,15 +183,13 @@ def rotate_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) ->
 
 @router.post(
     "/{id}/test",
-    operation_id="test_webhook",
     summary="Send a test message",
     status_code=202,
-    responses={
-        202: {"model": DeliveryView, "description": "The delivery of the test message."},
-        **problem_responses(NotFoundError, ConflictError, UnavailableError),
-    },
+    responses=answers(
+        DeliveryView, "The delivery of the test message.", NotFoundError, ConflictError, UnavailableError, status=202
+    ),
 )
-def test_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:  # noqa: A002
+def test_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> Response:
     """Sends a message of type `meshdeform.test` like any other. Its delivery shows the outcome."""
     delivery = app.record.webhooks.send_test(id, principal.owner_id)
     return JSONResponse(DeliveryView.model_validate(delivery).model_dump(mode="json"), 202)
@@ -216,17 +197,13 @@ def test_webhook(app: AppStateDep, principal: PrincipalDep, id: _WebhookId) -> R
 
 @router.get(
     "/{id}/deliveries",
-    operation_id="list_deliveries",
     summary="List the deliveries of a webhook, newest first",
-    responses={
-        200: {"model": DeliveryList, "description": "A page of deliveries."},
-        **problem_responses(NotFoundError, ParameterError, UnavailableError),
-    },
+    responses=answers(DeliveryList, "A page of deliveries.", NotFoundError, ParameterError, UnavailableError),
 )
 def list_deliveries(
     app: AppStateDep,
     principal: PrincipalDep,
-    id: _WebhookId,  # noqa: A002
+    id: _WebhookId,
     state: Annotated[
         DeliveryState | None, Query(description="Only deliveries in this state. Default: all.", examples=["failed"])
     ] = None,
@@ -247,14 +224,10 @@ def list_deliveries(
 
 @router.get(
     "/{id}/deliveries/{delivery_id}",
-    operation_id="get_delivery",
     summary="Get a delivery",
-    responses={
-        200: {"model": DeliveryDetail, "description": "The message and all its attempts."},
-        **problem_responses(NotFoundError, UnavailableError),
-    },
+    responses=answers(DeliveryDetail, "The message and all its attempts.", NotFoundError, UnavailableError),
 )
-def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
+def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:
     """Of the receiver's responses only the status is kept."""
     delivery = app.record.webhooks.delivery(id, delivery_id, principal.owner_id)
     return JSONResponse(DeliveryDetail.model_validate(delivery).model_dump(mode="json"))
@@ -262,15 +235,11 @@ def get_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, deli
 
 @router.post(
     "/{id}/deliveries/{delivery_id}/replay",
-    operation_id="replay_delivery",
     summary="Send a message again",
     status_code=202,
-    responses={
-        202: {"model": DeliveryView, "description": "The new delivery."},
-        **problem_responses(NotFoundError, ConflictError, UnavailableError),
-    },
+    responses=answers(DeliveryView, "The new delivery.", NotFoundError, ConflictError, UnavailableError, status=202),
 )
-def replay_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:  # noqa: A002
+def replay_delivery(app: AppStateDep, principal: PrincipalDep, id: _WebhookId, delivery_id: _DeliveryId) -> Response:
     """Sends the same message with the same `webhook-id`: receivers ignore one that they have processed."""
     delivery = app.record.webhooks.replay(id, delivery_id, principal.owner_id)
     return JSONResponse(DeliveryView.model_validate(delivery).model_dump(mode="json"), 202)

@@ -10,7 +10,7 @@ from typing import TypeVar
 from meshdeform.record.models import Job
 from meshdeform.record.words import KeptWord
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.parameters import WORDS_PART, ExemplarParams
+from meshdeform.requests.parameters import WORDS_FIELD, ExemplarParams
 from meshdeform.runs.word_pins import pinned, pins_of, words_named, words_of
 from meshdeform.words import ShapeSource, Word, read_words
 from meshdeform.words.limits import MAX_WORDS_BYTES
@@ -48,7 +48,7 @@ def pin_words(
     request, data = pinned(request, [*sent, *own])
     if data is None:
         return request, None, []
-    path = folder / f"{WORDS_PART}-pinned"
+    path = folder / f"{WORDS_FIELD}-pinned"
     path.write_bytes(data)
     file = ReceivedFile(path, "words.word", len(data), hashlib.sha256(data).hexdigest())
     return request, file, words_of(pins_of(request), data)
@@ -73,5 +73,5 @@ def _others(app: AppState, owner_id: str, sent: Sequence[Word]) -> list[KeptWord
 
 def words_of_job(app: AppState, job: Job) -> list[Word]:
     """Return the words that a job has, as they were when it was accepted."""
-    file = job.files.get(WORDS_PART)
+    file = job.files.get(WORDS_FIELD)
     return [] if file is None else read_words(app.store.get(file.key, sha256=file.sha256))

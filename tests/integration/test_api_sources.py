@@ -87,7 +87,7 @@ def test_a_job_is_tried_out_and_nothing_is_left(api: Api, sphere: bytes, openapi
 def test_the_estimate_goes_by_jobs_that_were_measured(api: Api, sphere: bytes) -> None:
     request = {**PROMPT, "params": {"preset": "preview"}}
     job = api.record.get(post(api, sphere, request).json()["id"])
-    assert (job.faces, job.parts) == (5120, 1)
+    assert (job.faces, job.meshes) == (5120, 1)
     claim_job(api.record.leases, job.id, "worker", 60.0)
     api.record.leases.finish(job.id, 1, JobState.SUCCEEDED, step_s=0.5)
     set_to(api.record, job, ran_s=80 * 0.5 + 9.0, total_steps=80)

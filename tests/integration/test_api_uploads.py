@@ -139,7 +139,7 @@ def test_completing_goes_on_wherever_it_stopped(api: Api, monkeypatch: pytest.Mo
         "copy": "meshdeform.storage.ObjectStore.copy",
         "holds": "meshdeform.storage.ObjectStore.holds",
         "recorded": "meshdeform.record.uploads.UploadLedger.complete",
-        "removed": "service.uploads.routes.remove_upload",
+        "removed": "service.uploads.receiving.remove_upload",
     }[point]
     with monkeypatch.context() as patch:
         patch.setattr(place, away)

@@ -8,9 +8,10 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from meshdeform.api.documents import JobEstimate
-from meshdeform.record.leases import Turns, WorkerIdentity
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import JobState, NewJob
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.turns import Turns
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs.costs import MEASURED
 from service.jobs.estimates import JobSize, estimate

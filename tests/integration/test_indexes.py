@@ -13,7 +13,6 @@ from sqlalchemy import event
 
 from meshdeform.record.counters import statistics
 from meshdeform.record.ids import encode_cursor
-from meshdeform.record.leases import Turns
 from meshdeform.record.models import JobState
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import (
@@ -30,6 +29,7 @@ from meshdeform.record.schema import (
     webhooks,
 )
 from meshdeform.record.schema import words as own_words
+from meshdeform.record.turns import Turns
 from meshdeform.requests.document import JobRequest
 from service.jobs.estimates import estimate
 from tests.cases import each_case

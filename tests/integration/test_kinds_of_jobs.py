@@ -61,7 +61,7 @@ def test_the_service_asks_for_the_files_that_a_kind_reads(tmp_path: Path) -> Non
         check(document, Settings(max_steps=7), files=names)
     both = JobDocument.model_validate({"kind": KIND, "files": {"asset": {"job_id": new_job_id()}}})
     assert missing_files(both, []) == []
-    with pytest.raises(ParameterError, match="both sent as a part and named"):
+    with pytest.raises(ParameterError, match="both sent as a field and named"):
         Submission(both, sent, tmp_path)
     with pytest.raises(ValidationError, match="target is also in files"):
         JobDocument.model_validate({"target": {"job_id": new_job_id()}, "files": {"target": {"job_id": new_job_id()}}})

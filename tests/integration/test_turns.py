@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from meshdeform.record.leases import HANDED_OVER, Leases, Turns
+from meshdeform.record.leases import HANDED_OVER, Leases
 from meshdeform.record.models import EventType, Job, JobState
 from meshdeform.record.repository import JobRecord
+from meshdeform.record.turns import Turns
 from tests.cases import each_case
 from tests.integration.record_calls import LEASE_S, OVER, claimed, ids, posted, set_to
 

@@ -10,8 +10,9 @@ import httpx
 import pytest
 
 from meshdeform.errors import UnavailableError
+from meshdeform.record.idempotency import IdempotencyLedger
 from meshdeform.record.models import NewJob
-from meshdeform.record.repository import IdempotencyLedger, JobRecord
+from meshdeform.record.repository import JobRecord
 from meshdeform.requests.document import JobRequest
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore

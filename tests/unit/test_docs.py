@@ -17,7 +17,7 @@ import typer.main
 from pydantic import BaseModel
 
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.kind_folders import brought
+from meshdeform.requests.kind_folders import kind_modules
 from meshdeform.settings import Settings
 from service.jobs.documents import PreviewDocument
 from tests.cases import each_case
@@ -118,7 +118,7 @@ def test_the_path_of_a_reader_is_short_and_ends_in_something_that_works(reader: 
 
 _DOCUMENTS: dict[str, type[BaseModel]] = {
     "/v1/jobs:preview": PreviewDocument,
-    **{each.ROUTERS[0].prefix: each.MODELS[0] for each in brought("routes")},
+    **{each.ROUTERS[0].prefix: each.MODELS[0] for each in kind_modules("routes")},
 }
 
 

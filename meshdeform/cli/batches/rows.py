@@ -32,12 +32,12 @@ _NAME = re.compile(r"[^\W_][\w .,+()-]*")
 
 @dataclass(frozen=True)
 class Entry:
-    """One row as written, at a `place` for errors: `manifest.csv, line 3`; its parameters are not validated yet.
+    """One row as written, at a `location` for errors: `manifest.csv, line 3`; its parameters are not validated yet.
 
     `name` is that of its folder in the folder of the batch; if empty, it is made from asset and prompt.
     """
 
-    place: str
+    location: str
     asset: Path
     prompt: str = ""
     name: str = ""
@@ -61,17 +61,19 @@ def read_table(path: Path) -> list[Entry]:
     return entries
 
 
-def combine(place: Path, prompts: Sequence[str]) -> list[Entry]:
+def combine(source: Path, prompts: Sequence[str]) -> list[Entry]:
     """Combine every asset of a folder, or a single asset, with every prompt."""
     if not prompts:
         raise ParameterError(
-            f"{place} is not a manifest, so prompts are required.",
+            f"{source} is not a manifest, so prompts are required.",
             advice="Give --prompt (repeatable) or --prompts-file; or a manifest as .csv, .tsv or .jsonl.",
         )
-    assets = [place] if place.is_file() else sorted(p for p in place.iterdir() if p.suffix.lower() in _ASSET_SUFFIXES)
+    assets = (
+        [source] if source.is_file() else sorted(p for p in source.iterdir() if p.suffix.lower() in _ASSET_SUFFIXES)
+    )
     if not assets:
         raise ParameterError(
-            f"There is no asset in {place}.", advice=f"Assets end in {', '.join(sorted(_ASSET_SUFFIXES))}."
+            f"There is no asset in {source}.", advice=f"Assets end in {', '.join(sorted(_ASSET_SUFFIXES))}."
         )
     return [Entry(f"{asset.name} with {prompt!r}", asset, prompt) for asset in assets for prompt in prompts]
 
@@ -128,28 +130,28 @@ def _value(name: str, cell: str) -> Any:
         return cell
 
 
-def _entry(place: str, folder: Path, members: dict[str, Any]) -> Entry:
+def _entry(location: str, folder: Path, members: dict[str, Any]) -> Entry:
     if "output" in members:
         members["name"] = members.pop("output")
     asset = members.get("asset")
     if not isinstance(asset, str) or not asset:
-        raise ParameterError(f"{place}: the asset is missing.", advice="Its column is `asset`.")
+        raise ParameterError(f"{location}: the asset is missing.", advice="Its column is `asset`.")
     target = members.get("target")
     return Entry(
-        place=place,
+        location=location,
         asset=folder / asset,
         prompt=str(members.get("prompt", "")),
         name=str(members.get("name", "")),
         target=folder / str(target) if target else None,
-        morph=_is_morph(place, members.get("morph", False)),
+        morph=_is_morph(location, members.get("morph", False)),
         params={name: value for name, value in members.items() if name not in _MEMBERS},
     )
 
 
-def _is_morph(place: str, value: Any) -> bool:
+def _is_morph(location: str, value: Any) -> bool:
     text = str(value).lower()
     if text not in _TRUE | _FALSE:
-        raise ParameterError(f"{place}: morph is {value!r}, not true or false.", advice=_ADVICE)
+        raise ParameterError(f"{location}: morph is {value!r}, not true or false.", advice=_ADVICE)
     return text in _TRUE
 
 
@@ -163,7 +165,7 @@ class Row:
 
     key: str
     name: str
-    place: str
+    location: str
     asset: Path
     request: JobRequest
     target: Path | None = None
@@ -182,7 +184,7 @@ def make_rows(
     known_names: Mapping[str, str] | None = None,
     check: Callable[[JobRequest, bool], JobRequest] = lambda request, _has_target: request,
 ) -> tuple[list[Row], list[str]]:
-    """Validate every row before the first one begins; return the rows, and the places of repeated ones, left out.
+    """Validate every row before the first one begins; return the rows, and the locations of repeated ones, left out.
 
     A row without a seed is done once for each of `seeds`. `known_names` are those by key from an earlier run of the
     batch, which are kept. `check` is called with each request and whether it has a target, and returns it as it is to
@@ -199,17 +201,17 @@ def make_rows(
                 request = check(_request(entry, params, output or {}), entry.target is not None)
                 key = _key(entry, request, digest)
             except MeshdeformError as error:
-                wrong.append({"place": entry.place, "code": error.code, "detail": _with_suggestions(error)})
+                wrong.append({"place": entry.location, "code": error.code, "detail": _with_suggestions(error)})
                 break
             if key in unique:
-                repeated.append(entry.place)
+                repeated.append(entry.location)
             else:
                 unique[key] = (entry, request)
     if wrong:
         raise _refusal(wrong, len(entries))
     names = _names(unique, known_names or {}, with_seed=len(seeds) > 1)
     rows = [
-        Row(key, names[key], entry.place, entry.asset, request, entry.target)
+        Row(key, names[key], entry.location, entry.asset, request, entry.target)
         for key, (entry, request) in unique.items()
     ]
     return rows, repeated

@@ -134,7 +134,7 @@ class LocalRunner:
 
     def _order(self, row: Row) -> dict[str, Any]:
         return {
-            "files": {part: str(path) for part, path in (("asset", row.asset), ("target", row.target)) if path},
+            "files": {field: str(path) for field, path in (("asset", row.asset), ("target", row.target)) if path},
             "request": row.request.model_dump(mode="json", exclude_unset=True),
             "folder": str(self._folder / row.name),
             "state": str(self._folder / _STATES / row.key),
@@ -321,7 +321,7 @@ def _do(order: dict[str, Any], ticks: _Ticks) -> dict[str, Any]:
     folder, state = Path(order["folder"]), Path(order["state"])
     request, settings = JobRequest.model_validate(order["request"]), load_settings(**order["settings"])
     names = ["result.glb", "report.json", "preview.png", *(["morph.glb"] if request.output.morph else [])]
-    files = {part: Path(path) for part, path in order["files"].items()}
+    files = {field: Path(path) for field, path in order["files"].items()}
 
     def run(resume: Path | None) -> FinishedRun:
         outputs = {name: folder / name for name in names}

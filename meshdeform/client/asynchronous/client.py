@@ -77,7 +77,7 @@ from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import (
     Call,
     Endpoint,
-    FormPart,
+    FormFile,
     JobLike,
     artifact_path,
     identity,
@@ -389,10 +389,10 @@ class AsyncClient:
             call = replace(call, query=query, read_timeout_s=_MAKE_S)
             asset = sent.get("asset")
             if asset is not None and asset.sha256 in self._kept:
-                others = tuple(part for part in call.parts if part.name != "asset")
+                others = tuple(each for each in call.files if each.name != "asset")
                 document = {**call.document, "asset": {"sha256": asset.sha256, "filename": asset.filename}}
                 with contextlib.suppress(AssetNotKeptError):
-                    return (await self._connection.answered(replace(call, document=document, parts=others))).content
+                    return (await self._connection.answered(replace(call, document=document, files=others))).content
             answer = await self._connection.answered(call)
             if asset is not None:
                 self._kept.add(asset.sha256)
@@ -438,7 +438,7 @@ class AsyncClient:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         order = Order(prompt, **options)
         key, document = checked_key(idempotency_key), order.document()
-        for name, file in order.parts().items():
+        for name, file in order.by_field().items():
             with contextlib.ExitStack() as opened:
                 source = await work(open_source, file, opened)
                 if isinstance(source, LocalFile):
@@ -718,9 +718,9 @@ class AsyncClient:
             source = await work(open_source, file, opened)
             if not isinstance(source, LocalFile):
                 raise ValueError("Words are imported of a local file.")  # noqa: TRY004
-            part = FormPart("word", source.filename, source.file)
+            form_file = FormFile("word", source.filename, source.file)
             headers = {"Idempotency-Key": checked_key(None)}
-            call = Call("POST", "/v1/words", headers=headers, document={"replace": replace}, parts=(part,))
+            call = Call("POST", "/v1/words", headers=headers, document={"replace": replace}, files=(form_file,))
             return (await self._connection.document(WordList, call)).words
 
     async def words(self) -> list[WordView]:
@@ -823,7 +823,7 @@ class AsyncClient:
         return await saved(self._connection, job_path(job, "asset"), Path(path))
 
     async def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
-        """Save a file of a job of any kind as it was sent, by the name of its part."""
+        """Save a file of a job of any kind as it was sent, by the name of its field."""
         return await saved(self._connection, job_path(job, "files", part), Path(path))
 
     async def download_checkpoint(self, job: JobLike, step: int, path: str | os.PathLike[str]) -> Path:

@@ -70,7 +70,7 @@ from meshdeform.client.problems import succeeded
 from meshdeform.client.requests import (
     Call,
     Endpoint,
-    FormPart,
+    FormFile,
     JobLike,
     artifact_path,
     identity,
@@ -389,10 +389,10 @@ class Client:
             call = replace(call, query=query, read_timeout_s=_MAKE_S)
             asset = sent.get("asset")
             if asset is not None and asset.sha256 in self._kept:
-                others = tuple(part for part in call.parts if part.name != "asset")
+                others = tuple(each for each in call.files if each.name != "asset")
                 document = {**call.document, "asset": {"sha256": asset.sha256, "filename": asset.filename}}
                 with contextlib.suppress(AssetNotKeptError):
-                    return (self._connection.answered(replace(call, document=document, parts=others))).content
+                    return (self._connection.answered(replace(call, document=document, files=others))).content
             answer = self._connection.answered(call)
             if asset is not None:
                 self._kept.add(asset.sha256)
@@ -436,7 +436,7 @@ class Client:
         """Post a job on the same asset that starts from the shape of a checkpoint; see `checkpoints`."""
         order = Order(prompt, **options)
         key, document = checked_key(idempotency_key), order.document()
-        for name, file in order.parts().items():
+        for name, file in order.by_field().items():
             with contextlib.ExitStack() as opened:
                 source = work(open_source, file, opened)
                 if isinstance(source, LocalFile):
@@ -716,9 +716,9 @@ class Client:
             source = work(open_source, file, opened)
             if not isinstance(source, LocalFile):
                 raise ValueError("Words are imported of a local file.")  # noqa: TRY004
-            part = FormPart("word", source.filename, source.file)
+            form_file = FormFile("word", source.filename, source.file)
             headers = {"Idempotency-Key": checked_key(None)}
-            call = Call("POST", "/v1/words", headers=headers, document={"replace": replace}, parts=(part,))
+            call = Call("POST", "/v1/words", headers=headers, document={"replace": replace}, files=(form_file,))
             return (self._connection.document(WordList, call)).words
 
     def words(self) -> list[WordView]:
@@ -819,7 +819,7 @@ class Client:
         return saved(self._connection, job_path(job, "asset"), Path(path))
 
     def download_file(self, job: JobLike, part: str, path: str | os.PathLike[str]) -> Path:
-        """Save a file of a job of any kind as it was sent, by the name of its part."""
+        """Save a file of a job of any kind as it was sent, by the name of its field."""
         return saved(self._connection, job_path(job, "files", part), Path(path))
 
     def download_checkpoint(self, job: JobLike, step: int, path: str | os.PathLike[str]) -> Path:

@@ -21,7 +21,7 @@ from meshdeform.client.documents import PartialFile, read, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call
 from meshdeform.client.orders import AssetLike, Files, LocalFile, Order, UploadProgress, open_source, refer
 from meshdeform.client.problems import error_of
-from meshdeform.client.requests import Call, FileRange, FormPart, job_path
+from meshdeform.client.requests import Call, FileRange, FormFile, job_path
 from meshdeform.client.retries import Patience, left_s, unanswered, worth_a_retry
 from meshdeform.client.sync.connection import Connection, pause, tell, work
 from meshdeform.errors import (
@@ -45,9 +45,9 @@ def prepared(
     """Return the request that posts an order, and its local files, after uploading those that are large."""
     document = order.document()
     local_files: dict[str, LocalFile] = {}
-    parts: list[FormPart] = []
-    for name, file in files.parts.items():
-        filename = files.filename if name == "asset" or len(files.parts) == 1 else None
+    form_files: list[FormFile] = []
+    for name, file in files.by_field.items():
+        filename = files.filename if name == "asset" or len(files.by_field) == 1 else None
         source = work(open_source, file, opened, filename)
         if not isinstance(source, LocalFile):
             refer(document, name, source)
@@ -61,11 +61,11 @@ def prepared(
                 raise
             upload = None  # the service has no uploads
         if upload is None:
-            parts.append(FormPart(name, source.filename, source.file))
+            form_files.append(FormFile(name, source.filename, source.file))
         else:
             refer(document, name, {"upload_id": upload.id})
     headers = {"Idempotency-Key": files.key} if url == "/v1/jobs" else {}
-    return Call("POST", url, headers=headers, document=document, parts=tuple(parts)), local_files
+    return Call("POST", url, headers=headers, document=document, files=tuple(form_files)), local_files
 
 
 def prepared_word(
@@ -76,7 +76,7 @@ def prepared_word(
     opened: contextlib.ExitStack,
 ) -> Call:
     """Return the request that makes a word, after uploading the meshes that make its form large."""
-    parts, stored, size = list[FormPart](), list[Mapping[str, str]](), 0
+    form_files, stored, size = list[FormFile](), list[Mapping[str, str]](), 0
     for mesh in meshes:
         source = work(open_source, mesh, opened)
         if not isinstance(source, LocalFile):
@@ -84,10 +84,12 @@ def prepared_word(
         elif size + source.size > connection.policy.upload_above:
             stored.append({"upload_id": (uploaded(connection, source)).id})
         else:
-            parts.append(FormPart("meshes", source.filename, source.file))
+            form_files.append(FormFile("meshes", source.filename, source.file))
             size += source.size
     headers, document = {"Idempotency-Key": key}, {**said, "meshes": stored}
-    return Call("POST", "/v1/words", headers=headers, document=document, parts=tuple(parts), read_timeout_s=_WORD_S)
+    return Call(
+        "POST", "/v1/words", headers=headers, document=document, files=tuple(form_files), read_timeout_s=_WORD_S
+    )
 
 
 # Uploads

@@ -13,7 +13,7 @@ from meshdeform.cli.environment import load_settings, require
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.form import of_kind, with_options
 from meshdeform.cli.kinds import packed, run_kind
-from meshdeform.cli.options import Here, JobPlace, Printed, SetOption, output_option
+from meshdeform.cli.options import Here, JobWhere, Printed, SetOption, output_option
 from meshdeform.cli.report_lines import folder_summary
 from meshdeform.cli.request import merge_params
 from meshdeform.errors import ParameterError
@@ -38,7 +38,7 @@ def family_fit(
     param: SetOption = None,
     *,
     here: Here,
-    place: JobPlace,
+    where: JobWhere,
     printed: Printed,
 ) -> None:
     """Find the parts and the correspondences of a family of assets, and learn its shapes.
@@ -46,7 +46,7 @@ def family_fit(
     meshdeform family-fit chairs/ -o chairs-family
     """
     output = output or Path(f"{collection.stem}-family")
-    run_kind("family_fit", merge_params(ctx, param), {"collection": collection}, output, here, place, printed)
+    run_kind("family_fit", merge_params(ctx, param), {"collection": collection}, output, here, where, printed)
 
 
 @clean_errors
@@ -67,7 +67,7 @@ def family_synthesize(
     param: SetOption = None,
     *,
     here: Here,
-    place: JobPlace,
+    where: JobWhere,
     printed: Printed,
 ) -> None:
     """Make new assets of a family out of parts of its members.
@@ -76,7 +76,7 @@ def family_synthesize(
     """
     files = _files_of(family, collection)
     output = output or Path(f"{family.stem}-shapes")
-    run_kind("family_synthesize", merge_params(ctx, param), files, output, here, place, printed)
+    run_kind("family_synthesize", merge_params(ctx, param), files, output, here, where, printed)
 
 
 def _files_of(family: Path, collection: Path | None) -> dict[str, Path]:

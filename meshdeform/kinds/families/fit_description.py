@@ -9,7 +9,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.kinds.families.params import FamilyParams
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import ArtifactKind, FilePart, JobFile, Kind, params_of, start_of
+from meshdeform.runs.base import ArtifactKind, FileField, JobFile, Kind, params_of, start_of
 from meshdeform.vocabulary.grammar import noun_of
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ FAMILY_FIT = Kind(
     name=JobKind("family_fit"),
     summary="Finds the parts and the correspondences of a collection of assets of one family, and learns its shapes.",
     reads=(
-        FilePart(
+        FileField(
             "collection",
             "A ZIP of 10 to 3,000 assets (GLB, OBJ, PLY, STL), and `labels.json`, if some are labelled.",
             required=True,

@@ -9,7 +9,7 @@ from meshdeform.errors import ParameterError
 from meshdeform.kinds.families.params import FamilySynthesisParams, SynthesisMode
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
-from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FilePart, JobFile, Kind, params_of, start_of
+from meshdeform.runs.base import FORMATS_OF_RESULT, ArtifactKind, FileField, JobFile, Kind, params_of, start_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
@@ -58,14 +58,14 @@ FAMILY_SYNTHESIZE = Kind(
     name=JobKind("family_synthesize"),
     summary="Makes new assets of a fitted family out of parts of its members.",
     reads=(
-        FilePart(
+        FileField(
             "family",
             "The `family.safetensors` of a `family_fit` job.",
             required=True,
             media_types=("application/octet-stream",),
             content="family",
         ),
-        FilePart(
+        FileField(
             "collection",
             "The collection of that job, or its `labelled.zip`.",
             required=True,

@@ -101,7 +101,7 @@ def _choose(drawing: Path, among: Path, output: Path, *, force: bool, as_json: b
         files = unpacked(among.read_bytes(), Limits())
     files.pop(LABELS_FILE, None)
     apart = distances(drawing.read_bytes(), (load_asset(data, name) for name, data in files.items()))
-    nearest = [list(files)[place] for place in apart.argsort()[:3]]
+    nearest = [list(files)[number] for number in apart.argsort()[:3]]
     starts = ("", ".2", ".3")
     chosen = {output.with_suffix(start + Path(name).suffix): name for start, name in zip(starts, nearest, strict=False)}
     check_free(list(chosen), [drawing], force=force)

@@ -20,11 +20,11 @@ from meshdeform.errors import (
 )
 from meshdeform.kinds.sketch.process import guesses_of, shape_of
 from meshdeform.kinds.sketch.sliders import Sketch
-from service.documentation.responses import CALLER_ERRORS, json_body
+from service.documentation.responses import BYTES, CALLER_ERRORS, json_body
 from service.http.auth import PrincipalDep
 from service.http.bodies import parse_document, receive_document, receive_file
 from service.http.callers import while_waited_for
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers, problem_responses
 from service.state import AppState, AppStateDep
 from service.words.known import with_others
 
@@ -52,20 +52,18 @@ _Noun = Annotated[
 
 @router.post(
     ":guess",
-    operation_id="guess_sketch",
     summary="Guess what a drawing shows",
-    responses={
-        200: {"model": SketchGuesses, "description": "The likeliest shapes."},
-        **problem_responses(
-            DrawingError,
-            ParameterError,
-            ModelError,
-            RequestError,
-            RequestTimeoutError,
-            DependencyError,
-            *CALLER_ERRORS,
-        ),
-    },
+    responses=answers(
+        SketchGuesses,
+        "The likeliest shapes.",
+        DrawingError,
+        ParameterError,
+        ModelError,
+        RequestError,
+        RequestTimeoutError,
+        DependencyError,
+        *CALLER_ERRORS,
+    ),
     openapi_extra={
         "requestBody": {
             "required": True,
@@ -95,13 +93,12 @@ async def guess_sketch(request: Request, app: AppStateDep, principal: PrincipalD
 
 @router.post(
     ":mesh",
-    operation_id="make_sketch_mesh",
     summary="Make a shape of a noun",
     response_class=Response,
     responses={
         200: {
             "description": "The shape as a GLB, one node for each of its parts.",
-            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+            "content": BYTES,
         },
         **problem_responses(ParameterError, RequestError, RequestTimeoutError, DependencyError, *CALLER_ERRORS),
     },

@@ -16,7 +16,7 @@ from meshdeform.cli.local import check_free, check_glb, write_all
 from meshdeform.cli.options import (
     ForceOption,
     Here,
-    JobPlace,
+    JobWhere,
     Printed,
     SetOption,
     file_argument,
@@ -84,7 +84,7 @@ def surface_fit(
     param: SetOption = None,
     *,
     here: Here,
-    place: JobPlace,
+    where: JobWhere,
     printed: Printed,
 ) -> None:
     """Fit a neural displacement field to SURFACE: a coarse mesh and a small network, a few kilobytes together.
@@ -96,8 +96,8 @@ def surface_fit(
     meshdeform surface-fit points.xyz -o mesh.glb
     """
     files = {part: path for part, path in (("asset", surface), ("base", base), ("scalars", scalars)) if path}
-    output = output or Path(surface.stem if place.url else f"{surface.stem}.ndf")
-    run_kind("surface_fit", merge_params(ctx, param), files, output, here, place, printed)
+    output = output or Path(surface.stem if where.url else f"{surface.stem}.ndf")
+    run_kind("surface_fit", merge_params(ctx, param), files, output, here, where, printed)
 
 
 @clean_errors

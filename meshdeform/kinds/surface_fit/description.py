@@ -7,7 +7,7 @@ from pathlib import PurePath
 from meshdeform.errors import ParameterError
 from meshdeform.kinds.surface_fit.params import MAX_BASE_FACES, MAX_LEVEL, SurfaceFitParams
 from meshdeform.requests.document import JobKind, JobRequest
-from meshdeform.runs.base import ArtifactKind, FilePart, Kind, params_of, start_of
+from meshdeform.runs.base import ArtifactKind, FileField, Kind, params_of, start_of
 from meshdeform.runs.costs import Costs
 
 COSTS = {"surface_fit/": Costs(1.73, 6.0, 0.0078)}
@@ -36,7 +36,7 @@ SURFACE_FIT = Kind(
     name=JobKind("surface_fit"),
     summary="Fits a coarse mesh and a small network to a surface, as a file of a few kilobytes.",
     reads=(
-        FilePart(
+        FileField(
             "asset",
             "The surface: a mesh (GLB, OBJ, PLY, STL, ZIP), oriented points (PLY, XYZ), a signed distance grid (NPZ) "
             "or a network (safetensors).",
@@ -44,13 +44,13 @@ SURFACE_FIT = Kind(
             media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip", "application/octet-stream"),
             content="surface",
         ),
-        FilePart(
+        FileField(
             "base",
             f"A base mesh of its own, of at most {MAX_BASE_FACES} faces, instead of one made from the surface.",
             required=False,
             media_types=(_GLB, "model/obj", "model/ply", "model/stl", "application/zip"),
         ),
-        FilePart(
+        FileField(
             "scalars",
             "Values at points near the surface, an NPZ, that are learned along it and kept in `surface.ndf`.",
             required=False,

@@ -14,7 +14,7 @@ from meshdeform.children.asking import ChildLostError, run_child
 from meshdeform.children.protocol import OUT_OF_MEMORY, Bounds, answer_of, found_in
 from meshdeform.children.tasks import TASKS, entry_point, loaded
 from meshdeform.errors import AssetError, DependencyError, MeshdeformError, PartNotFoundError, UnauthorizedError
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.kind_folders import kind_table
 from tests.cases import each_case
 from tests.waiting import until
 
@@ -36,7 +36,7 @@ def alive(pid: int) -> bool:
     return True
 
 
-@each_case("name", sorted(TASKS | merged("child_tasks", "TASKS")))
+@each_case("name", sorted(TASKS | kind_table("child_tasks", "TASKS")))
 def test_every_task_is_a_function(name: str) -> None:
     assert callable(loaded(entry_point(name)))
 

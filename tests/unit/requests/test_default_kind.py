@@ -13,7 +13,7 @@ from meshdeform.requests.default_kind import kind_like, with_kind
 from meshdeform.requests.document import JobRequest, read_stored
 from meshdeform.requests.parameters import (
     GUIDANCES,
-    TARGET_PARTS,
+    TARGET_FIELDS,
     CommonParams,
     ControlParams,
     ExemplarGuidanceParams,
@@ -95,7 +95,7 @@ def test_files_say_what_to_become_where_no_prompt_does() -> None:
     views = {"guidance": {"silhouettes": [{"azimuth": 0.0}]}}
     assert kind({}, "", ["target"]) == "target"
     assert kind({"guidance": {"strength": 0.5}}, "", ["target"]) == "exemplar"
-    assert kind({}, "", TARGET_PARTS[:3]) == "exemplar"
+    assert kind({}, "", TARGET_FIELDS[:3]) == "exemplar"
     assert kind(views, "", ["silhouette_1"]) == "silhouettes"
     assert kind(views, PROMPT, ["silhouette_1"]) == "exemplar"
     assert kind({**views, "preset": "preview"}, PROMPT, ["silhouette_1"]) == "sds"

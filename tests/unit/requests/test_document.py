@@ -19,8 +19,8 @@ from meshdeform.requests.document import (
     read_unbounded,
     resolve,
 )
-from meshdeform.requests.groups import PLACES, elsewhere, grouped, plain_place, without_unused
-from meshdeform.requests.kind_folders import merged
+from meshdeform.requests.groups import GROUPS, elsewhere, grouped, plain_location, without_unused
+from meshdeform.requests.kind_folders import kind_table
 from meshdeform.requests.parameters import CONSTANTS, FROM_PRESET, GUIDANCES, CommonParams, ControlParams
 from meshdeform.runs import kinds
 from tests.cases import each_case
@@ -54,7 +54,7 @@ def test_every_combination_resolves_to_values_that_the_request_would_accept(pres
     resolved = resolve(DeformParams.model_validate(asked))
     again = without_unused(grouped(resolved.model_dump(mode="json", exclude=set(CONSTANTS))))
     assert resolve(DeformParams.model_validate(again)) == resolved
-    assert set(resolved.model_dump()) == set(ResolvedParams.model_fields) == {"guidance", *PLACES, *CONSTANTS}
+    assert set(resolved.model_dump()) == set(ResolvedParams.model_fields) == {"guidance", *GROUPS, *CONSTANTS}
 
 
 def test_the_front_is_a_word_or_an_angle() -> None:
@@ -119,9 +119,9 @@ def test_null_means_left_out_where_the_preset_decides_and_nowhere_else() -> None
         read = DeformParams.model_validate(grouped({"guidance": kind, **own}))
         assert read.flat() == {}
         assert resolve(read) == resolve(DeformParams.model_validate({"guidance": {"kind": kind}}))
-    for name in {"guidance", "control", *PLACES} - {*nulls, "source_noun"}:
+    for name in {"guidance", "control", *GROUPS} - {*nulls, "source_noun"}:
         with pytest.raises(ValidationError):
-            DeformParams.model_validate(grouped({name: None}) if name in PLACES else {name: None})
+            DeformParams.model_validate(grouped({name: None}) if name in GROUPS else {name: None})
 
 
 def test_the_schema_claims_no_default_where_the_preset_decides() -> None:
@@ -152,7 +152,7 @@ def test_what_is_in_a_group_now_is_said_with_its_place() -> None:
         assert (elsewhere(place) or "").endswith(words), place
     for unknown in (["params", "wobble"], ["params", "control", "regions", 0, "steps"], ["metadata", "steps"]):
         assert elsewhere(unknown) is None
-    assert plain_place(("params", "guidance", "sds", "prompts", 0)) == ["params", "guidance", "prompts", 0]
+    assert plain_location(("params", "guidance", "sds", "prompts", 0)) == ["params", "guidance", "prompts", 0]
 
 
 def examples(model: type[BaseModel]) -> list[dict[str, Any]]:
@@ -225,7 +225,7 @@ def test_what_is_not_understood_is_said_with_its_place(params: Any, reason: str)
     assert reason in refused.value.detail
 
 
-@each_case("kind, name", [(kind, name) for kind, names in merged("params", "RETIRED").items() for name in names])
+@each_case("kind, name", [(kind, name) for kind, names in kind_table("params", "RETIRED").items() for name in names])
 def test_a_stored_request_is_read_without_parameters_that_are_gone(kind: str, name: str) -> None:
     stored = read_stored({"kind": kind, "params": {name: 0.5, "seed": 7}})
     assert stored.model_dump(exclude_unset=True)["params"] == {"seed": 7}

@@ -11,7 +11,7 @@ import pytest
 from meshdeform.cli.request import make_request
 from meshdeform.errors import KindRetiredError, MeshdeformError, ParameterError, PromptError, VocabularyError
 from meshdeform.requests.document import GuidanceKind, JobRequest, ResolvedParams, read_stored
-from meshdeform.requests.parameters import OF_OPTIMISER, TARGET_PARTS
+from meshdeform.requests.parameters import OF_OPTIMISER, TARGET_FIELDS
 from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.exemplar_kind import STEPS
 from meshdeform.settings import Settings
@@ -58,7 +58,7 @@ def steps(asked: JobRequest) -> int:
         (request(silhouettes=[{"azimuth": 0.0}]), ("silhouette_1",)),
         (request(""), ("target",)),
         (request("", align="none", landmarks=[{"source": 0, "target": 3}]), ("target",)),
-        (request(""), TARGET_PARTS),
+        (request(""), TARGET_FIELDS),
         (request(control={"rigid": [{"node": "wheel"}]}), ()),  # no lattice is needed
         (request("longer legs"), ()),
     ],
@@ -176,7 +176,7 @@ def test_steps_are_those_of_the_prompts_and_none_of_a_change_in_plain_words() ->
 
 def test_a_branch_inherits_the_targets_unless_it_has_a_prompt() -> None:
     kind = kind_of(request().kind)
-    assert kind.inherits(request("")) == {"asset", *TARGET_PARTS}
+    assert kind.inherits(request("")) == {"asset", *TARGET_FIELDS}
     assert kind.inherits(request("a cat")) == {"asset"}
     assert kind.inherits(request("", prompts=[{"prompt": "a cat"}])) == {"asset"}
 

@@ -9,7 +9,7 @@ import pytest
 from meshdeform.errors import AssetError, ParameterError, VocabularyError
 from meshdeform.requests.default_kind import with_kind
 from meshdeform.requests.document import JobRequest
-from meshdeform.requests.parameters import WORDS_PART
+from meshdeform.requests.parameters import WORDS_FIELD
 from meshdeform.runs import check_request
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.runs.word_pins import about_own, pinned, pins_of, words_named, words_of
@@ -48,11 +48,11 @@ def test_a_request_pins_them_by_their_hashes_and_their_content_goes_with_it() ->
     assert data == WEDGE.data
     assert words_of(pins_of(asked), data) == [WEDGE]
     assert JobRequest.model_validate_json(asked.model_dump_json()) == asked
-    assert WORDS_PART in TEXT_DEFORM.inherits(asked)
+    assert WORDS_FIELD in TEXT_DEFORM.inherits(asked)
     assert pinned(asked, [WEDGE]) == (asked, data)
     plain = request("a dog")
     assert pinned(plain, [BOX, WEDGE]) == (plain, None)
-    assert WORDS_PART not in TEXT_DEFORM.inherits(plain)
+    assert WORDS_FIELD not in TEXT_DEFORM.inherits(plain)
 
 
 def test_a_pinned_hash_that_nobody_has_is_refused() -> None:
@@ -80,7 +80,7 @@ def test_a_job_names_at_most_eight() -> None:
 
 
 def test_a_check_knows_them_and_refuses_what_they_lack() -> None:
-    parts = ["asset", WORDS_PART]
+    parts = ["asset", WORDS_FIELD]
     with in_use([WEDGE]):
         check_request(pinned(request("a wedge with a big head"), [WEDGE])[0], Settings(), files=parts)
         check_request(pinned(request("taller", source_noun="doorstop"), [WEDGE])[0], Settings(), files=parts)

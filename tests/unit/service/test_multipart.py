@@ -120,9 +120,9 @@ def test_a_part_that_may_be_repeated_is_numbered_and_no_form_has_ever_so_many(tm
     assert [(name, file.path.read_bytes()) for name, file in files.items()] == [
         ("meshes", b"0"), ("meshes_2", b"1"), ("meshes_3", b"2"),
     ]  # fmt: skip
-    with pytest.raises(RequestError, match="more than 250 parts"):
+    with pytest.raises(RequestError, match="more than 250 fields"):
         received(251)
-    with pytest.raises(RequestError, match="Unknown part 'asset'"):
+    with pytest.raises(RequestError, match="Unknown field 'asset'"):
         asyncio.run(receive_form(KIND, "", _once(form(b"data")), tmp_path, 10**6, known))
 
 

@@ -17,10 +17,11 @@ import pytest
 import sqlalchemy as sa
 
 from meshdeform.errors import CheckpointError, DependencyError, MeshdeformError, ModelError, NumericalError
-from meshdeform.record.leases import Turns, WorkerIdentity
+from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import EventType, Job, JobState, NewJob, Origin, OriginMode, StoredFile
 from meshdeform.record.repository import JobRecord
 from meshdeform.record.schema import jobs, workers
+from meshdeform.record.turns import Turns
 from meshdeform.requests.document import JobRequest, resolve
 from meshdeform.runs import start_run
 from meshdeform.runs.base import ArtifactData, InputFile, JobRun, RunInput
@@ -606,8 +607,8 @@ def test_an_outage_costs_no_attempt(world: World, monkeypatch: pytest.MonkeyPatc
 def test_a_checkpoint_that_cannot_be_stored_is_stored_a_little_later(
     world: World, monkeypatch: pytest.MonkeyPatch, part: str, method: str
 ) -> None:
-    monkeypatch.setattr("worker.attempt._PAUSE_S", 0.0)
-    monkeypatch.setattr("worker.attempt._PAUSE_PER_S", 0.0)
+    monkeypatch.setattr("worker.checkpoints._PAUSE_S", 0.0)
+    monkeypatch.setattr("worker.checkpoints._PAUSE_PER_S", 0.0)
     job = world.create()
     fail_for_a_while(monkeypatch, _part(world, part), method, times=3)
     done = world.run(job)

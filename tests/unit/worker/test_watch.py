@@ -15,7 +15,7 @@ from meshdeform.record.leases import WorkerIdentity
 from meshdeform.record.models import Job, JobState, Progress, StoredFile
 from meshdeform.runs.base import StepReport
 from tests.waiting import until
-from worker.attempt import JobWatch, StepTimer
+from worker.watch import JobWatch, StepTimer
 
 JOB = Job(
     id="job_1",
@@ -86,7 +86,7 @@ class Ear:
 
 @pytest.fixture(autouse=True)
 def _often(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("worker.attempt.PUBLISH_EVERY_S", 0.01)
+    monkeypatch.setattr("worker.watch.PUBLISH_EVERY_S", 0.01)
 
 
 @pytest.fixture
@@ -240,7 +240,7 @@ def test_few_of_many_steps_become_events(record: RecordStub, ear: Ear) -> None:
 
 
 def test_a_slow_job_is_told_of_every_few_seconds(record: RecordStub, ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("worker.attempt._EVENT_EVERY_S", 0.0)
+    monkeypatch.setattr("worker.watch._EVENT_EVERY_S", 0.0)
     with watch_of(record, ear) as watch:
         for n in (1, 2, 3):
             watch.step(step(n, 10_000))

@@ -14,10 +14,10 @@ import typer
 
 from meshdeform.cli.exits import clean_errors
 from meshdeform.cli.local import check_free, write_all
-from meshdeform.cli.options import ForceOption, JsonOption, Place, option, output_option
+from meshdeform.cli.options import ForceOption, JsonOption, Where, option, output_option
 from meshdeform.cli.output import emit, plain, table
-from meshdeform.kinds.words.commands.places import FolderWords, ServiceWords
-from meshdeform.requests.kind_folders import brought
+from meshdeform.kinds.words.commands.keepers import FolderWords, ServiceWords
+from meshdeform.requests.kind_folders import kind_modules
 
 words = typer.Typer(help="Make, list and share words of your own: meshes that prompts can name.", no_args_is_help=True)
 
@@ -30,7 +30,7 @@ _ReplaceOption = Annotated[
 
 
 @dataclass(frozen=True)
-class WordPlace(Place):
+class WordWhere(Where):
     """The service that keeps words instead of this machine."""
 
     # Without the variable: the address alone decides where words are kept, as it does where jobs run.
@@ -66,7 +66,7 @@ def add(
     licence: Annotated[str, option("The licence of the meshes, in a few words.")] = "",
     replace: _ReplaceOption = False,
     *,
-    place: WordPlace,
+    where: WordWhere,
     as_json: JsonOption = False,
 ) -> None:
     """Make a word of meshes, and keep it: prompts can name it at once.
@@ -86,15 +86,15 @@ def add(
         "licence": licence,
         **_fronts(front),
     }
-    with _kept(place) as kept, _meshes(meshes) as files:
+    with _kept(where) as kept, _meshes(meshes) as files:
         _tell([kept.add(said, files, replace=replace)], as_json=as_json)
 
 
 @words.command(name="list")
 @clean_errors
-def list_(*, place: WordPlace, as_json: JsonOption = False) -> None:
+def list_(*, where: WordWhere, as_json: JsonOption = False) -> None:
     """List your words."""
-    with _kept(place) as kept:
+    with _kept(where) as kept:
         _tell(kept.all(), as_json=as_json)
 
 
@@ -107,13 +107,13 @@ def show(
     ] = None,
     force: ForceOption = False,
     *,
-    place: WordPlace,
+    where: WordWhere,
     as_json: JsonOption = False,
 ) -> None:
     """Show what a word of yours consists of."""
     from meshdeform.words import read_name
 
-    with _kept(place) as kept:
+    with _kept(where) as kept:
         word = kept.one(read_name(noun))
         if picture is not None:
             check_free([picture], force=force)
@@ -127,12 +127,12 @@ def show(
 @words.command()
 @clean_errors
 def remove(
-    nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")], *, place: WordPlace
+    nouns: Annotated[list[str], typer.Argument(metavar="NOUN...", help="Words of yours.")], *, where: WordWhere
 ) -> None:
     """Remove words of yours. Jobs that have them keep them."""
     from meshdeform.words import read_name
 
-    with _kept(place) as kept:
+    with _kept(where) as kept:
         kept.remove([read_name(noun) for noun in nouns])
 
 
@@ -143,13 +143,13 @@ def export(
     output: Annotated[Path, output_option("The file to write: fruit.word.")],
     force: ForceOption = False,
     *,
-    place: WordPlace,
+    where: WordWhere,
 ) -> None:
     """Write words of yours into one file, for other machines and services."""
     from meshdeform.words import Word, joined, read_name
 
     check_free([output], force=force)
-    with _kept(place) as kept:
+    with _kept(where) as kept:
         chosen = {(name := read_name(noun)): Word.read(kept.content(name)) for noun in nouns}
     write_all({output: joined(chosen.values())}, what=output)
 
@@ -160,21 +160,21 @@ def import_(
     file: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="A file that `export` wrote.")],
     replace: _ReplaceOption = False,
     *,
-    place: WordPlace,
+    where: WordWhere,
     as_json: JsonOption = False,
 ) -> None:
     """Keep the words of a file, all or none."""
-    with _kept(place) as kept:
+    with _kept(where) as kept:
         _tell(kept.take(file.read_bytes(), replace=replace), as_json=as_json)
 
 
 @contextmanager
-def _kept(place: WordPlace) -> Iterator[FolderWords | ServiceWords]:
+def _kept(where: WordWhere) -> Iterator[FolderWords | ServiceWords]:
     """Provide the words of the service that is named, or of this machine."""
-    if not place.url:
+    if not where.url:
         yield FolderWords()
         return
-    with place.connect() as client:
+    with where.connect() as client:
         yield ServiceWords(client)
 
 
@@ -214,7 +214,7 @@ def _found(paths: Sequence[Path]) -> dict[str, Path]:
 @contextmanager
 def _meshes(paths: Sequence[Path]) -> Iterator[dict[str, Path]]:
     """Yield meshes by their names, those that a kind of job makes of what it wrote in a folder that goes afterwards."""
-    sources = [source for module in brought("commands") for source in getattr(module, "WORD_SOURCES", ())]
+    sources = [source for module in kind_modules("commands") for source in getattr(module, "WORD_SOURCES", ())]
     made = next((make for takes, make in sources if any(takes(path) for path in paths)), None)
     if made is None:
         yield _found(paths)

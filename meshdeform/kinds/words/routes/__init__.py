@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from functools import partial
+from typing import Annotated
 
 from anyio import to_thread
 from fastapi import APIRouter, Header, Path, Request, Response
@@ -21,14 +22,22 @@ from meshdeform.errors import (
 from meshdeform.kinds.words.process import drawn_word
 from meshdeform.kinds.words.routes.documents import WordDocument
 from meshdeform.kinds.words.routes.making import MESHES, WORD, add_words, remove_contents, view_members
-from meshdeform.record.words import KeptWord
 from meshdeform.words.file import NAME, SUFFIX
 from meshdeform.words.limits import MAX_NAME
-from service.documentation.responses import ASSET_ERRORS, CALLER_ERRORS, ONCE_ERRORS, REPLAY, header
+from service.documentation.responses import (
+    ASSET_ERRORS,
+    BYTES,
+    CALLER_ERRORS,
+    FILE,
+    ONCE_ERRORS,
+    REPLAY,
+    form_body,
+    header,
+)
 from service.downloads.responses import ConditionsDep, Download, download, download_responses, matches
 from service.http.auth import PrincipalDep
 from service.http.bodies import FormFiles, ReceivedFile, body_of, parse_document, receive_document, receive_form
-from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.errors import KNOWN_QUERY, answers, problem_responses
 from service.http.idempotency import Caller, IdempotencyKey
 from service.state import AppStateDep
 
@@ -42,7 +51,7 @@ TAGS = ({"name": "words", "description": "Words of your own, which your prompts 
 
 _FORM = FormFiles(
     (MESHES, WORD),
-    f"Send meshes as parts `{MESHES}` and the JSON document as the part `request`: "
+    f"Send meshes as fields `{MESHES}` and the JSON document as the field `request`: "
     """curl -F meshes=@FILE -F 'request={"noun": "dragonfruit"}' URL.""",
     repeated=(MESHES,),
 )
@@ -51,49 +60,28 @@ _Noun = Annotated[
     Path(description="The word's noun.", pattern=f"^{NAME.pattern}$", max_length=MAX_NAME, examples=["dragonfruit"]),
 ]
 _TAG = {"ETag": header("Identifies the word as it is.", '"9f86d081884c7d65..."')}
-_FILE = {"type": "string", "format": "binary", "contentMediaType": "application/octet-stream"}
-_BODY: dict[str, Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["request"],
-                    "additionalProperties": False,
-                    "properties": {
-                        MESHES: {
-                            "type": "array",
-                            "items": _FILE,
-                            "description": "Meshes of the word, or ZIPs of several; the part is repeated.",
-                        },
-                        WORD: {**_FILE, "description": "Instead of meshes: a file that an export wrote."},
-                        "request": {"$ref": "#/components/schemas/WordDocument"},
-                    },
-                },
-                "encoding": {
-                    MESHES: {"contentType": "application/octet-stream"},
-                    WORD: {"contentType": "application/octet-stream"},
-                    "request": {"contentType": "application/json"},
-                },
-                "examples": {
-                    "meshes": {
-                        "summary": "Meshes and a noun",
-                        "value": {MESHES: ["the bytes of fruit.glb"], "request": {"noun": "dragonfruit"}},
-                    },
-                    "word": {
-                        "summary": "An exported file",
-                        "value": {WORD: "the bytes of fruit.word", "request": {"replace": True}},
-                    },
-                },
-            },
-            "application/json": {
-                "schema": {"$ref": "#/components/schemas/WordDocument"},
-                "example": {"noun": "dragonfruit", MESHES: [{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}]},
-            },
+_BODY = form_body(
+    "WordDocument",
+    {
+        MESHES: {
+            "type": "array",
+            "items": FILE,
+            "description": "Meshes of the word, or ZIPs of several; the part is repeated.",
         },
-    }
-}
+        WORD: {**FILE, "description": "Instead of meshes: a file that an export wrote."},
+    },
+    {
+        "meshes": {
+            "summary": "Meshes and a noun",
+            "value": {MESHES: ["the bytes of fruit.glb"], "request": {"noun": "dragonfruit"}},
+        },
+        "word": {
+            "summary": "An exported file",
+            "value": {WORD: "the bytes of fruit.word", "request": {"replace": True}},
+        },
+    },
+    {"example": {"noun": "dragonfruit", MESHES: [{"upload_id": "upl_01kg9zqk2xf3v8c5m7n9p1r4t6"}]}},
+)
 
 
 @router.post(
@@ -101,20 +89,21 @@ _BODY: dict[str, Any] = {
     operation_id="add_words",
     summary="Make a word of meshes, or import words",
     status_code=201,
-    responses={
-        201: {"model": WordList, "description": "The new words.", "headers": REPLAY},
-        **problem_responses(
-            *ASSET_ERRORS,
-            RequestError,
-            ParameterError,
-            ConflictError,
-            StoredFileError,
-            RequestTimeoutError,
-            DependencyError,
-            *ONCE_ERRORS,
-            *CALLER_ERRORS,
-        ),
-    },
+    responses=answers(
+        WordList,
+        "The new words.",
+        *ASSET_ERRORS,
+        RequestError,
+        ParameterError,
+        ConflictError,
+        StoredFileError,
+        RequestTimeoutError,
+        DependencyError,
+        *ONCE_ERRORS,
+        *CALLER_ERRORS,
+        status=201,
+        headers=REPLAY,
+    ),
     openapi_extra=_BODY,
 )
 async def post_words(
@@ -134,7 +123,7 @@ async def post_words(
             else:
                 most = app.settings.max_upload_bytes
                 text, files = await receive_form(kind, length, body_of(request), folder, most, _FORM)
-            document = parse_document(WordDocument, text, "The part `request`" if files else "The body")
+            document = parse_document(WordDocument, text, "The field `request`" if files else "The body")
             async with app.wording.slot(principal.owner_id):
                 answer = await to_thread.run_sync(add_words, app, caller, document, files, folder)
     return answer.response()
@@ -142,12 +131,8 @@ async def post_words(
 
 @router.get(
     "",
-    operation_id="list_words",
     summary="List your words",
-    responses={
-        200: {"model": WordList, "description": "All your words."},
-        **problem_responses(*CALLER_ERRORS),
-    },
+    responses=answers(WordList, "All your words.", *CALLER_ERRORS),
 )
 def list_words(app: AppStateDep, principal: PrincipalDep) -> Response:
     """Not paginated: there are at most 200."""
@@ -157,12 +142,8 @@ def list_words(app: AppStateDep, principal: PrincipalDep) -> Response:
 
 @router.get(
     "/{noun}",
-    operation_id="get_word",
     summary="Get a word",
-    responses={
-        200: {"model": WordDetail, "description": "The word, with its meshes."},
-        **problem_responses(NotFoundError, ParameterError, *CALLER_ERRORS),
-    },
+    responses=answers(WordDetail, "The word, with its meshes.", NotFoundError, ParameterError, *CALLER_ERRORS),
 )
 def get_word(app: AppStateDep, principal: PrincipalDep, noun: _Noun) -> Response:
     """Each mesh with the file that it comes from."""
@@ -174,14 +155,10 @@ def get_word(app: AppStateDep, principal: PrincipalDep, noun: _Noun) -> Response
 
 @router.delete(
     "/{noun}",
-    operation_id="delete_word",
     summary="Delete a word",
     status_code=204,
     response_class=Response,
-    responses={
-        204: {"description": "The word is deleted."},
-        **problem_responses(NotFoundError, ParameterError, *CALLER_ERRORS),
-    },
+    responses=answers(None, "The word is deleted.", NotFoundError, ParameterError, *CALLER_ERRORS, status=204),
 )
 def delete_word(app: AppStateDep, principal: PrincipalDep, noun: _Noun) -> Response:
     """Jobs that have it keep it."""
@@ -191,7 +168,6 @@ def delete_word(app: AppStateDep, principal: PrincipalDep, noun: _Noun) -> Respo
 
 @router.get(
     "/{noun}/content",
-    operation_id="export_word",
     summary="Export a word",
     response_class=Response,
     responses={**download_responses("A file of words."), **problem_responses(ParameterError)},
@@ -207,13 +183,12 @@ def export_word(
 
 @router.get(
     "/{noun}/picture.png",
-    operation_id="draw_word",
     summary="Get a picture of a word",
     response_class=Response,
     responses={
         200: {
             "description": "A PNG of its meshes, coloured by their parts; of many, some.",
-            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+            "content": BYTES,
             "headers": _TAG,
         },
         304: {"description": "Unchanged: `If-None-Match` holds its `ETag`.", "headers": _TAG},
@@ -236,9 +211,6 @@ async def draw_word(
         return Response(status_code=304, headers=headers)
     with app.workspace.temporary_folder() as folder:
         async with app.wording.slot(principal.owner_id):
-            picture = await to_thread.run_sync(lambda: drawn_word(_content(app, kept), folder))
+            content = await to_thread.run_sync(partial(app.store.get, kept.key, sha256=kept.sha256))
+            picture = await to_thread.run_sync(drawn_word, content, folder)
     return Response(picture, headers=headers, media_type="image/png")
-
-
-def _content(app: AppStateDep, kept: KeptWord) -> bytes:
-    return app.store.get(kept.key, sha256=kept.sha256)

@@ -25,7 +25,7 @@ from service.state import AppState
 from service.words.known import as_word
 
 MESHES, WORD = "meshes", "word"
-"""The parts with meshes, and with a file of words."""
+"""The fields of meshes, and of a file of words."""
 
 
 def add_words(
@@ -103,7 +103,7 @@ def _words(
         *(fetch(app, owner_id, each, [MESHES, number], folder) for number, each in named.items()),
     ]
     if not sent:
-        raise ParameterError.at([MESHES], "There is no mesh.", f"Send one or more as the part `{MESHES}`.")
+        raise ParameterError.at([MESHES], "There is no mesh.", f"Send one or more as the field `{MESHES}`.")
     offer = WordOffer(noun, synonyms, like, document.front, document.fronts, document.licence)
     limits, samples = Limits.from_settings(app.settings), samples_in(app.settings.cache_folder)
     return [made_word(offer, _named(sent), folder, limits, samples)]

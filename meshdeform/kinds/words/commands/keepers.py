@@ -1,4 +1,4 @@
-"""Where `meshdeform words` keeps words: in a folder of this machine, or at a service. Both say the same of a word."""
+"""Keep words for `meshdeform words`: in a folder of this machine, or at a service. Both say the same of a word."""
 
 from __future__ import annotations
 
