@@ -46,6 +46,20 @@ PHONE: dict[str, Any] = {
     "is_mobile": True,
 }
 
+LONG = [{"operation": "long", "more": "longer", "less": "shorter"}]
+READ: dict[str, Any] = {
+    "reading": {"noun": "horse", "probability": 0.6, "sure": False, "noun_given": False, "front_given": False},
+    "parts": [
+        {"name": name, "found_by": "shapes", "confidence": 0.4, "faces": [[k, k]], "changes": LONG}
+        for k, name in enumerate(("head", "neck", "body", "legs", "tail", "ears", "muzzle"))
+    ],
+    "result": None,
+    "warnings": [],
+}
+READ["reading"] |= {"nouns": [{"noun": "horse", "probability": 0.6}, {"noun": "cow", "probability": 0.3}]}
+READ["reading"] |= {"front_azimuth_deg": 90.0, "front_sure": False}
+"""How each file is read here, which takes a process seconds."""
+
 
 @pytest.fixture(scope="session")
 def finished(service: Service, small_sphere: Path) -> str:
@@ -222,20 +236,20 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
             break
     assert seen[-1] == "prompt", seen
     assert "Choose a file" in seen
-    page.keyboard.type("a mushroom")
+    page.keyboard.type("20 % taller")
     for _ in range(50):
         page.keyboard.press("Tab")
         focused = page.evaluate("() => document.activeElement.id || document.activeElement.textContent.trim()")
         if focused == "Keep":
             break
     assert focused == "Keep"
-    expect(page.locator("#estimate")).to_contain_text("A fit")
+    expect(page.locator("#estimate")).to_contain_text("A change in plain words")
     page.keyboard.press("Enter")
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job_id = shown_job(page)
     assert service.finished(job_id)["state"] == "succeeded"
     until_judged(page)
-    assert service.job(job_id)["params"]["guidance"]["kind"] == "exemplar"
+    assert service.job(job_id)["prompt"] == "20 % taller"
     # The focus is at the new content; the strength is moved by the arrows, and before is seen while a key is held.
     expect(page.locator("#main")).to_be_focused()
     strength, stage = page.get_by_label("Strength", exact=True), page.locator(".asset-panel .stage")
@@ -256,12 +270,13 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     expect(page.get_by_label("Before and after")).to_have_attribute("aria-valuetext", "0 percent before")
 
 
-@pytest.mark.live
+@pytest.mark.live("parts")
 @pytest.mark.without_3d
 def test_nothing_is_wider_than_a_phone(
     browser: Browser, service: Service, finished: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     with watched(browser, str(service.http.base_url).rstrip("/"), request, tmp_path, **PHONE) as (page, _):
+        page.route("**/v1/jobs:parts", lambda route: route.fulfill(json=READ))
         for view in views(page, finished):
             if view == "form":
                 expect(page.get_by_text("No 3D view")).to_be_visible()
@@ -295,7 +310,7 @@ def widest(page: Page) -> list[str]:
     return found
 
 
-@pytest.mark.live
+@pytest.mark.live("parts")
 @pytest.mark.without_pictures
 def test_no_barrier_is_found(
     browser: Browser, service: Service, finished: str, axe: str, request: pytest.FixtureRequest, tmp_path: Path
@@ -303,6 +318,7 @@ def test_no_barrier_is_found(
     home = str(service.http.base_url).rstrip("/")
     with watched(browser, home, request, tmp_path, color_scheme="light", reduced_motion="reduce") as (page, watch):
         watch.allow(r"status of 422 .*/v1/jobs:validate")
+        page.route("**/v1/jobs:parts", lambda route: route.fulfill(json=READ))
         for view in views(page, finished):
             if view == "form":
                 page.get_by_label("Prompt", exact=True).fill("Albert Einstein")

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from meshdeform.geometry.shapes import icosphere
@@ -52,7 +51,6 @@ def packed_ball(path: Path) -> Path:
     return path
 
 
-@pytest.mark.live
 def test_a_zip_is_shown_its_front_said_and_deformed(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
     open_form(page)
     choose(page, packed_ball(tmp_path / "ball.zip"))
