@@ -24,6 +24,7 @@ from tests.browser.steps import (
     expect,
     open_form,
     open_more,
+    read_all_alike,
     set_steps,
     shown_job,
     start,
@@ -45,20 +46,6 @@ PHONE: dict[str, Any] = {
     "has_touch": True,
     "is_mobile": True,
 }
-
-LONG = [{"operation": "long", "more": "longer", "less": "shorter"}]
-READ: dict[str, Any] = {
-    "reading": {"noun": "horse", "probability": 0.6, "sure": False, "noun_given": False, "front_given": False},
-    "parts": [
-        {"name": name, "found_by": "shapes", "confidence": 0.4, "faces": [[k, k]], "changes": LONG}
-        for k, name in enumerate(("head", "neck", "body", "legs", "tail", "ears", "muzzle"))
-    ],
-    "result": None,
-    "warnings": [],
-}
-READ["reading"] |= {"nouns": [{"noun": "horse", "probability": 0.6}, {"noun": "cow", "probability": 0.3}]}
-READ["reading"] |= {"front_azimuth_deg": 90.0, "front_sure": False}
-"""How each file is read here, which takes a process seconds."""
 
 
 @pytest.fixture(scope="session")
@@ -276,7 +263,7 @@ def test_nothing_is_wider_than_a_phone(
     browser: Browser, service: Service, finished: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     with watched(browser, str(service.http.base_url).rstrip("/"), request, tmp_path, **PHONE) as (page, _):
-        page.route("**/v1/jobs:parts", lambda route: route.fulfill(json=READ))
+        read_all_alike(page)
         for view in views(page, finished):
             if view == "form":
                 expect(page.get_by_text("No 3D view")).to_be_visible()
@@ -318,7 +305,7 @@ def test_no_barrier_is_found(
     home = str(service.http.base_url).rstrip("/")
     with watched(browser, home, request, tmp_path, color_scheme="light", reduced_motion="reduce") as (page, watch):
         watch.allow(r"status of 422 .*/v1/jobs:validate")
-        page.route("**/v1/jobs:parts", lambda route: route.fulfill(json=READ))
+        read_all_alike(page)
         for view in views(page, finished):
             if view == "form":
                 page.get_by_label("Prompt", exact=True).fill("Albert Einstein")
