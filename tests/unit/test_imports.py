@@ -10,6 +10,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+from meshdeform.assets import build_glb
+from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import smaller
 
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
@@ -184,14 +186,15 @@ def test_the_extra_deform_is_enough_to_fit_and_to_change_without_torch(repositor
     packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert [line for line in packages["deform"] if line.startswith("meshdeform")] == ["meshdeform[asset]"]
     refused = [*_SDS, *(line.partition(">")[0] for line in packages["stack"])]
-    cube, vase = (str(repository / "examples" / name) for name in ("cube.glb", "vase.glb"))
+    vase, ball, given = str(repository / "examples/vase.glb"), icosphere(2), ["--set", "orientation=keep"]
+    (tmp_path / "ball.glb").write_bytes(build_glb(ball.verts, ball.faces))
     # A fit of parts with its morph, a mould, a target, a change, and what comes after a run.
     done = commands(
         tmp_path,
-        ["run", vase, "a bottle", "-o", "bottle.glb", "--morph"],
-        ["run", cube, "a mushroom", "-o", "mushroom.glb"],
-        ["run", cube, "--target", vase, "--guidance", "exemplar", "-o", "t.glb"],
-        ["run", vase, "twice as tall", "-o", "tall.glb"],
+        ["run", vase, "a bottle", "-o", "bottle.glb", "--morph", *given, "--set", "source_noun=vase"],
+        ["run", "ball.glb", "a mushroom", "-o", "mushroom.glb", *given],
+        ["run", "ball.glb", "--target", vase, "--guidance", "exemplar", "-o", "t.glb"],
+        ["run", "ball.glb", "twice as tall", "-o", "tall.glb"],
         ["inspect", vase],
         ["apply", "bottle.glb", "--source", vase, "--strength", "0.5", "-o", "half.glb"],
         ["convert", "tall.glb", "-o", "tall.stl"],
