@@ -13,20 +13,22 @@ _FIXTURE = "subtests"
 
 
 def each_case(
-    names: str | Sequence[str], cases: Iterable[Any], *, ids: Iterable[str] | Callable[[Any], str | None] | None = None
+    names: str | Sequence[str],
+    cases: Iterable[Any] | Callable[[], Iterable[Any]],
+    *,
+    ids: Iterable[str] | Callable[[Any], str | None] | None = None,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Run a test once for every case without making each case a test of its own.
 
     It is written like `pytest.mark.parametrize`. The difference is that the fixtures are made once and shared by all
-    cases, so use it where a case leaves nothing behind that the next one would see. A test without cases would pass
-    without having run: ValueError.
+    cases, so use it where a case leaves nothing behind that the next one would see. Cases that take time to find are
+    those of a function, which is called when the test runs. A test without cases would pass without having run:
+    ValueError.
     """
     wanted = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
-    table = [_values(case, len(wanted)) for case in cases]
     if ids is not None and not callable(ids):
         ids = list(ids)
-    if not table:
-        raise ValueError(f"no cases for {', '.join(wanted)}")
+    known = None if callable(cases) else _table(cases, wanted)
 
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         signature = inspect.signature(test)
@@ -38,6 +40,7 @@ def each_case(
         @functools.wraps(test)
         def over_all_cases(**fixtures: Any) -> None:
             subtests = fixtures[_FIXTURE] if within else fixtures.pop(_FIXTURE)
+            table = _table(cases(), wanted) if callable(cases) else known or []
             labels = _labels(table, ids)  # here, because every worker of the tests imports every file
             for label, values in zip(labels, table, strict=True):
                 with subtests.test(label):
@@ -47,6 +50,13 @@ def each_case(
         return over_all_cases
 
     return decorate
+
+
+def _table(cases: Iterable[Any], wanted: Sequence[str]) -> list[tuple[Any, ...]]:
+    table = [_values(case, len(wanted)) for case in cases]
+    if not table:
+        raise ValueError(f"no cases for {', '.join(wanted)}")
+    return table
 
 
 def _values(case: Any, count: int) -> tuple[Any, ...]:

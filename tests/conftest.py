@@ -37,6 +37,9 @@ os.environ["OMP_NUM_THREADS"] = "1"
 os.environ["NUMBA_NUM_THREADS"] = "1"
 # `CliRunner` builds the tree of 33 commands from the app again for each line that it runs.
 typer.testing._get_command = functools.cache(typer.testing._get_command)
+# What is imported is compiled once, and kept for the hundreds of processes that the tests start.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Nothing is fetched in a test; a hub that is asked by mistake must fail at once.
 os.environ["HF_HUB_OFFLINE"] = "1"
 

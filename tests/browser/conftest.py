@@ -6,6 +6,7 @@ or a request to another host fails the test. Where a test fails, the last thing 
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -55,16 +56,19 @@ if (self.OffscreenCanvas) OffscreenCanvas.prototype.getContext = () => null;
 """
 # Each file that is chosen would be read, and each prompt that stands for a moment fitted: seconds of a process for what
 # most tests do not look at.
-_UNREAD = """
-const fetched = window.fetch;
-const answers = {
-  "/v1/jobs:parts": [200, { reading: null, parts: [], result: null, warnings: [] }],
-  "/v1/jobs:preview": [422, { status: 422, code: "prompt_invalid", title: "No preview", detail: "Not in this test." }],
-};
-window.fetch = (input, init) => {
-  const [, answer] = Object.entries(answers).find(([path]) => String(input).includes(path)) ?? [];
-  return answer ? Promise.resolve(Response.json(answer[1], { status: answer[0] })) : fetched.call(window, input, init);
-};
+_UNREAD = {
+    "parts": (200, {"reading": None, "parts": [], "result": None, "warnings": []}),
+    "preview": (422, {"status": 422, "code": "prompt_invalid", "title": "No preview", "detail": "Not in this test."}),
+}
+_ANSWERED = """
+(() => {
+  const fetched = window.fetch, answers = %s;
+  window.fetch = (input, init) => {
+    const [, answer] = Object.entries(answers).find(([name]) => String(input).includes(`/v1/jobs:${name}`)) ?? [];
+    if (!answer) return fetched.call(window, input, init);
+    return Promise.resolve(Response.json(answer[1], { status: answer[0] }));
+  };
+})();
 """
 # What draws does nothing: the pages stay as they are with WebGL, but software need not compile and run the shaders.
 _NO_DRAWING = """
@@ -235,8 +239,10 @@ def watched(
         context.add_init_script(_NO_WEBGL)
     if request.node.get_closest_marker("without_pictures"):
         context.add_init_script(_NO_DRAWING)
-    if not request.node.get_closest_marker("live"):
-        context.add_init_script(_UNREAD)
+    live = request.node.get_closest_marker("live")
+    asked = (live.args or _UNREAD) if live else ()
+    if answers := {name: answer for name, answer in _UNREAD.items() if name not in asked}:
+        context.add_init_script(_ANSWERED % json.dumps(answers))
     page = context.new_page()
     try:
         yield page, watch

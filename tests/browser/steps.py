@@ -46,6 +46,24 @@ _FEW_STEPS = """
 })();
 """
 
+_LONG = [{"operation": "long", "more": "longer", "less": "shorter"}]
+_READ: dict[str, Any] = {
+    "reading": {"noun": "horse", "probability": 0.6, "sure": False, "noun_given": False, "front_given": False},
+    "parts": [
+        {"name": name, "found_by": "shapes", "confidence": 0.4, "faces": [[k, k]], "changes": _LONG}
+        for k, name in enumerate(("head", "neck", "body", "legs", "tail", "ears", "muzzle"))
+    ],
+    "result": None,
+    "warnings": [],
+}
+_READ["reading"] |= {"nouns": [{"noun": "horse", "probability": 0.6}, {"noun": "cow", "probability": 0.3}]}
+_READ["reading"] |= {"front_azimuth_deg": 90.0, "front_sure": False}
+
+
+def read_all_alike(page: Page) -> None:
+    """Answer what each file is read as, on a page that is `live("parts")`: a process would take seconds."""
+    page.route("**/v1/jobs:parts", lambda route: route.fulfill(json=_READ))
+
 
 def expect(what: Page | Locator) -> Any:
     """Return Playwright's assertions, which wait for as long as only a hang takes.

@@ -24,6 +24,7 @@ from tests.browser.steps import (
     expect,
     open_form,
     open_more,
+    read_all_alike,
     set_steps,
     shown_job,
     start,
@@ -222,20 +223,20 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
             break
     assert seen[-1] == "prompt", seen
     assert "Choose a file" in seen
-    page.keyboard.type("a mushroom")
+    page.keyboard.type("20 % taller")
     for _ in range(50):
         page.keyboard.press("Tab")
         focused = page.evaluate("() => document.activeElement.id || document.activeElement.textContent.trim()")
         if focused == "Keep":
             break
     assert focused == "Keep"
-    expect(page.locator("#estimate")).to_contain_text("A fit")
+    expect(page.locator("#estimate")).to_contain_text("A change in plain words")
     page.keyboard.press("Enter")
     page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
     job_id = shown_job(page)
     assert service.finished(job_id)["state"] == "succeeded"
     until_judged(page)
-    assert service.job(job_id)["params"]["guidance"]["kind"] == "exemplar"
+    assert service.job(job_id)["prompt"] == "20 % taller"
     # The focus is at the new content; the strength is moved by the arrows, and before is seen while a key is held.
     expect(page.locator("#main")).to_be_focused()
     strength, stage = page.get_by_label("Strength", exact=True), page.locator(".asset-panel .stage")
@@ -256,12 +257,13 @@ def test_the_keyboard_is_enough(page: Page, watch: Watch, service: Service, smal
     expect(page.get_by_label("Before and after")).to_have_attribute("aria-valuetext", "0 percent before")
 
 
-@pytest.mark.live
+@pytest.mark.live("parts")
 @pytest.mark.without_3d
 def test_nothing_is_wider_than_a_phone(
     browser: Browser, service: Service, finished: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     with watched(browser, str(service.http.base_url).rstrip("/"), request, tmp_path, **PHONE) as (page, _):
+        read_all_alike(page)
         for view in views(page, finished):
             if view == "form":
                 expect(page.get_by_text("No 3D view")).to_be_visible()
@@ -295,7 +297,7 @@ def widest(page: Page) -> list[str]:
     return found
 
 
-@pytest.mark.live
+@pytest.mark.live("parts")
 @pytest.mark.without_pictures
 def test_no_barrier_is_found(
     browser: Browser, service: Service, finished: str, axe: str, request: pytest.FixtureRequest, tmp_path: Path
@@ -303,6 +305,7 @@ def test_no_barrier_is_found(
     home = str(service.http.base_url).rstrip("/")
     with watched(browser, home, request, tmp_path, color_scheme="light", reduced_motion="reduce") as (page, watch):
         watch.allow(r"status of 422 .*/v1/jobs:validate")
+        read_all_alike(page)
         for view in views(page, finished):
             if view == "form":
                 page.get_by_label("Prompt", exact=True).fill("Albert Einstein")

@@ -21,6 +21,7 @@ from tests.browser.steps import (
     expect,
     open_form,
     picture,
+    read_all_alike,
     set_steps,
     start,
     until_drawn,
@@ -52,8 +53,9 @@ def packed_ball(path: Path) -> Path:
     return path
 
 
-@pytest.mark.live
+@pytest.mark.live("parts")
 def test_a_zip_is_shown_its_front_said_and_deformed(page: Page, watch: Watch, service: Service, tmp_path: Path) -> None:
+    read_all_alike(page)
     open_form(page)
     choose(page, packed_ball(tmp_path / "ball.zip"))
     expect(page.locator("#asset-facts")).to_contain_text("320 triangles")

@@ -33,7 +33,7 @@ class _Quiet(SimpleHTTPRequestHandler):
 def host(service: Service, small_sphere: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A web host that knows nothing but files, and the address of the demo on it."""
     folder = tmp_path_factory.mktemp("site")
-    job = service.submit(small_sphere, {"prompt": "a mushroom"})
+    job = service.submit(small_sphere, {"prompt": "20 % taller"})
     assert service.finished(job)["state"] == "succeeded"
     with pytest.MonkeyPatch.context() as few:
         few.setattr(demo, "_MEMBERS", 2)

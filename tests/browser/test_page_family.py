@@ -11,6 +11,7 @@ import pytest
 
 from bench.parametric_families import family, labels_document
 from meshdeform.assets import load_asset
+from meshdeform.kinds.families import reading
 from meshdeform.runs import start_run
 from meshdeform.settings import Settings
 from tests.browser.conftest import watched
@@ -24,8 +25,15 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def page(browser: Browser, request: pytest.FixtureRequest, redis_url: str, tmp_path: Path) -> Iterator[Page]:
-    """A page of a service and a worker in this process."""
+def page(
+    browser: Browser,
+    request: pytest.FixtureRequest,
+    redis_url: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Iterator[Page]:
+    """A page of a service and a worker in this process, which reads nothing: all assets are labelled."""
+    monkeypatch.setattr(reading, "read_source", lambda *_, **__: None)
     settings = Settings(data_dir=tmp_path / "data", redis_url=redis_url, queue="test-page-family")
     with (
         children_in_process(),

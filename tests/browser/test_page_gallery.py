@@ -22,8 +22,10 @@ EXAMPLES: list[dict[str, Any]] = json.loads((FOLDER / "gallery.json").read_text(
 CHAIR = next(example for example in EXAMPLES if example["id"] == "chair")
 
 
-@pytest.mark.live
-def test_an_example_is_seen_at_once_and_runs_with_one_click(page: Page, watch: Watch, service: Service) -> None:
+@pytest.mark.live("preview")
+def test_an_example_is_seen_at_once_and_runs_with_one_click(
+    page: Page, watch: Watch, service: Service, small_sphere: Path
+) -> None:
     open_form(page)
     expect(page.get_by_role("region", name="Examples").get_by_role("listitem")).to_have_count(6)
     page.get_by_role("link", name="All examples").click()
@@ -41,11 +43,14 @@ def test_an_example_is_seen_at_once_and_runs_with_one_click(page: Page, watch: W
     until("the asset is to be seen", lambda: difference(result, picture(view)) > 0.02)
     page.get_by_label("Strength", exact=True).fill("100")
     with service.held_jobs():
+        before = service.submit(small_sphere, {"prompt": "a vase", "params": {"preset": "preview", "steps": 2}})
+        service.at_step(before, 1)
         page.get_by_role("button", name="Keep").click()
         page.wait_for_url(re.compile(r"#/jobs/job_\w+$"))
         job = shown_job(page)
-        expect(badge(page)).to_have_text(re.compile("Queued|Running"))
-        service.http.post(f"/v1/jobs/{job}/cancel")
+        expect(badge(page)).to_have_text("Queued")
+        for each in (job, before):
+            service.http.post(f"/v1/jobs/{each}/cancel")
     assert len(watch.posted()) == 1
     posted, asked = service.job(job), CHAIR["document"]
     assert posted["prompt"] == asked["prompt"]

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from tests.browser.conftest import Watch
 
-pytestmark = pytest.mark.live
+pytestmark = pytest.mark.live("preview")
 
 
 class Previews:
@@ -103,7 +103,6 @@ def shown(page: Page, service: Service, asset: Path) -> Previews:
     previews = Previews(page, asset)
     open_form(page)
     choose(page, asset)
-    until_drawn(viewer(page))
     open_more(page)
     page.locator("#seed").fill("10")
     page.locator("#prompt").fill("a mushroom")
@@ -137,7 +136,14 @@ def test_what_is_typed_is_seen_and_a_click_takes_another_design(page: Page, show
     assert members(page).nth(2).get_attribute("aria-label") == "Design 3: mushroom"
     expect(page.locator(".outlook:visible")).to_have_text("It leans.")
     assert barriers(page, axe) == []
-    before = picture(viewer(page))
+    asked, before = len(shown.asked), until_drawn(viewer(page))
+    page.get_by_label("Strength", exact=True).fill("0")
+    expect(tag(page)).to_have_text("Preview · 0%")
+    until("it goes back", lambda: difference(before, picture(viewer(page))) > 0.01)
+    page.get_by_label("Strength", exact=True).fill("100")
+    expect(tag(page)).to_have_text("Preview")
+    until("and is there again", lambda: difference(before, picture(viewer(page))) < 0.01)
+    assert len(shown.asked) == asked, "strength moves the mesh without a request"
     members(page).nth(3).press("Enter")
     expect(page.locator("#seed")).to_have_value("13")
     expect(members(page).nth(3)).to_have_attribute("aria-pressed", "true")
@@ -155,17 +161,7 @@ def test_what_is_typed_is_seen_and_a_click_takes_another_design(page: Page, show
     expect(shapes.first).to_have_attribute("aria-pressed", "true")
 
 
-def test_strength_moves_the_mesh_without_a_request(page: Page, shown: Previews) -> None:
-    asked, before = len(shown.asked), picture(viewer(page))
-    page.get_by_label("Strength", exact=True).fill("0")
-    expect(tag(page)).to_have_text("Preview · 0%")
-    until("it goes back", lambda: difference(before, picture(viewer(page))) > 0.01)
-    page.get_by_label("Strength", exact=True).fill("100")
-    expect(tag(page)).to_have_text("Preview")
-    until("and is there again", lambda: difference(before, picture(viewer(page))) < 0.01)
-    assert len(shown.asked) == asked
-
-
+@pytest.mark.without_pictures
 def test_the_asset_is_back_where_a_prompt_is_refused_gone_or_of_another_file(
     page: Page, shown: Previews, asset: Path, watch: Watch
 ) -> None:
@@ -213,20 +209,6 @@ def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Serv
     page.locator("#prompt").fill("a vase")
     expect(page.locator("#estimate")).to_contain_text("A fit")
     assert len(previews.asked) == 1
-
-
-def test_a_change_in_plain_words_is_made_by_the_server_as_it_is_typed(
-    page: Page, service: Service, asset: Path
-) -> None:
-    del service
-    open_form(page)
-    choose(page, asset)
-    until_drawn(viewer(page))
-    before = picture(viewer(page))
-    page.locator("#prompt").fill("twice as tall")
-    expect(tag(page)).to_have_text("Preview")
-    until("the view shows it", lambda: difference(before, picture(viewer(page))) > 0.01)
-    expect(members(page)).to_have_count(0)
 
 
 @pytest.mark.without_pictures

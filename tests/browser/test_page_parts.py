@@ -31,8 +31,6 @@ from tests.unit.plain.shapes import rigged_dog
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page, Route
 
-pytestmark = pytest.mark.live
-
 
 def chip(page: Page, name: str) -> Locator:
     return page.locator(".parts").get_by_role("button", name=name, exact=True)
@@ -44,6 +42,7 @@ def marked(viewer: Locator) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
     return np.argwhere(seen[..., 0] - seen[..., 2] > 60)
 
 
+@pytest.mark.live
 def test_a_part_is_pointed_at_changed_and_seen_at_once(page: Page, service: Service, axe: str, tmp_path: Path) -> None:
     asset = tmp_path / "dog.glb"
     asset.write_bytes(rigged_dog())
@@ -90,22 +89,6 @@ def test_a_part_is_pointed_at_changed_and_seen_at_once(page: Page, service: Serv
     assert len(load_asset(service.artifact(job, "result.glb")).surface.positions)
 
 
-@pytest.mark.without_pictures
-def test_another_prompt_is_the_users_own(page: Page, tmp_path: Path) -> None:
-    asset = tmp_path / "dog.glb"
-    asset.write_bytes(rigged_dog())
-    open_form(page)
-    choose(page, asset)
-    tag = page.locator(".asset-panel .viewer-tag").first
-    chip(page, "legs").click()
-    chip(page, "shorter").click()
-    expect(tag).to_have_text("Preview")
-    page.locator("#prompt").fill("a horse")
-    expect(chip(page, "shorter")).to_have_attribute("aria-pressed", "false")
-    page.get_by_role("button", name="Sphere", exact=True).click()
-    expect(chip(page, "tail")).to_be_hidden()
-
-
 FOUND: dict[str, tuple[str, float | None, list[Any]]] = {
     "legs": ("joints", None, [[768, 2495]]),
     "horns": ("shapes", 0.3, [[2796, 3095]]),
@@ -141,13 +124,15 @@ class Reader:
         given = {name: ("given", None, faces) for name, (_, _, faces) in FOUND.items() if name in names}
         parts = {names.get(name, name): part for name, part in {**FOUND, **given}.items()}
         parts |= {entry["name"]: ("given", None, entry["faces"]) for entry in entries if "faces" in entry}
+        changes = [{"operation": "long", "more": "longer", "less": "shorter"}]
         listed = [
-            {"name": name, "found_by": by, "confidence": confidence, "faces": faces, "changes": []}
+            {"name": name, "found_by": by, "confidence": confidence, "faces": faces, "changes": changes}
             for name, (by, confidence, faces) in parts.items()
         ]
         route.fulfill(json={"reading": reading, "parts": listed, "result": None, "warnings": []})
 
 
+@pytest.mark.live("parts")
 @pytest.mark.without_pictures
 def test_what_is_read_wrong_is_corrected_and_kept(page: Page, service: Service, axe: str, tmp_path: Path) -> None:
     reader = Reader(page)
@@ -201,6 +186,10 @@ def test_what_is_read_wrong_is_corrected_and_kept(page: Page, service: Service, 
     expect(page.get_by_role("button", name="Another part…")).to_be_focused()
 
     chip(page, "legs").click()
+    chip(page, "shorter").click()
+    expect(chip(page, "shorter")).to_have_attribute("aria-pressed", "true")
+    page.get_by_label("Prompt", exact=True).fill("a horse")  # another prompt is the user's own
+    expect(chip(page, "shorter")).to_have_attribute("aria-pressed", "false")
     page.get_by_role("button", name="Paint", exact=True).click()
     expect(list_).to_have_text(["“legs”: painted, 0 triangles"])
     viewer = page.locator(".asset-panel .viewer")

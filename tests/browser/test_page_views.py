@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 RESULT = re.compile(r"/artifacts/result\.glb$")
 
 
+@pytest.fixture(scope="module")
+def done(service: Service, small_sphere: Path) -> str:
+    """A job that has succeeded."""
+    job = service.submit(small_sphere, {"prompt": "a fat penguin", "params": {"preset": "preview", "steps": 6}})
+    assert service.finished(job)["state"] == "succeeded"
+    return job
+
+
 def test_a_file_that_cannot_be_shown_takes_the_model_before_it_away(
     page: Page, repository: Path, tmp_path: Path
 ) -> None:
@@ -81,11 +89,7 @@ def test_a_shape_on_the_way_is_downloaded_continued_and_retried(
     expect(badge(page)).to_have_text("Canceled")
 
 
-def test_a_result_that_is_slow_to_come_is_never_the_source(
-    page: Page, watch: Watch, service: Service, small_sphere: Path
-) -> None:
-    done = service.submit(small_sphere, {"prompt": "a fat penguin", "params": {"preset": "preview", "steps": 6}})
-    assert service.finished(done)["state"] == "succeeded"
+def test_a_result_that_is_slow_to_come_is_never_the_source(page: Page, watch: Watch, done: str) -> None:
     watch.allow(r"status of (503|429) ")
     asked: list[str] = []
 
@@ -116,10 +120,8 @@ def test_a_result_that_is_slow_to_come_is_never_the_source(
 
 @pytest.mark.without_pictures
 def test_a_result_is_weakened_exaggerated_and_downloaded(
-    page: Page, service: Service, small_sphere: Path, tmp_path: Path
+    page: Page, service: Service, done: str, tmp_path: Path
 ) -> None:
-    done = service.submit(small_sphere, {"prompt": "a fat penguin", "params": {"preset": "preview", "steps": 6}})
-    assert service.finished(done)["state"] == "succeeded"
     page.goto(f"/#/jobs/{done}")
     tag = page.locator(".viewer-tag").first
     expect(tag).to_have_text("Result")

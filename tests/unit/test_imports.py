@@ -10,6 +10,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+from meshdeform.assets import build_glb
+from meshdeform.geometry.shapes import icosphere
 from tests.acceptance.service import smaller
 
 HEAVY = ["torch", "diffusers", "transformers", "numba", "scipy", "trimesh", "PIL"]
@@ -158,19 +160,24 @@ class Missing:
         return None if missing else importlib.machinery.PathFinder.find_spec(name, path, target)
 sys.meta_path[sys.meta_path.index(importlib.machinery.PathFinder)] = Missing
 """
-# Runs a command, and says at its end what it has loaded.
-_COMMAND = """
+# Runs commands, one after the other, and says at its end what they have loaded.
+_COMMANDS = """
+import json
 from meshdeform.cli.app import main
-sys.argv[0] = 'meshdeform'
-try: main()
+try:
+    for line in json.loads(sys.argv[1]):
+        sys.argv[:] = ['meshdeform', *line]
+        try: main()
+        except SystemExit as end:
+            if end.code: raise
 finally: print("LOADED", *{name.partition(".")[0] for name in sys.modules})
 """
 _SDS = ["torch", "diffusers", "transformers"]
 
 
-def command(folder: Path, *arguments: str, refused: list[str]) -> subprocess.CompletedProcess[str]:
-    """Run a command of ours in a folder where packages are not installed."""
-    program = [sys.executable, "-c", _MISSING % refused + _COMMAND, *arguments]
+def commands(folder: Path, *lines: list[str], refused: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run commands of ours in a folder where packages are not installed, up to the first that fails."""
+    program = [sys.executable, "-c", _MISSING % refused + _COMMANDS, json.dumps(lines)]
     environment = {**os.environ, **smaller()}
     return subprocess.run(program, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
@@ -179,29 +186,22 @@ def test_the_extra_deform_is_enough_to_fit_and_to_change_without_torch(repositor
     packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert [line for line in packages["deform"] if line.startswith("meshdeform")] == ["meshdeform[asset]"]
     refused = [*_SDS, *(line.partition(">")[0] for line in packages["stack"])]
-    cube, vase = (str(repository / "examples" / name) for name in ("cube.glb", "vase.glb"))
+    vase, ball, given = str(repository / "examples/vase.glb"), icosphere(2), ["--set", "orientation=keep"]
+    (tmp_path / "ball.glb").write_bytes(build_glb(ball.verts, ball.faces))
     # A fit of parts with its morph, a mould, a target, a change, and what comes after a run.
-    for arguments in (
-        ["run", vase, "a bottle", "-o", "bottle.glb", "--morph"],
-        ["run", cube, "a mushroom", "-o", "mushroom.glb"],
-        [
-            "run",
-            cube,
-            "--target",
-            vase,
-            "--guidance",
-            "exemplar",
-            "-o",
-            "t.glb",
-        ],
-        ["run", vase, "twice as tall", "-o", "tall.glb"],
+    done = commands(
+        tmp_path,
+        ["run", vase, "a bottle", "-o", "bottle.glb", "--morph", *given, "--set", "source_noun=vase"],
+        ["run", "ball.glb", "a mushroom", "-o", "mushroom.glb", *given],
+        ["run", "ball.glb", "--target", vase, "--guidance", "exemplar", "-o", "t.glb"],
+        ["run", "ball.glb", "twice as tall", "-o", "tall.glb"],
         ["inspect", vase],
         ["apply", "bottle.glb", "--source", vase, "--strength", "0.5", "-o", "half.glb"],
         ["convert", "tall.glb", "-o", "tall.stl"],
-    ):
-        done = command(tmp_path, *arguments, refused=refused)
-        assert done.returncode == 0, done.stderr
-        assert not set(done.stdout.rpartition("LOADED")[2].split()) & {*refused}, arguments
+        refused=refused,
+    )
+    assert done.returncode == 0, done.stderr
+    assert not set(done.stdout.rpartition("LOADED")[2].split()) & {*refused}
     made = {path.name for path in tmp_path.iterdir()}
     assert made >= {"bottle.glb", "bottle.morph.glb", "bottle.preview.png", "t.report.json", "half.glb", "tall.stl"}
 
@@ -213,7 +213,7 @@ def test_what_needs_torch_names_its_extra_before_anything_is_read(repository: Pa
         ["run", cube, "--target", cube, "--guidance", "target"],
         ["run", cube, "--kind", "surface_fit"],
     ):
-        done = command(tmp_path, *arguments, "--json", refused=_SDS)
+        done = commands(tmp_path, [*arguments, "--json"], refused=_SDS)
         assert done.returncode == 4, done.stderr
         error = json.loads(done.stderr)
         assert (error["code"], error["extra"]) == ("dependency_missing", "sds")
@@ -224,8 +224,8 @@ def test_the_extra_sds_is_enough_for_the_papers_method_and_loads_no_compiler(rep
     packages = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert packages["sds"] == ["meshdeform[deform]", "torch>=2.8"]
     refused = ["diffusers", "transformers", *(line.partition(">")[0] for line in packages["stack"])]
-    arguments = ["run", str(repository / "examples/cube.glb"), "a vase", "--steps", "1", "-o", "vase.glb"]
-    done = command(tmp_path, *arguments, "--guidance", "sds", "--set", "orientation=keep", refused=refused)
+    line = ["run", str(repository / "examples/cube.glb"), "a vase", "--steps", "1", "-o", "vase.glb"]
+    done = commands(tmp_path, [*line, "--guidance", "sds", "--set", "orientation=keep"], refused=refused)
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.rpartition("LOADED")[2].split())
     assert "torch" in loaded
