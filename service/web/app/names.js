@@ -1,8 +1,8 @@
 // @ts-check
 /** Names of downloaded files that say what is in them. */
 
-/** @param {string} text @param {number} longest */
-function slug(text, longest) {
+/** Words as they may stand in the name of a file. @param {string} text @param {number} longest */
+export function slug(text, longest) {
   const plain = text.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "-");
   return plain.slice(0, longest + 1).replace(/^-+|-+$/g, "").slice(0, longest);
 }

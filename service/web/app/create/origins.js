@@ -22,7 +22,7 @@ export function resultOrigin(id) {
  * @typedef {object} Origin
  * @property {any} job The document of the job, or as much of one as an example has.
  * @property {Asset} asset
- * @property {Record<string, Asset>} others Its files besides the asset, by the names of their parts.
+ * @property {Record<string, Asset>} others Its files besides the asset, by their names in the job.
  * @property {string} [result] What an example became, a file below `web/examples/`.
  */
 
@@ -38,8 +38,8 @@ export async function originOf(from, signal) {
   }
   const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
   // The model names its weights.
-  const parts = Object.entries(job.files ?? {}).filter(([part]) => !["asset", "weights"].includes(part));
-  const files = parts.map(async ([part, { filename }]) => [part, new Asset(await client.file(from, part, signal), filename)]);
+  const named = Object.entries(job.files ?? {}).filter(([name]) => !["asset", "weights"].includes(name));
+  const files = named.map(async ([name, { filename }]) => [name, new Asset(await client.file(from, name, signal), filename)]);
   return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
 }
 
