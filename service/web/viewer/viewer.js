@@ -292,8 +292,8 @@ export class MeshViewer extends EventTarget {
     if (!this.#root) throw new Error("Nothing is loaded.");
     const { drawTurntable } = await import("./turntable.js");
     this.#ground();
-    const { camera, controls } = this.rig;
-    return drawTurntable(this.#start(), this.stage, boundsOf(this.#root), camera.position.clone().sub(controls.target), options);
+    const { camera, orbit } = this.rig;
+    return drawTurntable(this.#start(), this.stage, boundsOf(this.#root), camera.position.clone().sub(orbit.target), options);
   }
 
   /** Draw again, soon. */

@@ -116,6 +116,6 @@ function tint(color, opacity) {
 }
 
 function circle() {
-  const places = Array.from({ length: CIRCLE }, (_, i) => [Math.cos((2 * Math.PI * i) / CIRCLE), Math.sin((2 * Math.PI * i) / CIRCLE), 0]);
-  return new BufferGeometry().setAttribute("position", new BufferAttribute(Float32Array.from(places.flat()), 3));
+  const points = Array.from({ length: CIRCLE }, (_, i) => [Math.cos((2 * Math.PI * i) / CIRCLE), Math.sin((2 * Math.PI * i) / CIRCLE), 0]);
+  return new BufferGeometry().setAttribute("position", new BufferAttribute(Float32Array.from(points.flat()), 3));
 }
