@@ -37,9 +37,8 @@ export function artifactName(job, artifact) {
  * @param {any} job
  * @param {string} step Empty: the result.
  * @param {number} share In percent, of the way from the source to that step.
- * @param {string} ending
  */
-export function shapeName(job, step, share, ending = "glb") {
+export function shapeName(job, step, share) {
   const way = share === 100 ? "" : `${step ? "morph" : "strength"}${share}`;
-  return `${[stemOf(job), step, way].filter(Boolean).join("-")}.${ending}`;
+  return `${[stemOf(job), step, way].filter(Boolean).join("-")}.glb`;
 }

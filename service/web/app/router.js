@@ -22,7 +22,7 @@ const EXAMPLE = /^[a-z0-9-]{1,40}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP = /^[\w-]{1,64}$/;
 
-/** What follows the first part of an address, and the view that it means. @type {[string, RegExp[], (rest: string[], query: URLSearchParams) => Route][]} */
+/** What follows the first word of an address, and the view that it means. @type {[string, RegExp[], (rest: string[], query: URLSearchParams) => Route][]} */
 const ROUTES = [
   ["", [], (_, query) => createRoute(query)],
   ["surface", [], (_, query) => ({ name: "surface", from: jobOf(query), ...(query.has("quick") ? { quick: true } : {}) })],

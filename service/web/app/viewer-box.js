@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * A place for a 3D view. Without WebGL it says so, and everything else works.
+ * The frame of a 3D view. Without WebGL it says so, and everything else works.
  *
  * @typedef {{vertices: number, triangles: number, meshes: number}} Found
  */

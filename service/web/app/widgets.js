@@ -39,7 +39,7 @@ export function slider(id, label, max, onInput) {
   return { input, value, row };
 }
 
-/** The picture that a job made, over the place of its views. @param {import("./scope.js").Scope} scope @param {Blob} picture @param {string} alt */
+/** The picture that a job made, over its views. @param {import("./scope.js").Scope} scope @param {Blob} picture @param {string} alt */
 export function drawnPicture(scope, picture, alt) {
   return h("div", { class: "stage-picture" }, h("img", { src: scope.url(picture), alt }));
 }

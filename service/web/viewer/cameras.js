@@ -1,11 +1,6 @@
 // @ts-check
 /** A viewer's camera: framing, steering, and moving together with others. */
-import {
-  Box3,
-  MathUtils,
-  PerspectiveCamera,
-  Vector3,
-} from "../vendor/three/three.module.js";
+import { Box3, MathUtils, PerspectiveCamera, Vector3 } from "../vendor/three/three.module.js";
 import { OrbitControls } from "../vendor/three/addons/controls/OrbitControls.js";
 
 const AZIMUTH = 32; // degrees; 0 looks at the front (+Z), 90 at the left side (+X)

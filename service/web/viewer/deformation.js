@@ -1,11 +1,6 @@
 // @ts-check
 /** Source and result of one asset, blended. */
-import {
-  BufferAttribute,
-  BufferGeometry,
-  DynamicDrawUsage,
-  Vector3,
-} from "../vendor/three/three.module.js";
+import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Vector3 } from "../vendor/three/three.module.js";
 import { floats } from "./topology.js";
 
 /** How far beyond the result a shape can be. */

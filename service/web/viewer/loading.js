@@ -1,11 +1,6 @@
 // @ts-check
 /** From the bytes of a file to objects of three.js. What a format needs is fetched when a file of it comes. */
-import {
-  Group,
-  LoadingManager,
-  Mesh,
-  MeshStandardMaterial,
-} from "../vendor/three/three.module.js";
+import { Group, LoadingManager, Mesh, MeshStandardMaterial } from "../vendor/three/three.module.js";
 import { GLTFLoader } from "../vendor/three/addons/loaders/GLTFLoader.js";
 import { isGlb, readJson } from "./glb.js";
 

@@ -15,7 +15,7 @@ let shared = null;
 let users = 0;
 
 /**
- * Take part in the shared renderer; each call needs one `releaseRenderer`.
+ * Use the shared renderer; each call needs one `releaseRenderer`.
  * @returns {SharedRenderer}
  * @throws {Error} there is no WebGL 2; the message is for people
  */
@@ -25,7 +25,7 @@ export function acquireRenderer() {
   return shared;
 }
 
-/** Give up one part; with the last one the WebGL context is freed. */
+/** Use it no more; with the last user the WebGL context is freed. */
 export function releaseRenderer() {
   if (--users > 0 || !shared) return;
   shared.dispose();

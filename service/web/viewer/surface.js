@@ -72,7 +72,7 @@ export class Surface {
     this.stop = new AbortController();
   }
 
-  /** Begin to watch size, place and theme. */
+  /** Begin to watch size, visibility and theme. */
   observe() {
     const { signal } = this.stop;
     this.resizing = new ResizeObserver(() => {

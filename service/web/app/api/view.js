@@ -44,7 +44,7 @@ class Reference {
         h("a", { href: "openapi.json" }, "The OpenAPI document"), ", ", h("a", { href: "#/usage" }, "what you have used"), "."),
       h("section", { class: "panel", "aria-labelledby": "api-job" }, h("h2", { id: "api-job" }, "A job, from the file to the result"), snippetsBlock({ ...FIRST, keyed })),
       h("section", { class: "panel", "aria-labelledby": "api-preview" }, h("h2", { id: "api-preview" }, "A preview, in seconds"), snippetsBlock({ ...FIRST, keyed, preview: true })),
-      h("div", { class: "api-search" }, labelled("api-search", "Find a request", search), this.count),
+      h("div", { class: "row api-search" }, labelled("api-search", "Find a request", search), this.count),
       this.found,
     );
     this.list("");

@@ -34,7 +34,7 @@ export class ManyCard {
     this.element = h(
       "li",
       { class: "card many-card" },
-      h("div", { class: "many-pair" }, this.views.map(({ frame }) => frame), this.look),
+      h("div", { class: "card-picture" }, this.views.map(({ frame }) => frame), this.look),
       h("div", { class: "card-text" }, h("h2", null, name), this.noun, h("div", { class: "row card-meta" }, this.state, this.bar), this.why, h("div", { class: "row" }, this.again, this.link)),
       remove,
     );

@@ -1,16 +1,6 @@
 // @ts-check
 /** What lies over an asset: faces that are kept, painted or pointed at, and the brush. */
-import {
-  BufferAttribute,
-  BufferGeometry,
-  DoubleSide,
-  Group,
-  LineBasicMaterial,
-  LineLoop,
-  Mesh,
-  MeshBasicMaterial,
-  Vector3,
-} from "../../vendor/three/three.module.js";
+import { BufferAttribute, BufferGeometry, DoubleSide, Group, LineBasicMaterial, LineLoop, Mesh, MeshBasicMaterial, Vector3 } from "../../vendor/three/three.module.js";
 
 const KEPT = 0x2b6fb3;
 const PULLED = 0x8a4fd0;

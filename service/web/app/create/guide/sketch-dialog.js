@@ -126,8 +126,8 @@ class SketchDialog {
   /** Without WebGL the words remain. @param {any} guess @param {HTMLImageElement} image */
   async _picture(guess, image) {
     try {
-      const { snapshotAsset } = await import("../../../viewer/snapshot.js");
-      const blob = await snapshotAsset(bytesOf(guess.mesh).buffer, { width: 192, height: 192 });
+      const { snapshotAssets } = await import("../../../viewer/snapshot.js");
+      const [blob] = await snapshotAssets([{ buffer: bytesOf(guess.mesh).buffer }], { width: 192, height: 192 });
       if (!this.scope.over) image.src = this.scope.url(blob);
     } catch (error) {
       console.warn(error);
