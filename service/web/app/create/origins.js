@@ -3,7 +3,7 @@
 import { Asset, exampleAsset } from "../assets.js";
 import { client } from "../client.js";
 import { exampleOf } from "../examples/gallery.js";
-import { plainParams } from "../groups.js";
+import { continued } from "../params.js";
 
 const EXAMPLE = "example:";
 const RESULT = "result:";
@@ -32,9 +32,7 @@ export async function originOf(from, signal) {
   const job = await client.get(from.startsWith(RESULT) ? from.slice(RESULT.length) : from, signal);
   if (from.startsWith(RESULT)) {
     const name = job.asset.filename.replace(/\.[^.]*$/, "") + ".glb";
-    const { model, preset, orientation } = plainParams(job.params);
-    const kept = Object.fromEntries(Object.entries({ model, preset, orientation }).filter(([, value]) => value !== undefined));
-    return { job: { ...job, prompt: "", params: kept, output: {} }, asset: new Asset(await client.download(job, "result.glb", { signal }), name), others: {} };
+    return { job: continued(job), asset: new Asset(await client.download(job, "result.glb", { signal }), name), others: {} };
   }
   const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
   // The model names its weights.
