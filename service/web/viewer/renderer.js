@@ -7,7 +7,7 @@
 import { NeutralToneMapping, VSMShadowMap, PMREMGenerator, WebGLRenderer } from "../vendor/three/three.module.js";
 import { RoomEnvironment } from "../vendor/three/addons/environments/RoomEnvironment.js";
 
-export const NO_WEBGL =
+const NO_WEBGL =
   "This browser cannot draw 3D: WebGL 2 is switched off or missing. Update the browser, or allow hardware acceleration.";
 
 /** @type {SharedRenderer | null} */
