@@ -60,10 +60,10 @@ test("undo goes back step by step, and the same state is no step", () => {
   assert.equal(history.undo(), null);
 });
 
-// A strip of four triangles over six places.
+// A strip of four triangles over six vertices.
 const STRIP = {
   count: 4,
-  places: Float32Array.from([0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0, 4, 0, 0, 5, 1, 0]),
+  rest: Float32Array.from([0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0, 4, 0, 0, 5, 1, 0]),
   shown: Float32Array.from([0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0, 4, 0, 0, 5, 1, 0]),
   groups: Uint32Array.from([0, 1, 2, 3, 4, 5]),
   corners: Uint32Array.from([0, 1, 2, 1, 3, 2, 2, 3, 4, 3, 5, 4]),

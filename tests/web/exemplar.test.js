@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { guideFiles, guideParams, noGuide, targetsOf } from "../../service/web/app/create/guide/model.js";
 import { estimateWords } from "../../service/web/app/format.js";
 import { groupsOf, isUnused } from "../../service/web/app/groups.js";
-import { documentOf, isByShape, wishOf } from "../../service/web/app/params.js";
+import { continued, documentOf, isByShape, wishOf } from "../../service/web/app/params.js";
 import { findings } from "../../service/web/app/quality.js";
 
 const WISH = { prompt: "a giraffe", model: "builtin", preset: "preview", seed: 7, subdivide: false, strength: "", kept: { params: {}, output: {} }, byShape: true };
@@ -81,4 +81,11 @@ test("a fit is not told in steps", () => {
   assert.deepEqual([["exemplar", 20], ["sds", 20], ["exemplar", 0]].map(([kind, steps]) => estimateWords(found(kind, Number(steps)))), [
     "A fit, about 3 s.", "20 steps, about 3 s.", "A change in plain words, about 3 s.",
   ]);
+});
+
+test("what goes on from a result is made as the result was, without what the result was asked for", () => {
+  const asked = (/** @type {any} */ guidance) => wishOf(continued({ prompt: "a vase", asset: { filename: "cube.glb", size: 1 }, params: { seed: 3, guidance }, files: { target: {} }, output: { subdivide: true } }));
+  const { prompt, byShape, subdivide, guide } = asked({ kind: "exemplar", strength: 0.5 });
+  assert.deepEqual([prompt, byShape, subdivide, guide?.targets], ["", true, false, 0]);
+  assert.deepEqual([asked({ kind: "target" }).byShape, asked({ kind: "sds", model: "builtin" }).byShape], [true, false]);
 });

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { groupsOf, placeOf, plainParams } from "../../service/web/app/groups.js";
+import { groupsOf, fieldOf, plainParams } from "../../service/web/app/groups.js";
 import { noControl } from "../../service/web/app/create/control/model.js";
 import { checkpointEvery, documentOf, fieldProblem, integerProblem, keptText, nothingKept, numbersOf, randomSeed, wishOf } from "../../service/web/app/params.js";
 
@@ -82,8 +82,8 @@ test("each parameter is in its group, and what another kind of guidance has stay
 
 test("a refused place is read without its group", () => {
   const places = [["params", "guidance", "prompts", 0, "prompt"], ["params", "control", "falloff"], ["params", "guidance"], ["params", "steps"], ["target"]];
-  assert.deepEqual(places.map((loc) => placeOf({ loc })), [["prompts", 0, "prompt"], ["falloff"], ["guidance"], ["steps"], []]);
-  assert.deepEqual(placeOf({}), []);
+  assert.deepEqual(places.map((loc) => fieldOf({ loc })), [["prompts", 0, "prompt"], ["falloff"], ["guidance"], ["steps"], []]);
+  assert.deepEqual(fieldOf({}), []);
 });
 
 test("numbers of another kind of job, with what they are by themselves", () => {

@@ -56,14 +56,14 @@ export class Asset {
   /**
    * What the client takes for a job on this file: `client.submit(...(await asset.submission(document)))`.
    * @param {Record<string, any>} document
-   * @param {Record<string, Asset>} [others] More files, by the names of their parts.
+   * @param {Record<string, Asset>} [others] More files, by their names in the job.
    * @param {AbortSignal} [signal] Of the request; an upload goes on, for the requests that follow.
    * @returns {Promise<[any, any, {files: Record<string, any>, signal?: AbortSignal}]>}
    */
   async submission(document, others = {}, signal) {
     const all = Object.entries({ asset: /** @type {Asset} */ (this), ...others });
     const large = all.some(([, { size }]) => size > SMALL_BYTES);
-    const sent = await Promise.all(all.map(async ([part, file]) => [part, large ? await file._uploaded() : file._file()]));
+    const sent = await Promise.all(all.map(async ([name, file]) => [name, large ? await file._uploaded() : file._file()]));
     const { asset, ...files } = Object.fromEntries(sent);
     return [asset, document, { files, signal }];
   }
@@ -87,6 +87,11 @@ export class Asset {
     });
     return this._sent;
   }
+}
+
+/** @param {string} base64 @returns {Uint8Array<ArrayBuffer>} */
+export function bytesOf(base64) {
+  return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 }
 
 /**

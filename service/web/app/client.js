@@ -32,7 +32,7 @@ export function isAbort(error) {
   return error instanceof DOMException && error.name === "AbortError";
 }
 
-/** What the server refuses, place by place. @param {unknown} error @returns {any[]} */
+/** What the server refuses, field by field. @param {unknown} error @returns {any[]} */
 export function errorsOf(error) {
   const errors = error instanceof MeshdeformError ? error.problem?.errors : null;
   return Array.isArray(errors) ? errors : [];

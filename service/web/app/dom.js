@@ -48,6 +48,14 @@ export function fill(parent, ...children) {
   return parent;
 }
 
+/** Fill a list of buttons anew; the one with the focus keeps it. @param {HTMLElement} list @param {(HTMLElement | null)[]} buttons */
+export function refill(list, buttons) {
+  const focused = /** @type {HTMLElement} */ (document.activeElement);
+  const at = [...list.children].indexOf(focused);
+  fill(list, buttons);
+  if (at >= 0) /** @type {HTMLElement | undefined} */ (buttons.includes(focused) ? focused : list.children[Math.min(at, list.childElementCount - 1)])?.focus();
+}
+
 /** @param {string} tag @param {Record<string, string | number>} attributes @param {...(Node | string)} children @returns {SVGElement} */
 function svg(tag, attributes = {}, ...children) {
   const element = /** @type {SVGElement} */ (document.createElementNS("http://www.w3.org/2000/svg", tag));
@@ -64,7 +72,6 @@ const ICONS = /** @type {Record<string, string>} */ ({
   share: "M17 7.800a2.300 2.300 0 1 0 0-4.600 2.300 2.300 0 0 0 0 4.600zM6.500 14.300a2.300 2.300 0 1 0 0-4.600 2.300 2.300 0 0 0 0 4.600zM17 20.800a2.300 2.300 0 1 0 0-4.600 2.300 2.300 0 0 0 0 4.600zM8.500 10.800l6.400-4M8.500 13.200l6.400 4",
   download: "M12 5v10m0 0-4.500-4.500M12 15l4.500-4.500M5 19h14",
   retry: "M5 12a7 7 0 1 1 2.100 5M5 12V7.500M5 12h4.500",
-  branch: "M7 5v14M7 13c0-4 10-2 10-8M14.500 7 17 4.500 19.500 7",
   trash: "M5 7h14M10 7V5h4v2M7 7l1 12h8l1-12",
   stop: "M7 7h10v10H7z",
   check: "m5 12.500 4.500 4.500L19 7.500",
@@ -113,6 +120,16 @@ export function button(label, act, options = {}) {
   );
 }
 
+/** A small button for what is suggested or can be chosen. @param {string} label @param {() => void} act @param {Props} [props] Further ones; `small: false`: a larger one. */
+export function chip(label, act, { small = true, class: more = "", ...props } = {}) {
+  return h("button", { type: "button", class: `chip ${small ? "chip-small" : ""} ${more}`, on: { click: act }, ...props }, label);
+}
+
+/** The options of a choice. @param {[string, string][]} pairs Values, and words. */
+export function options(pairs) {
+  return pairs.map(([value, text]) => h("option", { value }, text));
+}
+
 /** A panel with a title. @param {string} id Of the title. @param {string} title @param {...(Child | Child[])} children */
 export function panel(id, title, ...children) {
   return h("section", { class: "panel", "aria-labelledby": id }, h("div", { class: "panel-head" }, h("h2", { id }, title)), ...children);
@@ -123,10 +140,10 @@ export function labelled(id, label, ...children) {
   return h("div", { class: "field" }, h("label", { class: "field-label", for: id }, label), ...children);
 }
 
-/** Say something in a place that is hidden while there is nothing to say. @param {HTMLElement} place @param {string} text */
-export function say(place, text) {
-  place.hidden = !text;
-  place.textContent = text;
+/** Say something in an element that is hidden while there is nothing to say. @param {HTMLElement} element @param {string} text */
+export function say(element, text) {
+  element.hidden = !text;
+  element.textContent = text;
 }
 
 /** Mark what was typed as wrong, or as right again. @param {Element} input @param {boolean} wrong */

@@ -4,8 +4,8 @@
  * `localStorage`, the files a moment later in IndexedDB, where a write that begins as the page goes would be lost.
  *
  * @typedef {import("./assets.js").Asset} Asset
- * @typedef {{from: string | null, wish: any, asset: Asset | null, files?: Record<string, Asset>, stored?: boolean}} Draft `files`: by the
- *   names of their parts. `stored`: read back from the browser.
+ * @typedef {{from: string | null, wish: any, asset: Asset | null, files?: Record<string, Asset>, stored?: boolean}} Draft `files`: by
+ *   their names in a job. `stored`: read back from the browser.
  */
 import { Asset as AssetFile } from "./assets.js";
 
@@ -36,7 +36,7 @@ export async function lastDraft() {
   const words = stored();
   if (!words) return null;
   const files = await opened("readonly", (files) => files.get(NAME)).catch(() => null);
-  const { asset = null, ...others } = Object.fromEntries(Object.entries(files ?? {}).map(([part, { file, name }]) => [part, new AssetFile(file, name)]));
+  const { asset = null, ...others } = Object.fromEntries(Object.entries(files ?? {}).map(([role, { file, name }]) => [role, new AssetFile(file, name)]));
   // Who typed meanwhile has a newer one.
   held ??= { from: words.from, wish: words.wish, asset, files: others, stored: true };
   return held;
@@ -75,7 +75,7 @@ async function store() {
   timer = 0;
   const { asset = null, files = {} } = held ?? {};
   const kept = Object.entries({ ...(asset ? { asset } : {}), ...files }).filter(([, { size }]) => size <= LARGEST_BYTES);
-  const record = Object.fromEntries(kept.map(([part, { blob, name }]) => [part, { file: blob, name }]));
+  const record = Object.fromEntries(kept.map(([role, { blob, name }]) => [role, { file: blob, name }]));
   await opened("readwrite", (all) => all.put(record, NAME)).catch((error) => console.warn("The draft's files are not kept.", error));
 }
 

@@ -52,7 +52,7 @@ export function isUnused(name, kind, { guidance, unused }) {
   return !(name in (guidance[kind] ?? {})) && Object.values(guidance).some((members) => name in members);
 }
 
-/** The place within the parameters that the server refuses, without its group. @param {any} error Of a problem document. @returns {any[]} */
-export function placeOf({ loc = [] }) {
+/** Which of the parameters the server refuses, and where in it, without its group. @param {any} error Of a problem document. @returns {any[]} */
+export function fieldOf({ loc = [] }) {
   return loc.length > 2 && ["guidance", "control", "input"].includes(loc[1]) ? loc.slice(2) : loc.slice(1);
 }

@@ -9,12 +9,12 @@ let asking = null;
 /** Whether what a view asks for by itself, before anybody has done anything, asks for no key. */
 let resting = false;
 
-/** @param {"localStorage" | "sessionStorage"} kind @returns {Storage | null} */
-function storage(kind) {
+/** What the browser keeps; null where it keeps nothing. @param {"localStorage" | "sessionStorage"} kind @returns {Storage | null} */
+export function storage(kind) {
   try {
     return window[kind];
   } catch {
-    return null; // a browser that keeps nothing
+    return null;
   }
 }
 

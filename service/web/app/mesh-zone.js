@@ -1,5 +1,5 @@
 // @ts-check
-/** A place for many mesh files: chosen, or dropped anywhere on the page. */
+/** Takes many mesh files: chosen, or dropped anywhere on the page. */
 import { packMeshes } from "../client/index.js";
 import { announce } from "./announce.js";
 import { exampleAsset, formatOf, FORMATS } from "./assets.js";

@@ -1,8 +1,8 @@
 // @ts-check
 /** Names of downloaded files that say what is in them. */
 
-/** @param {string} text @param {number} longest */
-function slug(text, longest) {
+/** Words as they may stand in the name of a file. @param {string} text @param {number} longest */
+export function slug(text, longest) {
   const plain = text.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "-");
   return plain.slice(0, longest + 1).replace(/^-+|-+$/g, "").slice(0, longest);
 }
@@ -37,9 +37,8 @@ export function artifactName(job, artifact) {
  * @param {any} job
  * @param {string} step Empty: the result.
  * @param {number} share In percent, of the way from the source to that step.
- * @param {string} ending
  */
-export function shapeName(job, step, share, ending = "glb") {
+export function shapeName(job, step, share) {
   const way = share === 100 ? "" : `${step ? "morph" : "strength"}${share}`;
-  return `${[stemOf(job), step, way].filter(Boolean).join("-")}.${ending}`;
+  return `${[stemOf(job), step, way].filter(Boolean).join("-")}.glb`;
 }

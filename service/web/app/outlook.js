@@ -7,17 +7,17 @@
  * @property {string[]} reasons Sentences.
  * @property {string[]} suggestions Prompts.
  */
-import { fill, h, icon } from "./dom.js";
+import { chip, fill, h, icon } from "./dom.js";
 import { plainWords } from "./plain.js";
 
-/** Warn of what can hardly be, with buttons for what would work. @param {HTMLElement} place @param {Outlook | null} outlook @param {(prompt: string) => void} use */
-export function showOutlook(place, outlook, use) {
-  place.hidden = !outlook?.doubtful;
-  if (!outlook?.doubtful) return void fill(place);
+/** Warn of what can hardly be, with buttons for what would work. @param {HTMLElement} element @param {Outlook | null} outlook @param {(prompt: string) => void} use */
+export function showOutlook(element, outlook, use) {
+  element.hidden = !outlook?.doubtful;
+  if (!outlook?.doubtful) return void fill(element);
   const { reasons = [], suggestions = [] } = outlook;
-  const chips = suggestions.map((prompt) => h("button", { type: "button", class: "chip", on: { click: () => use(prompt) } }, `Use “${prompt}”`));
+  const chips = suggestions.map((prompt) => chip(`Use “${prompt}”`, () => use(prompt), { small: false }));
   fill(
-    place,
+    element,
     h("p", null, icon("warn"), h("span", null, h("strong", null, "This may not work well."), ` ${plainWords(reasons.join(" "))}`)),
     chips.length ? h("div", { class: "chips", role: "group", "aria-label": "Prompts that would work better" }, chips) : null,
   );

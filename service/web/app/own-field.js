@@ -14,7 +14,7 @@ export class OwnField {
     this.scope = scope;
     this.stage = new Scope();
     scope.add(() => this.stage.dispose());
-    this.place = h("div", { class: "results" });
+    this.column = h("div", { class: "results" });
     this.refused = h("div", { class: "field-problem", role: "alert", hidden: true });
     const input = fileInput("field-file", "Field file", ".ndf", ([file]) => this._show(file));
     const element = h(
@@ -23,7 +23,7 @@ export class OwnField {
       h("div", { class: "drop-veil", "aria-hidden": "true" }, icon("upload"), h("strong", null, "Drop it here")),
       h("div", { class: "row" }, button("Choose a .ndf", () => input.click(), { icon: "upload" }), input, h("p", { class: "small muted" }, h("span", { class: "with-mouse" }, "Or drop one anywhere on this page. "), "It stays on this computer.")),
       this.refused,
-      this.place,
+      this.column,
     );
     fill(root, intro("Open", "a field", "The file of a surface fit, unfolded to any level: to look at, and to save as a mesh."), DEMO ? null : kindsNav("surface"), element);
     takeDrops(scope, element, ([file]) => this._show(file));
@@ -35,7 +35,7 @@ export class OwnField {
   /** Nothing opens empty. */
   async _sample() {
     const asset = await exampleAsset("bumpy_torus.ndf", this.scope.signal).catch(() => null); // all works without it
-    if (asset && !this.scope.over && !this.place.childElementCount) this._show(new File([asset.blob], asset.name), "A sample: a bumpy torus");
+    if (asset && !this.scope.over && !this.column.childElementCount) this._show(new File([asset.blob], asset.name), "A sample: a bumpy torus");
   }
 
   /** @param {File} file @param {string} [title] */
@@ -44,6 +44,6 @@ export class OwnField {
     if (!isField(file)) return;
     this.stage.dispose();
     this.stage = new Scope();
-    fill(this.place, h("h2", null, title), new FieldStage({ state: "succeeded" }, this.stage, file).element);
+    fill(this.column, h("h2", null, title), new FieldStage({ state: "succeeded" }, this.stage, file).element);
   }
 }

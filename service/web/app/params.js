@@ -157,6 +157,13 @@ export function wishOf(job, defaults = {}) {
   };
 }
 
+/** What a job says for one on its result: how it was made, and not what. What was fitted to a target or pictures goes on by shape. @param {any} job */
+export function continued(job) {
+  const { model, preset, orientation, guidance } = plainParams(job.params);
+  const params = Object.entries({ model, preset, orientation, guidance: guidance && EXEMPLAR }).filter(([, value]) => value !== undefined);
+  return { ...job, prompt: "", params: Object.fromEntries(params), output: {}, files: {} };
+}
+
 /** What tells one file from another on the form. @param {string} name @param {number} size */
 export function fileKey(name, size) {
   return `${name} ${size}`;

@@ -27,7 +27,7 @@ const DAMAGED = "Damaged faces";
 /**
  * Of a result that is not good nothing is marked as good.
  * @param {any} report
- * @param {Record<string, {filename: string}>} [files] Of the job, by the names of their parts.
+ * @param {Record<string, {filename: string}>} [files] Of the job, by their names in it.
  * @returns {Finding[]}
  */
 export function findings(report, files = {}) {

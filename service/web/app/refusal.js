@@ -1,7 +1,7 @@
 // @ts-check
 /** A prompt that the model does not understand: what it did not, and prompts near it that it does. */
 import { MeshdeformError } from "./client.js";
-import { fill, h } from "./dom.js";
+import { chip, fill, h } from "./dom.js";
 import { plainWords } from "./plain.js";
 import { described } from "./problem-box.js";
 
@@ -25,22 +25,21 @@ function isNear({ problem: { corrections, nearest } }) {
 
 /**
  * Say what is wrong with a prompt, with buttons that repair it.
- * @param {HTMLElement} place
+ * @param {HTMLElement} element
  * @param {unknown} error A problem of the server, or a sentence.
  * @param {(prompt: string) => void} use
  */
-export function showRefusal(place, error, use) {
+export function showRefusal(element, error, use) {
   const found = error instanceof MeshdeformError ? error : null;
   const text = found ? refusalText(found) : typeof error === "string" ? error : described(error).title;
   const offers = /** @type {string[]} */ (found?.problem.suggestions ?? []).slice(0, 3);
   const near = found !== null && isNear(found);
   fill(
-    place,
+    element,
     h("strong", null, text),
     near ? h("span", null, " Did you mean:") : null,
     offers.length
-      ? h("div", { class: "chips", role: "group", "aria-label": "Prompts that work" }, offers.map((offer) =>
-          h("button", { type: "button", class: "chip", on: { click: () => use(offer) } }, `Use “${offer}”`)))
+      ? h("div", { class: "chips", role: "group", "aria-label": "Prompts that work" }, offers.map((offer) => chip(`Use “${offer}”`, () => use(offer), { small: false })))
       : null,
   );
 }

@@ -22,7 +22,7 @@ const EXAMPLE = /^[a-z0-9-]{1,40}$/;
 const LINK = /^link\.[\w.-]{1,300}$/;
 const GROUP = /^[\w-]{1,64}$/;
 
-/** What follows the first part of an address, and the view that it means. @type {[string, RegExp[], (parts: string[], query: URLSearchParams) => Route][]} */
+/** What follows the first word of an address, and the view that it means. @type {[string, RegExp[], (rest: string[], query: URLSearchParams) => Route][]} */
 const ROUTES = [
   ["", [], (_, query) => createRoute(query)],
   ["surface", [], (_, query) => ({ name: "surface", from: jobOf(query), ...(query.has("quick") ? { quick: true } : {}) })],
@@ -45,10 +45,10 @@ const ROUTES = [
 /** The view that an address means. @param {string} hash With or without its `#`. @returns {Route} */
 export function parseRoute(hash) {
   const [path, query = ""] = hash.replace(/^#/, "").split("?", 2);
-  const parts = path.split("/").filter(Boolean);
-  const [first = "", ...rest] = parts;
+  const segments = path.split("/").filter(Boolean);
+  const [first = "", ...rest] = segments;
   const found = ROUTES.find(([name, patterns]) => name === first && patterns.length === rest.length && patterns.every((pattern, i) => pattern.test(rest[i])));
-  return found ? found[2](rest, new URLSearchParams(query)) : { name: "unknown", path: "/" + parts.join("/") };
+  return found ? found[2](rest, new URLSearchParams(query)) : { name: "unknown", path: "/" + segments.join("/") };
 }
 
 /** @param {URLSearchParams} query @returns {Route} */

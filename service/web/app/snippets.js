@@ -4,7 +4,7 @@
  *
  * @typedef {object} SnippetRequest
  * @property {Record<string, any>} document The request document of the job, as `POST /v1/jobs` takes it.
- * @property {Record<string, string | Record<string, string>>} [files] By part: the name of a file of the user, or a
+ * @property {Record<string, string | Record<string, string>>} [files] By its name in the job: the name of a file of the user, or a
  *   reference to one at the service (`{upload_id}`, `{job_id, artifact}`, `{url}`); beside those of the document.
  * @property {boolean} [preview] The shape alone, in seconds and without a job; else a job.
  * @property {string} [artifact] What to download; default: `result.glb`.
@@ -13,10 +13,10 @@
  *
  * @typedef {keyof typeof WRITERS} Language
  */
-import { toast } from "./announce.js";
+import { copyText } from "./clipboard.js";
 import { button, fill, h, uniqueId } from "./dom.js";
 import { quoted } from "./format.js";
-import { currentKey } from "./key.js";
+import { currentKey, storage } from "./key.js";
 
 const CHOSEN = "meshdeform.language";
 const WIDTH = 88;
@@ -45,7 +45,7 @@ export function snippets(request) {
 export function snippetsBlock(request) {
   const made = snippets(request);
   const names = /** @type {Language[]} */ (Object.keys(made));
-  const kept = /** @type {Language} */ (localStorageOf()?.getItem(CHOSEN) ?? "");
+  const kept = /** @type {Language} */ (storage("localStorage")?.getItem(CHOSEN) ?? "");
   let shown = names.includes(kept) ? kept : names[0];
   const id = uniqueId("snippet");
   // Text that scrolls sideways must be reachable by keyboard.
@@ -56,7 +56,7 @@ export function snippetsBlock(request) {
   /** @param {Language} name */
   function show(name) {
     shown = name;
-    localStorageOf()?.setItem(CHOSEN, name);
+    storage("localStorage")?.setItem(CHOSEN, name);
     fill(code, h("code", null, made[name]));
     code.setAttribute("aria-labelledby", `${id}-${name}`);
     tabs.forEach((tab, at) => {
@@ -81,28 +81,12 @@ export function snippetsBlock(request) {
 
 /** A button that copies a text. @param {() => string} text */
 export function copyButton(text) {
-  return button("Copy", async () => {
-    try {
-      await navigator.clipboard.writeText(text());
-      toast("Copied");
-    } catch {
-      toast("This browser lets the page copy nothing: select the text"); // without TLS there is no clipboard
-    }
-  });
+  return button("Copy", () => copyText(text(), "Copied"));
 }
 
-/** @returns {Storage | null} */
-function localStorageOf() {
-  try {
-    return window.localStorage;
-  } catch {
-    return null; // a browser that keeps nothing
-  }
-}
-
-/** A file as `curl -F` reads it. @param {string} part @param {string} name */
-function formFile(part, name) {
-  return quoted(/[";,\\]/.test(name) ? `${part}=@"${name.replace(/["\\]/g, "\\$&")}"` : `${part}=@${name}`);
+/** A file as `curl -F` reads it. @param {string} name @param {string} path */
+function formFile(name, path) {
+  return quoted(/[";,\\]/.test(path) ? `${name}=@"${path.replace(/["\\]/g, "\\$&")}"` : `${name}=@${path}`);
 }
 
 /** @param {Known} request */
@@ -112,7 +96,7 @@ function curl({ document, files, preview, artifact, baseUrl, stem, keyed }) {
   const body = JSON.stringify(Object.keys(stored).length ? { ...document, files: stored } : document);
   const key = keyed ? ` -H "Authorization: Bearer $${KEY}"` : "";
   const sent = local.length
-    ? [...local.map(([part, name]) => `-F ${formFile(part, /** @type {string} */ (name))}`), `--form-string request=${quoted(body)}`]
+    ? [...local.map(([name, path]) => `-F ${formFile(name, /** @type {string} */ (path))}`), `--form-string request=${quoted(body)}`]
     : ["-H 'Content-Type: application/json'", `--data-raw ${quoted(body)}`];
   const path = preview ? "v1/jobs:preview?as=glb" : "v1/jobs";
   const out = preview ? `-o ${quoted(`${stem}-preview.glb`)}` : "-o /dev/stderr -w '%header{location}'";
@@ -157,8 +141,8 @@ function python({ document, files, preview, baseUrl, stem, keyed }) {
 function typescript({ document, files, preview, artifact, baseUrl, stem, keyed }) {
   const { asset, ...more } = files;
   const local = Object.values(files).some((file) => typeof file === "string");
-  const parts = joined("{ ", Object.entries(more).map(([part, file]) => `${member(part)}: ${fileOf(file)}`), " }", 1);
-  const options = [...(Object.keys(more).length ? [`files: ${parts}`] : []), ...(preview ? ['as: "glb"'] : [])];
+  const given = joined("{ ", Object.entries(more).map(([name, file]) => `${member(name)}: ${fileOf(file)}`), " }", 1);
+  const options = [...(Object.keys(more).length ? [`files: ${given}`] : []), ...(preview ? ['as: "glb"'] : [])];
   const called = [asset ? fileOf(asset) : "null", literal(document, SCRIPT, 1), ...(options.length ? [joined("{ ", options, " }", 1)] : [])];
   const result = text(preview ? `${stem}-preview.glb` : resultName(stem, artifact));
   return [

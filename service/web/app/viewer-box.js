@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * A place for a 3D view. Without WebGL it says so, and everything else works.
+ * The frame of a 3D view. Without WebGL it says so, and everything else works.
  *
  * @typedef {{vertices: number, triangles: number, meshes: number}} Found
  */
@@ -159,7 +159,7 @@ export async function linkViews(a, b) {
  * @param {(ending: string) => string} [named] What a turntable is saved as; without it there is none.
  * @returns {HTMLElement}
  */
-export function movingControls(scope, views, named) {
+export function movingTools(scope, views, named) {
   const element = h("div", { class: "moving" });
   const options = named && {
     save: (/** @type {Blob} */ file, /** @type {string} */ ending) => saveBytes(file, named(ending)),

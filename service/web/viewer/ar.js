@@ -12,7 +12,7 @@ export function arDevice() {
 /**
  * The address that opens Scene Viewer with a GLB, which it loads itself: it must need no key. @param {string} glb @param {string} title
  */
-export function sceneViewer(glb, title) {
+function sceneViewer(glb, title) {
   const query = new URLSearchParams({ file: new URL(glb, location.href).href, mode: "ar_preferred", title });
   const fallback = encodeURIComponent(location.href);
   return `intent://${SCENE_VIEWER}?${query}#Intent;scheme=https;package=com.google.android.googlequicksearchbox;action=android.intent.action.VIEW;S.browser_fallback_url=${fallback};end;`;

@@ -1,11 +1,6 @@
 // @ts-check
 /** A viewer's camera: framing, steering, and moving together with others. */
-import {
-  Box3,
-  MathUtils,
-  PerspectiveCamera,
-  Vector3,
-} from "../vendor/three/three.module.js";
+import { Box3, MathUtils, PerspectiveCamera, Vector3 } from "../vendor/three/three.module.js";
 import { OrbitControls } from "../vendor/three/addons/controls/OrbitControls.js";
 
 const AZIMUTH = 32; // degrees; 0 looks at the front (+Z), 90 at the left side (+X)
@@ -69,12 +64,12 @@ export class CameraRig {
     this.home = defaultDirection();
     /** Whether someone steered since the last reset. */
     this.touched = false;
-    this.controls = new OrbitControls(this.camera, surface);
-    this.controls.enableDamping = !matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.controls.dampingFactor = 0.12;
-    this.controls.rotateSpeed = 0.9;
-    this.controls.addEventListener("start", () => (this.touched = true));
-    this.controls.addEventListener("change", changed);
+    this.orbit = new OrbitControls(this.camera, surface);
+    this.orbit.enableDamping = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.orbit.dampingFactor = 0.12;
+    this.orbit.rotateSpeed = 0.9;
+    this.orbit.addEventListener("start", () => (this.touched = true));
+    this.orbit.addEventListener("change", changed);
     surface.style.touchAction = "pan-y"; // a finger that goes up or down scrolls the page
     this.changed = changed;
   }
@@ -83,8 +78,8 @@ export class CameraRig {
   setBox(box) {
     this.box.copy(box);
     const radius = box.getSize(new Vector3()).length() / 2;
-    this.controls.minDistance = radius * 0.05;
-    this.controls.maxDistance = radius * 30;
+    this.orbit.minDistance = radius * 0.05;
+    this.orbit.maxDistance = radius * 30;
   }
 
   reset() {
@@ -101,31 +96,31 @@ export class CameraRig {
     if (!this.touched) this.reset();
   }
 
-  /** Let what still swings come to rest, before the camera is put anywhere: the controls would add it to that. */
+  /** Let what still swings come to rest, before the camera is put anywhere: `orbit` would add it to that. */
   #stop() {
-    const damping = this.controls.enableDamping;
-    this.controls.enableDamping = false;
-    this.controls.update();
-    this.controls.enableDamping = damping;
+    const damping = this.orbit.enableDamping;
+    this.orbit.enableDamping = false;
+    this.orbit.update();
+    this.orbit.enableDamping = damping;
   }
 
   /** @param {Vector3} target */
   #settle(target) {
-    this.controls.target.copy(target);
+    this.orbit.target.copy(target);
     this.#stop();
     this.changed();
   }
 
   /** @returns {boolean} whether the camera still swings */
   update() {
-    const moving = this.controls.update();
+    const moving = this.orbit.update();
     setDepthRange(this.camera, this.box);
     return moving;
   }
 
   /** @returns {CameraState} */
   get state() {
-    return { position: this.camera.position.toArray(), target: this.controls.target.toArray() };
+    return { position: this.camera.position.toArray(), target: this.orbit.target.toArray() };
   }
 
   set state({ position, target }) {
@@ -137,48 +132,48 @@ export class CameraRig {
 
   /** @returns {{ azimuth: number, elevation: number }} from where it looks, in degrees */
   get side() {
-    return { azimuth: MathUtils.radToDeg(this.controls.getAzimuthalAngle()), elevation: 90 - MathUtils.radToDeg(this.controls.getPolarAngle()) };
+    return { azimuth: MathUtils.radToDeg(this.orbit.getAzimuthalAngle()), elevation: 90 - MathUtils.radToDeg(this.orbit.getPolarAngle()) };
   }
 
   set side({ azimuth, elevation }) {
-    const { target } = this.controls;
+    const { target } = this.orbit;
     const angle = MathUtils.degToRad(90 - MathUtils.clamp(elevation, -89, 89));
-    const arm = new Vector3().setFromSphericalCoords(this.controls.getDistance(), angle, MathUtils.degToRad(azimuth));
+    const arm = new Vector3().setFromSphericalCoords(this.orbit.getDistance(), angle, MathUtils.degToRad(azimuth));
     this.state = { position: arm.add(target).toArray(), target: target.toArray() };
   }
 
   /** @param {number} azimuth @param {number} elevation radians */
   rotate(azimuth, elevation) {
     this.#step(() => {
-      this.controls.rotateLeft(azimuth);
-      this.controls.rotateUp(-elevation);
+      this.orbit.rotateLeft(azimuth);
+      this.orbit.rotateUp(-elevation);
     });
   }
 
   /** @param {number} factor */
   zoom(factor) {
-    this.#step(() => this.controls.dollyIn(factor));
+    this.#step(() => this.orbit.dollyIn(factor));
   }
 
   /** @param {number} x @param {number} y share of the picture's height */
   pan(x, y) {
     const { clientHeight } = this.surface;
-    this.#step(() => this.controls.pan(x * clientHeight, -y * clientHeight));
+    this.#step(() => this.orbit.pan(x * clientHeight, -y * clientHeight));
   }
 
   /** Steer without swinging on. @param {() => void} act */
   #step(act) {
     this.touched = true;
     this.#stop();
-    const damping = this.controls.enableDamping;
-    this.controls.enableDamping = false;
+    const damping = this.orbit.enableDamping;
+    this.orbit.enableDamping = false;
     act();
-    this.controls.enableDamping = damping;
+    this.orbit.enableDamping = damping;
     this.changed();
   }
 
   dispose() {
-    this.controls.dispose();
+    this.orbit.dispose();
   }
 }
 

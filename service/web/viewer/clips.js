@@ -16,7 +16,7 @@ import { movingKinds } from "./turntable.js";
 const NO_VIDEO = "This browser records no video.";
 
 /**
- * @param {HTMLElement} host gets the controls
+ * @param {HTMLElement} host gets the buttons
  * @param {MeshViewer[]} viewers of which the last is what a turntable shows
  * @param {{ save?: (file: Blob, ending: Moving) => void, failed?: (error: unknown) => void }} [options] without `save` there is no turntable
  * @returns {{ player: ClipPlayer, dispose: () => void }}

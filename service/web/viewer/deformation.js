@@ -1,11 +1,6 @@
 // @ts-check
 /** Source and result of one asset, blended. */
-import {
-  BufferAttribute,
-  BufferGeometry,
-  DynamicDrawUsage,
-  Vector3,
-} from "../vendor/three/three.module.js";
+import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Vector3 } from "../vendor/three/three.module.js";
 import { floats } from "./topology.js";
 
 /** How far beyond the result a shape can be. */
@@ -16,9 +11,9 @@ const MOST = 1.5;
 /** A mesh that can be moved between the two. The source's geometry is kept aside and comes back with `dispose`. */
 class Blend {
   /** @param {Pair} pair */
-  constructor({ mesh, after, normals, tangents, targets, place, count, order }) {
+  constructor({ mesh, after, normals, tangents, targets, primitive, count, order }) {
     this.mesh = mesh;
-    this.place = place;
+    this.primitive = primitive;
     this.count = count;
     this.order = order;
     this.original = mesh.geometry;
@@ -119,10 +114,10 @@ export class Deformation {
     this.show(this.morph);
   }
 
-  /** Lead to another shape of the same asset, whose normals are those of its faces. @param {Map<string, Float32Array>} positions by the place of each mesh in the result */
+  /** Lead to another shape of the same asset, whose normals are those of its faces. @param {Map<string, Float32Array>} positions by the primitives of the result */
   reshape(positions) {
     for (const blend of this.blends) {
-      const own = positions.get(blend.place);
+      const own = positions.get(blend.primitive);
       if (own?.length === 3 * blend.count) blend.reshape(blend.ordered(own));
     }
     this.show(this.morph);
@@ -131,7 +126,7 @@ export class Deformation {
   /** How far the vertices of each mesh move towards a shape, for `mix`. @param {Map<string, Float32Array> | null} positions as for `reshape`; null: what it leads to @returns {Float32Array[]} */
   offsets(positions) {
     return this.blends.map((blend) => {
-      const own = positions?.get(blend.place);
+      const own = positions?.get(blend.primitive);
       const after = own ? blend.ordered(own) : blend.after;
       return after.map((value, i) => value - blend.before[i]);
     });

@@ -70,8 +70,8 @@ function glbOf(positions, indices) {
       max[axis] = Math.max(max[axis], positions[i + axis]);
     }
   }
-  const parts = [positions, normals, indices].map((list) => new Uint8Array(list.buffer, list.byteOffset, list.byteLength));
-  const offsets = [0, parts[0].length, 2 * parts[0].length];
+  const chunks = [positions, normals, indices].map((list) => new Uint8Array(list.buffer, list.byteOffset, list.byteLength));
+  const offsets = [0, chunks[0].length, 2 * chunks[0].length];
   const count = positions.length / 3;
   const json = {
     asset: { version: "2.0", generator: "Meshdeform" },
@@ -79,15 +79,15 @@ function glbOf(positions, indices) {
     scenes: [{ nodes: [0] }],
     nodes: [{ mesh: 0 }],
     meshes: [{ primitives: [{ attributes: { POSITION: 0, NORMAL: 1 }, indices: 2 }] }],
-    buffers: [{ byteLength: offsets[2] + parts[2].length }],
-    bufferViews: parts.map((part, i) => ({ buffer: 0, byteOffset: offsets[i], byteLength: part.length, target: i < 2 ? 34962 : 34963 })),
+    buffers: [{ byteLength: offsets[2] + chunks[2].length }],
+    bufferViews: chunks.map((chunk, i) => ({ buffer: 0, byteOffset: offsets[i], byteLength: chunk.length, target: i < 2 ? 34962 : 34963 })),
     accessors: [
       { bufferView: 0, componentType: 5126, count, type: "VEC3", min, max },
       { bufferView: 1, componentType: 5126, count, type: "VEC3" },
       { bufferView: 2, componentType: 5125, count: indices.length, type: "SCALAR" },
     ],
   };
-  return writeGlb(json, parts);
+  return writeGlb(json, chunks);
 }
 
 addEventListener("message", async ({ data }) => {

@@ -43,28 +43,28 @@ export function withJson(buffer, json) {
 function joined(json, rest) {
   const text = new TextEncoder().encode(JSON.stringify(json));
   const padded = text.length + ((4 - (text.length % 4)) % 4);
-  const length = rest.reduce((sum, part) => sum + part.length, 20 + padded);
+  const length = rest.reduce((sum, chunk) => sum + chunk.length, 20 + padded);
   const out = new Uint8Array(length).fill(0x20, 20, 20 + padded);
   const view = new DataView(out.buffer);
   [MAGIC, 2, length, padded, JSON_CHUNK].forEach((word, i) => view.setUint32(4 * i, word, true));
   out.set(text, 20);
   let at = 20 + padded;
-  for (const part of rest) {
-    out.set(part, at);
-    at += part.length;
+  for (const chunk of rest) {
+    out.set(chunk, at);
+    at += chunk.length;
   }
   return out.buffer;
 }
 
-/** @param {Record<string, any>} json @param {Uint8Array[]} parts of the binary chunk, each as long as a multiple of four bytes @returns {ArrayBuffer} a GLB */
-export function writeGlb(json, parts) {
-  const length = parts.reduce((sum, part) => sum + part.length, 0);
-  return joined(json, [new Uint8Array(Uint32Array.of(length, BINARY_CHUNK).buffer), ...parts]);
+/** @param {Record<string, any>} json @param {Uint8Array[]} chunks of the binary chunk, each as long as a multiple of four bytes @returns {ArrayBuffer} a GLB */
+export function writeGlb(json, chunks) {
+  const length = chunks.reduce((sum, chunk) => sum + chunk.length, 0);
+  return joined(json, [new Uint8Array(Uint32Array.of(length, BINARY_CHUNK).buffer), ...chunks]);
 }
 
 /**
  * The same geometry without materials and images: a result has those of its source, and decoding them again is the
- * larger part of the loading time.
+ * larger chunk of the loading time.
  * @param {ArrayBuffer} buffer
  * @returns {ArrayBuffer}
  */

@@ -1,11 +1,6 @@
 // @ts-check
 /** From the bytes of a file to objects of three.js. What a format needs is fetched when a file of it comes. */
-import {
-  Group,
-  LoadingManager,
-  Mesh,
-  MeshStandardMaterial,
-} from "../vendor/three/three.module.js";
+import { Group, LoadingManager, Mesh, MeshStandardMaterial } from "../vendor/three/three.module.js";
 import { GLTFLoader } from "../vendor/three/addons/loaders/GLTFLoader.js";
 import { isGlb, readJson } from "./glb.js";
 
@@ -25,11 +20,11 @@ const WHITE = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fpt
 const origins = new WeakMap();
 
 /** @type {WeakMap<object, string>} */
-const places = new WeakMap();
+const primitiveNames = new WeakMap();
 
-/** Where a mesh is in its glTF: the numbers of its mesh and primitive. @param {object} mesh @returns {string} "0/1"; empty: it is of no glTF */
-export function placeOf(mesh) {
-  return places.get(mesh) ?? "";
+/** Which primitive of its glTF a mesh is: the numbers of its mesh and primitive. @param {object} mesh @returns {string} "0/1"; empty: it is of no glTF */
+export function primitiveOf(mesh) {
+  return primitiveNames.get(mesh) ?? "";
 }
 
 /** @param {import("three").Object3D} root as `parseAsset` made it */
@@ -113,7 +108,7 @@ async function parseGltf(buffer, linked, renderer) {
   const root = gltf.scene ?? gltf.scenes[0];
   if (!root) throw new Error("The glTF file has no scene.");
   const found = [...gltf.parser.associations].filter(([, { nodes } = {}]) => nodes !== undefined);
-  for (const [object, { meshes, primitives } = {}] of gltf.parser.associations) if (primitives !== undefined) places.set(object, `${meshes}/${primitives}`);
+  for (const [object, { meshes, primitives } = {}] of gltf.parser.associations) if (primitives !== undefined) primitiveNames.set(object, `${meshes}/${primitives}`);
   const nodes = new Map(found.map(([object, each]) => [object, Number(each.nodes)]));
   root.animations = gltf.animations;
   atRest(json, nodes);

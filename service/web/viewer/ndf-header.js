@@ -26,7 +26,7 @@ export function checkHeader(header, size) {
   }
   require(Array.isArray(sections) && sections.length === 2 + sizes.length);
   require(sections.every((/** @type {any} */ pair) => numbers(pair, 2) && whole(pair[0], 0, size)));
-  const [packed, unpacked] = [0, 1].map((place) => sections.map((/** @type {number[]} */ pair) => pair[place]));
+  const [packed, unpacked] = [0, 1].map((i) => sections.map((/** @type {number[]} */ pair) => pair[i]));
   const sum = (/** @type {number[]} */ list) => list.reduce((one, other) => one + other, 0);
   // A face has one symbol, each of its borders one more, and each part three.
   require(whole(unpacked[0], 2, 14 * faces) && unpacked[0] % 2 === 0);

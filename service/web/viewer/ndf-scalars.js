@@ -18,11 +18,11 @@ import { BLOCK, makeNetwork } from "./ndf-network.js";
 const known = new WeakMap();
 
 /**
- * One output, or the piece, at places of the base.
+ * One output, or the piece, at points of the base.
  * @param {Scalars} scalars
- * @param {Uint32Array} corners Of the base, three for each place.
+ * @param {Uint32Array} corners Of the base, three for each point.
  * @param {Float32Array} weights
- * @param {number} output Of scalars; pieces have one answer: the place of the greatest output in `labels`.
+ * @param {number} output Of scalars; pieces have one answer: the index of the greatest output in `labels`.
  * @returns {Float32Array}
  */
 export function scalarsAt(scalars, corners, weights, output) {

@@ -14,7 +14,7 @@ import { BLOCK, makeNetwork } from "./ndf-network.js";
 /** @type {WeakMap<NeuralField, ReturnType<typeof evaluator>>} */
 const known = new WeakMap();
 
-/** The mesh of a level: every edge of the base in 2^level parts. @param {NeuralField} field @param {number} level @returns {Unfolded} */
+/** The mesh of a level: every edge of the base in 2^level pieces. @param {NeuralField} field @param {number} level @returns {Unfolded} */
 export function unfold(field, level) {
   const { corners, weights, indices } = divide(field, 2 ** level);
   const evaluate = known.get(field) ?? evaluator(field);
@@ -22,10 +22,10 @@ export function unfold(field, level) {
   return { positions: evaluate(corners, weights), indices, corners, weights };
 }
 
-/** Where the vertices of a level lie: three corners of the base (3V) and their weights (3V); and the faces. @param {NeuralField} field @param {number} parts */
-function divide({ faces, header }, parts) {
+/** Where the vertices of a level lie: three corners of the base (3V) and their weights (3V); and the faces. @param {NeuralField} field @param {number} pieces */
+function divide({ faces, header }, pieces) {
   const count = faces.length / 3;
-  const inner = parts - 1;
+  const inner = pieces - 1;
   /** @type {Map<number, number>} The number of the first inner vertex of each edge of the base. */
   const edges = new Map();
   const first = new Uint32Array(3 * count); // the same for each side of a face
@@ -40,7 +40,7 @@ function divide({ faces, header }, parts) {
     edges.set(key, made);
     made += inner;
   }
-  const total = made + (count * inner * (parts - 2)) / 2;
+  const total = made + (count * inner * (pieces - 2)) / 2;
   const corners = new Uint32Array(3 * total);
   const weights = new Float32Array(3 * total);
   for (let v = 0; v < header.vertices; v++) {
@@ -49,39 +49,39 @@ function divide({ faces, header }, parts) {
   }
   for (const [key, start] of edges) {
     const [a, b] = [Math.floor(key / header.vertices), key % header.vertices];
-    for (let along = 1, at = 3 * start; along < parts; along++, at += 3) {
+    for (let along = 1, at = 3 * start; along < pieces; along++, at += 3) {
       corners[at] = a;
       corners[at + 1] = corners[at + 2] = b;
-      weights[at] = 1 - along / parts;
-      weights[at + 1] = along / parts;
+      weights[at] = 1 - along / pieces;
+      weights[at + 1] = along / pieces;
     }
   }
-  const pattern = patternOf(parts);
-  const indices = new Uint32Array(3 * count * parts * parts);
-  const row = parts + 1;
+  const pattern = patternOf(pieces);
+  const indices = new Uint32Array(3 * count * pieces * pieces);
+  const row = pieces + 1;
   const table = new Uint32Array(row * row); // i steps from corner 0 to corner 1, and j to corner 2
   let next = made;
   for (let face = 0, out = 0; face < count; face++) {
     const [ab, bc, ca] = [3 * face, 3 * face + 1, 3 * face + 2];
     const [a, b, c] = [faces[ab], faces[bc], faces[ca]];
     table[0] = a;
-    table[parts * row] = b;
-    table[parts] = c;
-    for (let s = 1; s < parts; s++) {
+    table[pieces * row] = b;
+    table[pieces] = c;
+    for (let s = 1; s < pieces; s++) {
       // Inner vertices of an edge are counted from the smaller of its ends.
-      table[s * row] = first[ab] + (a < b ? s : parts - s) - 1;
-      table[(parts - s) * row + s] = first[bc] + (b < c ? s : parts - s) - 1;
-      table[parts - s] = first[ca] + (c < a ? s : parts - s) - 1;
+      table[s * row] = first[ab] + (a < b ? s : pieces - s) - 1;
+      table[(pieces - s) * row + s] = first[bc] + (b < c ? s : pieces - s) - 1;
+      table[pieces - s] = first[ca] + (c < a ? s : pieces - s) - 1;
     }
     for (let i = 1; i < inner; i++) {
-      for (let j = 1; j < parts - i; j++) {
+      for (let j = 1; j < pieces - i; j++) {
         const at = 3 * next;
         corners[at] = a;
         corners[at + 1] = b;
         corners[at + 2] = c;
-        weights[at] = (parts - i - j) / parts;
-        weights[at + 1] = i / parts;
-        weights[at + 2] = j / parts;
+        weights[at] = (pieces - i - j) / pieces;
+        weights[at + 1] = i / pieces;
+        weights[at + 2] = j / pieces;
         table[i * row + j] = next++;
       }
     }
@@ -90,15 +90,15 @@ function divide({ faces, header }, parts) {
   return { corners, weights, indices };
 }
 
-/** The triangles of one face, as places in its table. @param {number} parts */
-function patternOf(parts) {
-  const row = parts + 1;
+/** The triangles of one face, as cells of its table. @param {number} pieces */
+function patternOf(pieces) {
+  const row = pieces + 1;
   const found = [];
-  for (let i = 0; i < parts; i++) {
-    for (let j = 0; j < parts - i; j++) {
+  for (let i = 0; i < pieces; i++) {
+    for (let j = 0; j < pieces - i; j++) {
       const at = i * row + j;
       found.push(at, at + row, at + 1);
-      if (i + j < parts - 1) found.push(at + row, at + row + 1, at + 1);
+      if (i + j < pieces - 1) found.push(at + row, at + row + 1, at + 1);
     }
   }
   return Uint32Array.from(found);
@@ -108,7 +108,7 @@ function patternOf(parts) {
 function evaluator({ header, verts, features, layers }) {
   const { features: d, octaves, widths, centre, scale } = header;
   const { values, run } = makeNetwork(widths, layers);
-  const places = new Float64Array(3 * BLOCK);
+  const points = new Float64Array(3 * BLOCK);
 
   /** @param {Uint32Array} corners @param {Float32Array} weights */
   return (corners, weights) => {
@@ -120,9 +120,9 @@ function evaluator({ header, verts, features, layers }) {
         const [wa, wb, wc] = [weights[at], weights[at + 1], weights[at + 2]];
         for (let i = 0; i < d; i++) values[i * BLOCK + p] = wa * features[a * d + i] + wb * features[b * d + i] + wc * features[c * d + i];
         for (let axis = 0; axis < 3; axis++) {
-          const place = wa * verts[3 * a + axis] + wb * verts[3 * b + axis] + wc * verts[3 * c + axis];
-          places[3 * p + axis] = values[(d + axis) * BLOCK + p] = place;
-          let [sine, cosine] = [Math.sin(Math.PI * place), Math.cos(Math.PI * place)];
+          const point = wa * verts[3 * a + axis] + wb * verts[3 * b + axis] + wc * verts[3 * c + axis];
+          points[3 * p + axis] = values[(d + axis) * BLOCK + p] = point;
+          let [sine, cosine] = [Math.sin(Math.PI * point), Math.cos(Math.PI * point)];
           for (let k = 0, row = d + 3 + axis; k < octaves; k++, row += 6) {
             values[row * BLOCK + p] = sine;
             values[(row + 3) * BLOCK + p] = cosine;
@@ -132,7 +132,7 @@ function evaluator({ header, verts, features, layers }) {
       }
       const moved = run();
       for (let p = 0; p < end; p++)
-        for (let axis = 0; axis < 3; axis++) out[start + 3 * p + axis] = centre[axis] + scale * (places[3 * p + axis] + values[moved + axis * BLOCK + p]);
+        for (let axis = 0; axis < 3; axis++) out[start + 3 * p + axis] = centre[axis] + scale * (points[3 * p + axis] + values[moved + axis * BLOCK + p]);
     }
     return out;
   };

@@ -66,11 +66,11 @@ function networkOf(numbers, vertices, [each, ...widths], steps) {
   let tensor = each;
   /** @param {number} size */
   const take = (size) => {
-    const part = weights.subarray(from, from + size);
-    for (let i = 0; i < part.length; i++) part[i] *= sizes[tensor];
+    const tensorValues = weights.subarray(from, from + size);
+    for (let i = 0; i < tensorValues.length; i++) tensorValues[i] *= sizes[tensor];
     from += size;
     tensor++;
-    return part;
+    return tensorValues;
   };
   const layers = [];
   for (let i = 1; i < widths.length; i++) layers.push({ weight: take(widths[i - 1] * widths[i]), bias: take(widths[i]) });
@@ -82,7 +82,7 @@ function networkOf(numbers, vertices, [each, ...widths], steps) {
  * @returns {{ verts: Float64Array, faces: Uint32Array }}
  */
 function decodeBase(symbols, steps, vertices, count, bits) {
-  const places = new Int32Array(3 * vertices);
+  const positions = new Int32Array(3 * vertices);
   const faces = new Uint32Array(3 * count);
   /** @type {Map<number, [number, number, number]>} Open edges, oldest first, with the third corner of their face. */
   const open = new Map();
@@ -96,7 +96,7 @@ function decodeBase(symbols, steps, vertices, count, bits) {
     if (symbol > made || (symbol === 0 && made >= vertices)) throw new Error(TORN);
     if (symbol) return made - symbol;
     for (let axis = 0; axis < 3; axis++) {
-      places[3 * made + axis] = guess(axis) + signed(steps[3 * made + axis]);
+      positions[3 * made + axis] = guess(axis) + signed(steps[3 * made + axis]);
     }
     return made++;
   };
@@ -111,19 +111,19 @@ function decodeBase(symbols, steps, vertices, count, bits) {
     const first = open.values().next();
     if (first.done) {
       const last = made - 1;
-      const a = corner(take(), (axis) => (last < 0 ? 0 : places[3 * last + axis]));
-      const b = corner(take(), (axis) => places[3 * a + axis]);
-      add(a, b, corner(take(), (axis) => places[3 * b + axis]));
+      const a = corner(take(), (axis) => (last < 0 ? 0 : positions[3 * last + axis]));
+      const b = corner(take(), (axis) => positions[3 * a + axis]);
+      add(a, b, corner(take(), (axis) => positions[3 * b + axis]));
       continue;
     }
     const [a, b, rest] = first.value;
     const symbol = take();
-    if (symbol) add(b, a, corner(symbol - 1, (axis) => places[3 * a + axis] + places[3 * b + axis] - places[3 * rest + axis]));
+    if (symbol) add(b, a, corner(symbol - 1, (axis) => positions[3 * a + axis] + positions[3 * b + axis] - positions[3 * rest + axis]));
     else open.delete(a * vertices + b); // a border
   }
   if (made < vertices) throw new Error(TORN);
   const most = 2 ** (bits - 1) - 1;
-  return { verts: Float64Array.from(places, (place) => place / most - 1), faces };
+  return { verts: Float64Array.from(positions, (position) => position / most - 1), faces };
 }
 
 /** Unpacks a section of 16-bit numbers, whose low bytes come first, then the high ones. @param {Uint8Array} data @param {number} size */
@@ -132,13 +132,13 @@ async function numbers(data, size) {
   const reader = new Blob([/** @type {BlobPart} */ (data)]).stream().pipeThrough(unpacker).getReader();
   const bytes = new Uint8Array(size);
   let at = 0;
-  for (let part = await reader.read(); !part.done; part = await reader.read()) {
-    if (at + part.value.length > size) {
+  for (let chunk = await reader.read(); !chunk.done; chunk = await reader.read()) {
+    if (at + chunk.value.length > size) {
       await reader.cancel();
       throw new Error("A section of the .ndf has another size than stated.");
     }
-    bytes.set(part.value, at);
-    at += part.value.length;
+    bytes.set(chunk.value, at);
+    at += chunk.value.length;
   }
   if (at !== size) throw new Error("A section of the .ndf has another size than stated.");
   return Uint16Array.from({ length: size / 2 }, (_, i) => bytes[i] | (bytes[size / 2 + i] << 8));

@@ -19,7 +19,7 @@ export class ClipPlayer {
   #last = 0;
   #stop = new AbortController();
 
-  /** @param {HTMLElement} element gets the controls; hidden while there is nothing to play @param {MeshViewer[]} viewers */
+  /** @param {HTMLElement} element gets the buttons; hidden while there is nothing to play @param {MeshViewer[]} viewers */
   constructor(element, viewers) {
     this.element = element;
     this.viewers = viewers;

@@ -2,7 +2,7 @@
 /**
  * The pose of an asset: a moment of one of its clips, on its own rig, on that of its result, or between the two.
  *
- * A result may have other places of joints, other bind poses, other translations in clips and other morph targets
+ * A result may have other positions of joints, other bind poses, other translations in clips and other morph targets
  * (docs/assets.md#rigs), all at the indices of the source. three's mixer sets what one rig says and keeps no second one,
  * so the tracks are read here.
  */
@@ -12,7 +12,7 @@ import { meshesOf, originOf } from "./loading.js";
 /** @typedef {{ name: string, seconds: number }} Clip */
 /** @typedef {(time: number) => ArrayLike<number>} Values */
 /** @typedef {{ object: any, property: string, track: number, values: Values, there: Values | null }} Motion `track`: its number in the clip */
-/** @typedef {{ places: Map<object, Vector3>, binds: { inverse: number[], from: number[], to: number[] }[] }} Other where a result has its nodes, and its inverse bind matrices */
+/** @typedef {{ positions: Map<object, Vector3>, binds: { inverse: number[], from: number[], to: number[] }[] }} Other where a result has its nodes, and its inverse bind matrices */
 
 /** The clip of a file with shapes as morph targets leads to its shape (`assets/morph.py`), which the strength does. */
 const OWN = "deform";
@@ -59,7 +59,7 @@ export class Puppet {
     return this.#now.clip !== clip;
   }
 
-  /** Let a box around the asset at rest grow as far as the clip goes beyond it, by its joints and parts. @param {Box3} box */
+  /** Let a box around the asset at rest grow as far as the clip goes beyond it, by its joints and meshes. @param {Box3} box */
   reach(box) {
     const now = this.#now;
     if (now.clip < 0) return;
@@ -74,7 +74,7 @@ export class Puppet {
     box.max.add(all.max.sub(around.max));
   }
 
-  /** @returns {Box3} around the places of joints and meshes */
+  /** @returns {Box3} around the joints and meshes */
   #joints() {
     this.root.updateMatrixWorld(true);
     const objects = meshesOf(this.root).flatMap((/** @type {any} */ mesh) => mesh.skeleton?.bones ?? mesh);
@@ -103,7 +103,7 @@ export class Puppet {
     const { share, clip, time } = (this.#now = { ...this.#now, ...change });
     for (const { object, position, quaternion, scale } of this.nodes) {
       object.position.copy(position);
-      const there = this.#other?.places.get(object);
+      const there = this.#other?.positions.get(object);
       if (there) object.position.lerp(there, share);
       object.quaternion.copy(quaternion);
       object.scale.copy(scale);
@@ -158,12 +158,12 @@ function thereOf({ property, track }, tracks) {
 /** @param {import("three").Object3D} root @param {{ object: any, index: number }[]} nodes @param {import("three").Object3D} result @returns {Other} */
 function otherOf(root, nodes, result) {
   const found = new Map([...(originOf(result)?.nodes ?? [])].map(([object, index]) => [index, /** @type {any} */ (object).position]));
-  const places = new Map(nodes.flatMap(({ object, index }) => (found.has(index) ? [[object, found.get(index).clone()]] : [])));
+  const positions = new Map(nodes.flatMap(({ object, index }) => (found.has(index) ? [[object, found.get(index).clone()]] : [])));
   const inverses = (/** @type {any} */ mesh) => (mesh?.skeleton?.boneInverses ?? []).map((/** @type {any} */ inverse) => inverse.elements);
   const ends = meshesOf(result).map(inverses);
   // Meshes may share a skin.
   const pairs = new Map(meshesOf(root).flatMap((mesh, i) => inverses(mesh).map((/** @type {number[]} */ inverse, /** @type {number} */ k) => [inverse, ends[i]?.[k] ?? inverse])));
-  return { places, binds: [...pairs].map(([inverse, to]) => ({ inverse, from: inverse.slice(), to: to.slice() })) };
+  return { positions, binds: [...pairs].map(([inverse, to]) => ({ inverse, from: inverse.slice(), to: to.slice() })) };
 }
 
 /** A geometry on its way has the targets of both ends (`deformation.js`). @param {any} mesh @param {ArrayLike<number>} weights @param {number} share */

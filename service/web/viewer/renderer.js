@@ -7,7 +7,7 @@
 import { NeutralToneMapping, VSMShadowMap, PMREMGenerator, WebGLRenderer } from "../vendor/three/three.module.js";
 import { RoomEnvironment } from "../vendor/three/addons/environments/RoomEnvironment.js";
 
-export const NO_WEBGL =
+const NO_WEBGL =
   "This browser cannot draw 3D: WebGL 2 is switched off or missing. Update the browser, or allow hardware acceleration.";
 
 /** @type {SharedRenderer | null} */
@@ -15,7 +15,7 @@ let shared = null;
 let users = 0;
 
 /**
- * Take part in the shared renderer; each call needs one `releaseRenderer`.
+ * Use the shared renderer; each call needs one `releaseRenderer`.
  * @returns {SharedRenderer}
  * @throws {Error} there is no WebGL 2; the message is for people
  */
@@ -25,7 +25,7 @@ export function acquireRenderer() {
   return shared;
 }
 
-/** Give up one part; with the last one the WebGL context is freed. */
+/** Use it no more; with the last user the WebGL context is freed. */
 export function releaseRenderer() {
   if (--users > 0 || !shared) return;
   shared.dispose();

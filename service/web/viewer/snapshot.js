@@ -89,8 +89,3 @@ export async function snapshotAssets(files, options = {}) {
     releaseRenderer();
   }
 }
-
-/** A picture of a GLB. @param {ArrayBuffer} buffer @param {SnapshotOptions} options @returns {Promise<Blob>} PNG */
-export async function snapshotAsset(buffer, options = {}) {
-  return (await snapshotAssets([{ buffer }], options))[0];
-}

@@ -1,14 +1,6 @@
 // @ts-check
 /** The scene around an asset: one key light whose shadow falls on the ground, in any theme. */
-import {
-  Box3,
-  DirectionalLight,
-  Mesh,
-  PlaneGeometry,
-  Scene,
-  ShadowMaterial,
-  Vector3,
-} from "../vendor/three/three.module.js";
+import { Box3, DirectionalLight, Mesh, PlaneGeometry, Scene, ShadowMaterial, Vector3 } from "../vendor/three/three.module.js";
 import { clay, meshesOf } from "./loading.js";
 
 export class Stage {

@@ -72,7 +72,7 @@ export class Surface {
     this.stop = new AbortController();
   }
 
-  /** Begin to watch size, place and theme. */
+  /** Begin to watch size, visibility and theme. */
   observe() {
     const { signal } = this.stop;
     this.resizing = new ResizeObserver(() => {
@@ -103,7 +103,7 @@ export class Surface {
   }
 
   /** @param {{ clientX: number, clientY: number }} event @returns {[number, number]} in the picture, each from -1 to 1, up being positive */
-  place({ clientX, clientY }) {
+  aim({ clientX, clientY }) {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     return [(2 * (clientX - left)) / width - 1, 1 - (2 * (clientY - top)) / height];
   }
@@ -112,7 +112,7 @@ export class Surface {
   cast(event, camera) {
     const caster = new Raycaster();
     camera.updateMatrixWorld();
-    caster.setFromCamera(new Vector2(...this.place(event)), camera);
+    caster.setFromCamera(new Vector2(...this.aim(event)), camera);
     return caster;
   }
 

@@ -3,7 +3,7 @@
  * Which vertex of a result belongs to which of its source. Meshdeform keeps nodes, primitives, vertices and faces in
  * their order, so they are paired by it; where a file was converted (OBJ, STL) the corners of the faces are.
  */
-import { meshesOf, placeOf } from "./loading.js";
+import { meshesOf, primitiveOf } from "./loading.js";
 import { tornApart } from "./weld.js";
 
 /**
@@ -13,7 +13,7 @@ import { tornApart } from "./weld.js";
  * @property {Float32Array | null} normals (3V)
  * @property {Float32Array | null} tangents (4V)
  * @property {import("three").BufferGeometry["morphAttributes"]} targets of the result
- * @property {string} place of the mesh in the result's file (`placeOf`)
+ * @property {string} primitive of the result's file (`primitiveOf`)
  * @property {number} count of the result's vertices
  * @property {ArrayLike<number> | null} order the vertex of the result for each of the source; null: the same
  */
@@ -66,7 +66,7 @@ function pair(mesh, other, converted, name) {
     source.attributes[attribute] && result.attributes[attribute]
       ? floats(result.attributes[attribute], size, order)
       : null;
-  return { mesh, after, normals: optional("normal", 3), tangents: optional("tangent", 4), targets: result.morphAttributes, place: placeOf(other), count: to.count, order };
+  return { mesh, after, normals: optional("normal", 3), tangents: optional("tangent", 4), targets: result.morphAttributes, primitive: primitiveOf(other), count: to.count, order };
 }
 
 /**

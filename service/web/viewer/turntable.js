@@ -91,8 +91,8 @@ async function videoOf(canvas, kind) {
   if (!kind || !movingKinds().includes(kind)) throw new Error("This browser records no video. Save a GIF.");
   const recorder = new MediaRecorder(canvas.captureStream(), { mimeType: `video/${kind}`, videoBitsPerSecond: BITS_PER_SECOND });
   /** @type {Blob[]} */
-  const parts = [];
-  recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+  const pieces = [];
+  recorder.addEventListener("dataavailable", ({ data }) => pieces.push(data));
   const stopped = new Promise((resolve) => recorder.addEventListener("stop", resolve, { once: true }));
   recorder.start();
   return {
@@ -100,7 +100,7 @@ async function videoOf(canvas, kind) {
     async end() {
       recorder.stop();
       await stopped;
-      return new Blob(parts, { type: recorder.mimeType });
+      return new Blob(pieces, { type: recorder.mimeType });
     },
   };
 }

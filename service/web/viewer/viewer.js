@@ -19,14 +19,14 @@ import { disposeAsset, meshesOf, originOf, parseAsset, triangleCount } from "./l
 import { mountClips } from "./clips.js";
 import { Puppet } from "./puppet.js";
 import { acquireRenderer, releaseRenderer } from "./renderer.js";
-import { drawSnapshot, snapshotAsset } from "./snapshot.js";
+import { drawSnapshot } from "./snapshot.js";
 import { boundsOf, dress, Stage } from "./stage.js";
 import { Surface } from "./surface.js";
 import { floats, pairMeshes, TopologyError } from "./topology.js";
 import { weld } from "./weld.js";
 import { Wireframe } from "./wireframe.js";
 
-export { linkCameras, mountClips, snapshotAsset, TopologyError };
+export { linkCameras, mountClips, TopologyError };
 
 /** @typedef {import("./loading.js").Format} Format */
 /** @typedef {{ vertices: number, triangles: number, meshes: number }} AssetInfo */
@@ -292,8 +292,8 @@ export class MeshViewer extends EventTarget {
     if (!this.#root) throw new Error("Nothing is loaded.");
     const { drawTurntable } = await import("./turntable.js");
     this.#ground();
-    const { camera, controls } = this.rig;
-    return drawTurntable(this.#start(), this.stage, boundsOf(this.#root), camera.position.clone().sub(controls.target), options);
+    const { camera, orbit } = this.rig;
+    return drawTurntable(this.#start(), this.stage, boundsOf(this.#root), camera.position.clone().sub(orbit.target), options);
   }
 
   /** Draw again, soon. */

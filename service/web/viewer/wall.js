@@ -11,7 +11,7 @@ const HALO = 1.6;
 const CHOSEN = [0xd9622b, 0x2b6fb3];
 const STILL = 6; // pixels that a click may move
 
-/** @typedef {{ name: string, node: import("three").Object3D, places: Float32Array, sure: Float32Array }} Hung */
+/** @typedef {{ name: string, node: import("three").Object3D, positions: Float32Array, sure: Float32Array }} Hung */
 /** @typedef {{ shape: number, point: number }} Hit */
 
 /**
@@ -125,10 +125,10 @@ export class Wall {
     const [hit] = this.viewer.surface.cast(event, this.viewer.rig.camera).intersectObjects(this.shapes.flatMap(({ node }) => meshes(node)), false);
     if (!hit) return null;
     const shape = this.shapes.findIndex(({ node }) => node === hit.object || node === hit.object.parent);
-    const place = this.shapes[shape].node.worldToLocal(hit.point.clone());
+    const local = this.shapes[shape].node.worldToLocal(hit.point.clone());
     let [nearest, point] = [Infinity, -1];
     for (const [k, sure] of this.shapes[shape].sure.entries()) {
-      const far = sure > 0 ? at(this.shapes[shape], k).distanceToSquared(place) : Infinity;
+      const far = sure > 0 ? at(this.shapes[shape], k).distanceToSquared(local) : Infinity;
       if (far < nearest) [nearest, point] = [far, k];
     }
     return point < 0 ? null : { shape, point };
@@ -152,13 +152,13 @@ function hung(root) {
     const cloud = /** @type {Points} */ (node.children.find((child) => child instanceof Points));
     cloud.visible = false;
     const { position, _confidence: sure } = cloud.geometry.attributes;
-    return { name: node.userData.name ?? node.name, node, places: /** @type {Float32Array} */ (position.array), sure: /** @type {Float32Array} */ (sure.array) };
+    return { name: node.userData.name ?? node.name, node, positions: /** @type {Float32Array} */ (position.array), sure: /** @type {Float32Array} */ (sure.array) };
   });
 }
 
 /** @param {Hung} shape @param {number} point */
-function at({ places }, point) {
-  return new Vector3().fromArray(places, 3 * point);
+function at({ positions }, point) {
+  return new Vector3().fromArray(positions, 3 * point);
 }
 
 /** @param {import("three").Object3D} node @returns {Mesh[]} */

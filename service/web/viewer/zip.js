@@ -60,10 +60,10 @@ function unescaped(uri) {
 /** @param {string} path @returns {string} without "." and ".." */
 function resolved(path) {
   /** @type {string[]} */
-  const parts = [];
-  for (const part of path.replaceAll("\\", "/").split("/")) {
-    if (part === "..") parts.pop();
-    else if (part && part !== ".") parts.push(part);
+  const segments = [];
+  for (const segment of path.replaceAll("\\", "/").split("/")) {
+    if (segment === "..") segments.pop();
+    else if (segment && segment !== ".") segments.push(segment);
   }
-  return parts.join("/");
+  return segments.join("/");
 }

@@ -2,7 +2,8 @@
 import { acquireRenderer, contextCount, releaseRenderer, SharedRenderer } from "/web/viewer/renderer.js";
 import { ControlTools } from "/web/viewer/control/tools.js";
 import { numberedSurface } from "/web/viewer/control/surface.js";
-import { linkCameras, MeshViewer, snapshotAsset } from "/web/viewer/viewer.js";
+import { snapshotAssets } from "/web/viewer/snapshot.js";
+import { linkCameras, MeshViewer } from "/web/viewer/viewer.js";
 
 const stage = document.getElementById("stage");
 
@@ -112,5 +113,5 @@ async function failure(promise) {
 
 Object.assign(window, {
   acquireRenderer, ControlTools, closeAll, failure, farthest, meshOf, releaseRenderer, SharedRenderer, show,
-  contextCount, covered, difference, drawn, fetchBytes, linkCameras, numberedSurface, open, pixels, snapshotAsset, ready: true,
+  contextCount, covered, difference, drawn, fetchBytes, linkCameras, numberedSurface, open, pixels, snapshotAssets, ready: true,
 });

@@ -57,7 +57,8 @@ def test_a_sheet_of_many_needs_one_context_and_leaves_none_behind(page: Page) ->
           const shown = viewers.map((viewer) => covered(pixels(viewer)));
           const bytes = await fetchBytes("/files/source.glb");
           const size = { width: 64, height: 64 };
-          const blobs = await Promise.all(Array.from({ length: 9 }, () => snapshotAsset(bytes, size)));
+          const nine = Array.from({ length: 9 }, () => snapshotAssets([{ buffer: bytes }], size));
+          const blobs = (await Promise.all(nine)).flat();
           const during = [made, contextCount()];
           const renderer = acquireRenderer();
           releaseRenderer();

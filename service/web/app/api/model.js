@@ -129,8 +129,8 @@ export function curlOf(spec, operation, baseUrl, keyed) {
 function bodyOf(spec, { body }) {
   if (!body) return [];
   if (body.type === "multipart/form-data") {
-    const parts = members(spec, body.schema).filter(({ name, required }) => required || name === "asset");
-    return parts.map(({ name, type }) => (type === "bytes" ? `-F ${name}=@${name === "asset" ? "asset" : name}.glb` : `--form-string ${name}=${quoted(JSON.stringify(body.example?.[name] ?? {}))}`));
+    const fields = members(spec, body.schema).filter(({ name, required }) => required || name === "asset");
+    return fields.map(({ name, type }) => (type === "bytes" ? `-F ${name}=@${name === "asset" ? "asset" : name}.glb` : `--form-string ${name}=${quoted(JSON.stringify(body.example?.[name] ?? {}))}`));
   }
   if (body.type === "application/octet-stream") return ["-H 'Content-Type: application/octet-stream'", "--data-binary @file"];
   return [`-H ${quoted(`Content-Type: ${body.type}`)}`, `--data-raw ${quoted(JSON.stringify(body.example ?? {}))}`];

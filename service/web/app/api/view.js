@@ -44,7 +44,7 @@ class Reference {
         h("a", { href: "openapi.json" }, "The OpenAPI document"), ", ", h("a", { href: "#/usage" }, "what you have used"), "."),
       h("section", { class: "panel", "aria-labelledby": "api-job" }, h("h2", { id: "api-job" }, "A job, from the file to the result"), snippetsBlock({ ...FIRST, keyed })),
       h("section", { class: "panel", "aria-labelledby": "api-preview" }, h("h2", { id: "api-preview" }, "A preview, in seconds"), snippetsBlock({ ...FIRST, keyed, preview: true })),
-      h("div", { class: "api-search" }, labelled("api-search", "Find a request", search), this.count),
+      h("div", { class: "row api-search" }, labelled("api-search", "Find a request", search), this.count),
       this.found,
     );
     this.list("");
@@ -112,18 +112,18 @@ function whenOpened(details, make) {
 
 /** Text with its `code`; links of the documents become their words. @param {string} text @returns {(Node | string)[]} */
 function prose(text) {
-  return text.replace(/\[([^\]]+)\]\([^)]+\)/g, "$1").split(/`([^`]+)`/).map((part, at) => (at % 2 ? h("code", null, part) : part));
+  return text.replace(/\[([^\]]+)\]\([^)]+\)/g, "$1").split(/`([^`]+)`/).map((text, at) => (at % 2 ? h("code", null, text) : text));
 }
 
 /** What the owner of the key has used, by month. @param {HTMLElement} root @param {import("../scope.js").Scope} scope */
 export async function showUsage(root, scope) {
-  const place = h("div", { class: "panel" }, h("p", { class: "loading" }, "Loading…"));
-  fill(root, h("h1", null, "Usage"), h("p", { class: "lead" }, "Jobs that ended, the time for which workers had them, and the files that they made."), place);
+  const months = h("div", { class: "panel" }, h("p", { class: "loading" }, "Loading…"));
+  fill(root, h("h1", null, "Usage"), h("p", { class: "lead" }, "Jobs that ended, the time for which workers had them, and the files that they made."), months);
   const load = async () => {
     try {
-      fill(place, table(await client.usage(scope.signal)));
+      fill(months, table(await client.usage(scope.signal)));
     } catch (error) {
-      if (!scope.signal.aborted) fill(place, problemBox(error), button("Try again", load));
+      if (!scope.signal.aborted) fill(months, problemBox(error), button("Try again", load));
     }
   };
   await load();

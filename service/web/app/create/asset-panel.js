@@ -2,13 +2,13 @@
 /** The asset of a new job: dropped, chosen, or one of the examples, and shown at once. */
 import { announce } from "../announce.js";
 import { Asset, exampleAsset, formatOf, SURFACE_FORMATS } from "../assets.js";
-import { button, fill, h, icon } from "../dom.js";
+import { button, chip, fill, h, icon } from "../dom.js";
 import { LARGEST_BYTES } from "../drafts.js";
 import { bytes, counted } from "../format.js";
 import { fileInput, isField, openField, takeDrops } from "../picking.js";
 import { plainWords } from "../plain.js";
 import { SAMPLES } from "../samples.js";
-import { drawnPicture } from "../job/stage-controls.js";
+import { drawnPicture } from "../widgets.js";
 import { ViewerBox } from "../viewer-box.js";
 
 const WORDS = "GLB, OBJ, PLY, STL, ZIP, XYZ, NPZ or safetensors file";
@@ -30,7 +30,7 @@ export class AssetPanel {
     this.onShown = () => {};
     /** How often an asset was chosen: one that is still on its way when another is chosen is dropped. */
     this.choices = 0;
-    /** Takes pictures, and what is dropped on its place; null where nobody does. @type {((files: File[]) => void) | null} */
+    /** Takes pictures, and what is dropped on it; null where nobody does. @type {((files: File[]) => void) | null} */
     this.guide = null;
     this.box = new ViewerBox("Asset", scope);
     this.box.tag.hidden = true;
@@ -44,17 +44,15 @@ export class AssetPanel {
     this.stage = h("div", { class: "stage" });
     this.element = this._build();
     if (choosing) takeDrops(scope, this.element, (files, target) => {
-      const place = target instanceof Element && target.closest("[data-drop='guide']");
-      if (this.guide && (place || files[0].type.startsWith("image/"))) this.guide(files);
+      const aimed = target instanceof Element && target.closest("[data-drop='guide']");
+      if (this.guide && (aimed || files[0].type.startsWith("image/"))) this.guide(files);
       else this.take(files[0]);
     });
   }
 
   _build() {
     for (const { name, label } of [...SAMPLES, { name: "sphere.glb", label: "Sphere" }]) {
-      this.examples.append(
-        h("button", { type: "button", class: "chip", "aria-pressed": "false", data: { name }, on: { click: () => this.example(name) } }, label),
-      );
+      this.examples.append(chip(label, () => this.example(name), { small: false, "aria-pressed": "false", data: { name } }));
     }
     const choose = button("Choose a file", () => this.input.click(), { icon: "upload" });
     this.stage.append(
@@ -81,9 +79,9 @@ export class AssetPanel {
     this.box.element.after(box.element);
   }
 
-  /** Put a control below the view. @param {HTMLElement} control */
-  addBelow(control) {
-    this.below.append(control);
+  /** Put something below the view. @param {HTMLElement} element */
+  addBelow(element) {
+    this.below.append(element);
   }
 
   /** @param {string} [name] */
@@ -153,8 +151,8 @@ export class AssetPanel {
     const asset = this.asset;
     if (!asset) return;
     const sizes = triangles ? [counted(triangles, "triangle"), counted(vertices, "vertex", "vertices")] : vertices ? [counted(vertices, "point")] : [];
-    const parts = [...sizes, bytes(asset.size), ...more];
-    fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, parts.join(" · ")), ...warnings.map(plainWords).filter(Boolean).map((text) => h("span", null, text)));
+    const said = [...sizes, bytes(asset.size), ...more];
+    fill(this.facts, h("strong", null, asset.name), h("span", { class: "muted" }, said.join(" · ")), ...warnings.map(plainWords).filter(Boolean).map((text) => h("span", null, text)));
   }
 
   /** Show a picture where nothing can be drawn. @param {Blob} picture */

@@ -1,9 +1,9 @@
 // @ts-check
 /** Before and after: side by side, by a slider, or while a key is held. Before is the asset, or any shape that it has had. */
 import { isAbort } from "../client.js";
-import { button, fill, h } from "../dom.js";
+import { button, fill, h, options } from "../dom.js";
 import { saveBytes } from "../job/files.js";
-import { segmented, slider, toggle } from "../job/stage-controls.js";
+import { choose, segmented, slider, toggle } from "../widgets.js";
 import { orToast } from "../problem-box.js";
 import { linkViews, ViewerBox } from "../viewer-box.js";
 
@@ -30,13 +30,14 @@ export class Comparison {
     /** Whether the button or the key is held. */
     this.held = false;
     this.box = new ViewerBox("Before", scope);
-    this.place = h("div", { class: "before", hidden: true }, this.box.element);
+    this.side = h("div", { class: "before", hidden: true }, this.box.element);
     this.ways = segmented("Compare", WAYS, "none", (way) => this._choose(/** @type {Way} */ (way)));
     const { input, row } = slider("wipe-slider", "Before and after", 100, () => this._wipe());
     input.value = "50";
     this.input = input;
     this.wipe = row;
     this.wipe.classList.add("wipe-row");
+    this.wipe.hidden = true;
     this.with = h("select", { class: "select-small", "aria-label": "Compare with", on: { change: () => this._with(this.with.value) } });
     this.hold = button("Hold for before", () => {}, { title: `See it as it was (key ${KEY.toUpperCase()})` });
     this.element = h("div", { class: "row compare-tools", hidden: true }, this.ways, this.hold, this.with);
@@ -65,7 +66,7 @@ export class Comparison {
   choices(shapes) {
     this.shapes = shapes;
     const chosen = this.before?.key ?? "";
-    fill(this.with, h("option", { value: "" }, "with your asset"), shapes.map(({ key, label }, i) => h("option", { value: key }, `with ${i + 1} · ${label}`)));
+    fill(this.with, options([["", "with your asset"], ...shapes.map(({ key, label }, i) => /** @type {[string, string]} */ ([key, `with ${i + 1} · ${label}`]))]));
     this.with.hidden = shapes.length < 2;
     this.with.value = chosen;
     if (this.with.value !== chosen) this._with("");
@@ -88,8 +89,7 @@ export class Comparison {
   /** @param {Way} way */
   _choose(way) {
     this.way = way;
-    const chosen = this.ways.querySelectorAll("input")[WAYS.findIndex(([name]) => name === way)];
-    if (chosen) chosen.checked = true;
+    choose(this.ways, way);
     this._draw();
   }
 
@@ -127,10 +127,10 @@ export class Comparison {
     const { stage } = this.assets;
     const seen = this.held ? "hold" : this.on ? this.way : "none";
     stage.dataset.compare = seen;
-    this.place.hidden = seen === "none";
+    this.side.hidden = seen === "none";
     this.wipe.hidden = seen !== "wipe";
     if (seen === "wipe") this._wipe();
-    if (seen !== "none" && !this.place.isConnected) this.wipe.before(this.place);
+    if (seen !== "none" && !this.side.isConnected) this.wipe.before(this.side);
     if (seen !== "none") await this._load();
   }
 

@@ -1,7 +1,7 @@
 // @ts-check
 /** Saves the shape that is shown: the file of a job in every format that the server makes, or the shape itself where no job has it yet. */
 import { client } from "../client.js";
-import { button, h } from "../dom.js";
+import { button, h, options } from "../dom.js";
 import { arDevice } from "../../viewer/ar.js";
 import { download, downloadMade, saveBytes, viewInRoom } from "../job/files.js";
 import { artifactName, shapeName } from "../names.js";
@@ -33,7 +33,7 @@ export class Downloads {
     /** Of the files that the job has. @type {string[]} */
     this.names = [];
     this.button = button("Download", () => this._save(), { icon: "download" });
-    this.format = h("select", { class: "select-small", "aria-label": "Format" }, FORMATS.map(([value, text]) => h("option", { value }, text)));
+    this.format = h("select", { class: "select-small", "aria-label": "Format" }, options(FORMATS));
     this.room = button("View in your room", () => this.shown && viewInRoom(this.shown.job, this.names, this.scope), { icon: "camera", quiet: true });
     this.element = h("div", { class: "joined downloads", hidden: true }, this.button, this.format, this.room);
   }

@@ -63,13 +63,13 @@ export class NumberRows {
 
   /** Say what the server refused beside its rows. @param {any[]} errors @returns {boolean} whether there is a row for all of it */
   refuse(errors) {
-    const placed = errors.map(({ loc, msg }) => {
-      const row = this.rows.get((loc ?? []).findLast((/** @type {any} */ part) => this.rows.has(part)));
+    const found = errors.map(({ loc, msg }) => {
+      const row = this.rows.get((loc ?? []).findLast((/** @type {any} */ name) => this.rows.has(name)));
       if (row) markField(row, String(msg ?? "Not allowed."));
       return row !== undefined;
     });
     this._unfold();
-    return placed.length > 0 && placed.every(Boolean);
+    return found.length > 0 && found.every(Boolean);
   }
 
   _unfold() {

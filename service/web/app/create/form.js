@@ -2,7 +2,7 @@
 /** What the forms for jobs have in common: the heading, the way to the other forms, and a button that starts one at a time. */
 import { announce } from "../announce.js";
 import { isAbort } from "../client.js";
-import { h } from "../dom.js";
+import { fill, h } from "../dom.js";
 import { routeHash } from "../router.js";
 
 /** @typedef {"create" | "many" | "surface" | "family" | "words"} Kind */
@@ -27,6 +27,19 @@ export function intro(words, stressed, lead) {
   return h("div", { class: "intro" }, h("h1", null, `${words} `, h("em", null, stressed)), h("p", { class: "lead" }, lead));
 }
 
+/**
+ * Fill a view that is a form.
+ * @param {HTMLElement} root
+ * @param {Kind} kind
+ * @param {Node} heading
+ * @param {{element: Node}} given Takes the files.
+ * @param {JobForm} form
+ * @param {Node} below
+ */
+export function showForm(root, kind, heading, given, form, below) {
+  fill(root, heading, kindsNav(kind), h("div", { class: "bench" }, given.element, form.element), below);
+}
+
 /** A form, and the button that sends it: one job at a time. */
 export class JobForm {
   /**
@@ -45,8 +58,15 @@ export class JobForm {
     this.label = label;
     this.does = does;
     this.busy = false;
-    this.button = h("button", { type: "submit", class: "button button-primary button-large" }, label);
+    this.button = h("button", { type: "submit", class: "button button-primary button-large", "aria-describedby": "estimate" }, label);
+    this.estimate = h("p", { class: "estimate", id: "estimate", "aria-live": "off" });
     this.element = h("form", { class: "create-form", "aria-label": name, novalidate: true, on: { submit: (/** @type {Event} */ event) => this._submit(event) } });
+  }
+
+  /** The bar at the bottom. @param {string} [said] Beside the button, until more is known. */
+  bar(said = "") {
+    this.estimate.textContent = said;
+    return h("div", { class: "start-bar" }, this.estimate, this.button);
   }
 
   /** @param {string} label Of the button. */

@@ -7,7 +7,7 @@ import { fill, h, icon, say } from "../dom.js";
 import { plainWords } from "../plain.js";
 import { debounced } from "../scope.js";
 
-/** @typedef {{seed: number, places: Map<string, Float32Array>, name: string}} Member */
+/** @typedef {{seed: number, positions: Map<string, Float32Array>, name: string}} Member */
 /**
  * @typedef {object} Shape One that the asset has.
  * @property {string} key What was asked for, as `shapeKey` has it; of others than the form's, a name of its own.
@@ -122,7 +122,7 @@ export class Live {
   async look(shape) {
     this.asking.abort();
     const { signal } = (this.asking = new AbortController());
-    if (this.of !== this.asked.goal) this._designs(false);
+    if (this.of !== this.asked.goal) this.element.hidden = true;
     say(this.note, "");
     this.element.setAttribute("aria-busy", "false");
     const first = this.shape === null && shape.stored !== undefined;
@@ -148,7 +148,7 @@ export class Live {
     this.of = "";
     this.members = [];
     fill(this.strip);
-    this._designs(false);
+    this.element.hidden = true;
     say(this.note, "");
     if (this.box.note.classList.contains("viewer-cover")) this.box.say("");
     if (!this.shape) return;
@@ -180,11 +180,11 @@ export class Live {
     if (turn !== this.turns || !goal || !possible) return;
     this.asking.abort();
     const { signal } = (this.asking = new AbortController());
-    this._designs(true);
+    this.element.hidden = false;
     this.element.setAttribute("aria-busy", "true");
     const slow = setTimeout(() => signal.aborted || say(this.note, "Making the shape…"), 700);
     try {
-      const isDraft = await this._first(goal, seed, signal);
+      const isDraft = await this._first(this._make(goal, seed, signal, true));
       if (signal.aborted || this.key !== shapeKey(goal, seed)) return;
       clearTimeout(slow);
       say(this.note, isDraft ? "A draft; the exact shape follows." : "");
@@ -204,9 +204,8 @@ export class Live {
     }
   }
 
-  /** Show the first shape of a goal, which is let come. @param {string} goal @param {number} seed @param {AbortSignal} signal @returns {Promise<boolean>} whether it is a draft */
-  async _first(goal, seed, signal) {
-    const making = this._make(goal, seed, signal, true);
+  /** Let the first shape of a goal come, whatever is typed meanwhile. @param {Promise<boolean>} making */
+  _first(making) {
     const over = making.then(() => {}, () => {}).then(() => {
       if (this.first === over) this.first = null;
     });
@@ -254,7 +253,7 @@ export class Live {
       if (this.shape?.key === shapeKey(goal, seed)) this._warn(Object.assign(this.shape, { warnings }));
       // A change in plain words is the same with every seed.
       if (change) return;
-      await this._add({ seed, places: placesOf(primitives), name: [member.pose, member.form].filter(Boolean).join(" ") });
+      await this._add({ seed, positions: positionsOf(primitives), name: [member.pose, member.form].filter(Boolean).join(" ") });
     }
   }
 
@@ -264,7 +263,7 @@ export class Live {
     const element = this._button(member, this.members.length);
     this.strip.append(element);
     this._press();
-    const picture = await this.box.viewer?.pictureOf(member.places, { width: PICTURE, height: PICTURE }).catch(() => null);
+    const picture = await this.box.viewer?.pictureOf(member.positions, { width: PICTURE, height: PICTURE }).catch(() => null);
     const image = element.querySelector("img");
     if (picture && image) image.src = this.scope.url(picture);
   }
@@ -278,9 +277,9 @@ export class Live {
   /** @param {Member} member */
   _choose(member) {
     const { viewer } = this.box;
-    // Its places are here already; its file, with the normals that the job gives it, comes after the pause.
+    // Its positions are here already; its file, with the normals that the job gives it, comes after the pause.
     if (this.shape && viewer) {
-      viewer.setShape(member.places);
+      viewer.setShape(member.positions);
       viewer.setMorph(this.asked.strength);
       this.does.reshaped();
     }
@@ -292,11 +291,6 @@ export class Live {
       const own = each instanceof HTMLElement && this.of === this.asked.goal && Number(each.dataset.seed) === this.asked.seed;
       each.setAttribute("aria-pressed", String(own));
     }
-  }
-
-  /** @param {boolean} on Whether there is anything to say of designs. */
-  _designs(on) {
-    this.element.hidden = !on;
   }
 
   /** @param {Shape | null} shape That the view leads to. */
@@ -317,7 +311,7 @@ export class Live {
 
   /** @param {unknown} error */
   _failed(error) {
-    this._designs(true);
+    this.element.hidden = false;
     if (!(error instanceof MeshdeformError)) return say(this.note, "The view cannot show this file changed. The job changes it all the same.");
     if (error.code === "dependency_missing" || error.code === "not_found") this.able = false;
     // Of what is wrong with the form, its check says what.
@@ -330,6 +324,6 @@ export class Live {
 }
 
 /** The positions of a shape as a viewer takes them. @param {{mesh: number, primitive: number, positions: Float32Array}[]} primitives @returns {Map<string, Float32Array>} */
-export function placesOf(primitives) {
+export function positionsOf(primitives) {
   return new Map(primitives.map(({ mesh, primitive, positions }) => [`${mesh}/${primitive}`, positions]));
 }

@@ -3,7 +3,7 @@
 import { Asset, exampleAsset } from "../assets.js";
 import { client } from "../client.js";
 import { exampleOf } from "../examples/gallery.js";
-import { plainParams } from "../groups.js";
+import { continued } from "../params.js";
 
 const EXAMPLE = "example:";
 const RESULT = "result:";
@@ -22,7 +22,7 @@ export function resultOrigin(id) {
  * @typedef {object} Origin
  * @property {any} job The document of the job, or as much of one as an example has.
  * @property {Asset} asset
- * @property {Record<string, Asset>} others Its files besides the asset, by the names of their parts.
+ * @property {Record<string, Asset>} others Its files besides the asset, by their names in the job.
  * @property {string} [result] What an example became, a file below `web/examples/`.
  */
 
@@ -32,14 +32,12 @@ export async function originOf(from, signal) {
   const job = await client.get(from.startsWith(RESULT) ? from.slice(RESULT.length) : from, signal);
   if (from.startsWith(RESULT)) {
     const name = job.asset.filename.replace(/\.[^.]*$/, "") + ".glb";
-    const { model, preset, orientation } = plainParams(job.params);
-    const kept = Object.fromEntries(Object.entries({ model, preset, orientation }).filter(([, value]) => value !== undefined));
-    return { job: { ...job, prompt: "", params: kept, output: {} }, asset: new Asset(await client.download(job, "result.glb", { signal }), name), others: {} };
+    return { job: continued(job), asset: new Asset(await client.download(job, "result.glb", { signal }), name), others: {} };
   }
   const asset = new Asset(await client.file(from, "asset", signal), job.asset.filename);
   // The model names its weights.
-  const parts = Object.entries(job.files ?? {}).filter(([part]) => !["asset", "weights"].includes(part));
-  const files = parts.map(async ([part, { filename }]) => [part, new Asset(await client.file(from, part, signal), filename)]);
+  const named = Object.entries(job.files ?? {}).filter(([name]) => !["asset", "weights"].includes(name));
+  const files = named.map(async ([name, { filename }]) => [name, new Asset(await client.file(from, name, signal), filename)]);
   return { job, asset, others: Object.fromEntries(await Promise.all(files)) };
 }
 

@@ -1,12 +1,12 @@
 // @ts-check
 /** The prompt, the words that the model knows, and what is wrong with the prompt. */
-import { fill, h, icon, invalid, labelled } from "../dom.js";
+import { chip, fill, h, icon, invalid, labelled } from "../dom.js";
 import { titled } from "../format.js";
 import { showRefusal } from "../refusal.js";
 import { ownNouns, withArticle } from "../vocabulary.js";
 
 const EXAMPLES_SHOWN = 5;
-export const LONGEST = 1000;
+const LONGEST = 1000;
 
 export class PromptField {
   /** @param {() => void} onChange */
@@ -40,6 +40,12 @@ export class PromptField {
     this.onChange();
   }
 
+  /** Take a prompt that was offered. @param {string} text */
+  take(text) {
+    this.set(text);
+    this.input.focus();
+  }
+
   /**
    * @param {import("../vocabulary.js").Model | null} model
    * @param {boolean} others Whether there are models to choose that take free text.
@@ -49,7 +55,7 @@ export class PromptField {
     const known = model?.vocabulary;
     /** @type {string[]} */
     const examples = known ? [...ownNouns(known).map(withArticle), ...known.examples].slice(0, EXAMPLES_SHOWN) : [];
-    fill(this.chips, examples.map((text) => this._chip("chip", text, text)));
+    fill(this.chips, examples.map((text) => chip(text, () => this.set(text), { small: false })));
     this.chips.hidden = !examples.length;
     fill(this.words, known?.nouns.length ? this._allWords(known) : null);
     const freely = others ? "For free text, choose another model." : "For free text, the server needs a Stable Diffusion model.";
@@ -58,16 +64,11 @@ export class PromptField {
     fill(this.note, icon("info"), h("span", null, note));
   }
 
-  /** @param {string} style @param {string} words @param {string} prompt */
-  _chip(style, words, prompt) {
-    return h("button", { type: "button", class: style, on: { click: () => this.set(prompt) } }, words);
-  }
-
   /** @param {import("../vocabulary.js").Vocabulary} known */
   _allWords(known) {
     const group = (/** @type {string} */ title, /** @type {string[]} */ nouns) => [
       h("p", { class: "field-label" }, title),
-      h("div", { class: "chips", role: "group", "aria-label": title }, nouns.map((noun) => this._chip("chip chip-small", noun, withArticle(noun)))),
+      h("div", { class: "chips", role: "group", "aria-label": title }, nouns.map((noun) => chip(noun, () => this.set(withArticle(noun))))),
     ];
     return h(
       "details",
@@ -84,9 +85,6 @@ export class PromptField {
     this.chips.classList.toggle("replaced", Boolean(error));
     invalid(this.input, Boolean(error));
     if (!error) return void fill(this.problem);
-    showRefusal(this.problem, error, (text) => {
-      this.set(text);
-      this.input.focus();
-    });
+    showRefusal(this.problem, error, (text) => this.take(text));
   }
 }

@@ -1,6 +1,6 @@
 // @ts-check
 /** How the job is made: everything but its asset and its words. What is here stands under Details. */
-import { button, fill, h, labelled } from "../dom.js";
+import { button, chip, fill, h, labelled, options } from "../dom.js";
 import { markField } from "./field-rows.js";
 import { groupsOf, isUnused } from "../groups.js";
 import { integerProblem, keptText, MAX_SEED, nothingKept, PRESETS, randomSeed, USUAL_PRESET } from "../params.js";
@@ -30,7 +30,10 @@ export class SettingsPanel {
     this.preset.value = USUAL_PRESET;
     this.presetRow = labelled("preset", "Quality", this.preset);
     this.strength = new ShareSlider("strength", onChange);
-    this.seed = integerField("seed", 0, MAX_SEED, onChange);
+    const problem = h("p", { class: "field-problem", id: "seed-problem", hidden: true, "aria-live": "polite" });
+    // Not of the type "number": a browser hides what it does not take for one.
+    const input = h("input", { id: "seed", type: "text", inputmode: "numeric", autocomplete: "off", "aria-describedby": problem.id, on: { input: onChange } });
+    this.seed = { input, problem };
     this.seed.input.value = String(randomSeed());
     this.rig = choice("rig", RIGS, onChange);
     /** What the server does with a rig where nobody chooses. */
@@ -40,7 +43,7 @@ export class SettingsPanel {
     this.subdivide = h("input", { id: "subdivide", type: "checkbox", on: { change: onChange } });
     this.kept = nothingKept();
     this.keptText = h("p", null);
-    const drop = h("button", { type: "button", class: "chip chip-small", on: { click: () => this._drop() } }, "Drop them");
+    const drop = chip("Drop them", () => this._drop());
     this.keptRow = h("div", { class: "kept small", hidden: true }, this.keptText, drop);
     this.element = this._build();
   }
@@ -57,8 +60,9 @@ export class SettingsPanel {
 
   /** Return whether all that was typed can be sent; what cannot is said beside it. */
   check() {
-    markField(this.seed, this.seed.check());
-    return !this.seed.check();
+    const problem = integerProblem(this.seed.input.value, 0, MAX_SEED);
+    markField(this.seed, problem);
+    return !problem;
   }
 
   /** @param {any} schema The JSON schema of a job's parameters; null: it is not known. */
@@ -87,10 +91,7 @@ export class SettingsPanel {
   /** @param {import("../vocabulary.js").Catalogue} catalogue */
   offer(catalogue) {
     this.catalogue = catalogue;
-    const options = catalogue.models.map((model) =>
-      h("option", { value: model.id, disabled: !model.available }, model.available ? model.title : `${model.title} (not installed)`),
-    );
-    fill(this.model, options);
+    fill(this.model, catalogue.models.map(({ id, title, available }) => h("option", { value: id, disabled: !available }, available ? title : `${title} (not installed)`)));
     this.model.value = catalogue.default;
     this._modelChanged();
   }
@@ -168,15 +169,7 @@ export class SettingsPanel {
   }
 }
 
-/** @param {string} id @param {[string, string][]} options @param {() => void} onChange */
-function choice(id, options, onChange) {
-  return h("select", { id, on: { change: onChange } }, options.map(([value, text]) => h("option", { value }, text)));
-}
-
-/** A field for a whole number, and what is wrong with what is in it. @param {string} id @param {number} min @param {number} max @param {() => void} onChange */
-function integerField(id, min, max, onChange) {
-  const problem = h("p", { class: "field-problem", id: `${id}-problem`, hidden: true, "aria-live": "polite" });
-  // Not of the type "number": a browser hides what it does not take for one.
-  const input = h("input", { id, type: "text", inputmode: "numeric", autocomplete: "off", "aria-describedby": problem.id, on: { input: onChange } });
-  return { input, problem, check: () => integerProblem(input.value, min, max) };
+/** @param {string} id @param {[string, string][]} pairs Values, and words. @param {() => void} onChange */
+function choice(id, pairs, onChange) {
+  return h("select", { id, on: { change: onChange } }, options(pairs));
 }

@@ -1,6 +1,6 @@
 // @ts-check
 /** The shapes that an asset has had, oldest first: a click goes back to one. They stay while the page is open, for whichever job shows the asset. */
-import { fill, h } from "../dom.js";
+import { h, refill } from "../dom.js";
 import { PICTURE } from "./live.js";
 
 /** @typedef {import("./live.js").Shape} Shape */
@@ -59,9 +59,7 @@ export class ShapeStrip {
 
   _draw() {
     const { shapes } = this;
-    const focused = [...this.list.children].indexOf(/** @type {Element} */ (document.activeElement));
-    fill(this.list, shapes.map((shape, i) => this._button(shape, i + 1)));
-    if (focused >= 0) /** @type {HTMLElement | undefined} */ (this.list.children[Math.min(focused, shapes.length - 1)])?.focus();
+    refill(this.list, shapes.map((shape, i) => this._button(shape, i + 1)));
     this.element.hidden = !shapes.length;
     this.onChange();
   }

@@ -1,7 +1,7 @@
 // @ts-check
 /** How far a shape goes, as a slider in percent: the parameter `strength` of a fit, and the share of any result. */
 import { h } from "../dom.js";
-import { slider } from "../job/stage-controls.js";
+import { slider } from "../widgets.js";
 
 export class ShareSlider {
   /** @param {string} name Of the parameter. @param {() => void} onChange */
@@ -9,7 +9,6 @@ export class ShareSlider {
     /** What it is where nobody moves it, in percent. */
     this.usual = 100;
     const { input, value, row } = slider(`param-${name}`, "Strength", 100, () => (this._draw(), onChange()));
-    row.hidden = false;
     this.input = input;
     this.output = value;
     this.element = h("div", { class: "field", hidden: true }, row);

@@ -10,7 +10,7 @@ import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { debounced } from "../scope.js";
 import { AssetPanel } from "./asset-panel.js";
-import { intro, JobForm, kindsNav } from "./form.js";
+import { intro, JobForm, showForm } from "./form.js";
 import { NumberRows } from "./field-rows.js";
 import { originOf } from "./origins.js";
 
@@ -40,9 +40,7 @@ export class SurfaceView {
     });
     this.numbers = new NumberRows(KIND, FIRST, () => this.check());
     this.problem = h("div", { class: "problem-slot" });
-    this.estimate = h("p", { class: "estimate", id: "estimate" });
     this.form = new JobForm(scope, "New surface fit", "Fit", { ready: () => this._ready(), send: () => this._send(), refuse: (error) => this._bad(error) });
-    this.form.button.setAttribute("aria-describedby", "estimate");
     const hint = "A quick fit, which is enough for a mesh to deform. With both numbers empty, the fit takes four times as long and is twice as precise.";
     this.form.element.append(
       ...(quick ? [h("p", { class: "small muted" }, hint)] : []),
@@ -50,15 +48,9 @@ export class SurfaceView {
       this.problem,
       this.numbers.advanced,
       h("p", { class: "small" }, h("a", { href: routeHash({ name: "field" }) }, "Open a .ndf"), " that you have."),
-      h("div", { class: "start-bar" }, this.estimate, this.form.button),
+      this.form.bar(),
     );
-    fill(
-      root,
-      intro("Any surface in", "a few kilobytes", "A coarse mesh and a small network, which a browser unfolds to any level."),
-      kindsNav("surface"),
-      h("div", { class: "bench" }, this.assets.element, this.form.element),
-      recentJobs(scope),
-    );
+    showForm(root, "surface", intro("Any surface in", "a few kilobytes", "A coarse mesh and a small network, which a browser unfolds to any level."), this.assets, this.form, recentJobs(scope));
     this._begin(from, quick);
   }
 
@@ -111,7 +103,7 @@ export class SurfaceView {
     const { asset } = this.assets;
     const good = this.numbers.settle();
     this.form.button.classList.toggle("button-blocked", !good);
-    this.estimate.textContent = good ? "" : "Correct the marked settings.";
+    this.form.estimate.textContent = good ? "" : "Correct the marked settings.";
     if (!asset || !good) return;
     try {
       const found = await client.validate(...(await asset.submission(this._document(), this.kept.files, this.scope.signal)));
@@ -120,7 +112,7 @@ export class SurfaceView {
       this.assets.refuse("");
       const { triangles, vertices, warnings } = found.asset;
       this.assets.describe(triangles, vertices, [], warnings);
-      this.estimate.textContent = estimateWords(found);
+      this.form.estimate.textContent = estimateWords(found);
     } catch (error) {
       if (turn === this.turn && !this.scope.over && !isAbort(error)) this._bad(error);
     }
@@ -129,7 +121,7 @@ export class SurfaceView {
   /** @param {unknown} error */
   _bad(error) {
     this.form.button.classList.add("button-blocked");
-    this.estimate.textContent = "";
+    this.form.estimate.textContent = "";
     const found = error instanceof MeshdeformError ? error : null;
     if (found?.code.startsWith("asset_")) {
       this.assets.refuse(found.message, found.advice);

@@ -8,20 +8,14 @@
  * @typedef {{members: string, parts: Part[]}} Recorded `members`: as a preview answers, in base64; empty: there are none.
  */
 import { readPreview } from "../../client/index.js";
+import { bytesOf } from "../assets.js";
+import { PICTURE, positionsOf } from "../create/live.js";
 import { h } from "../dom.js";
 import { titled } from "../format.js";
 
-const PICTURE = 168; // pixels, twice as many as are seen
-
-/** @param {string} text In base64. @returns {ArrayBuffer} */
-function decoded(text) {
-  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer;
-}
-
-/** @param {string} preview @returns {{seed: number, places: Map<string, Float32Array>}[]} */
+/** @param {string} preview In base64. @returns {{seed: number, positions: Map<string, Float32Array>}[]} */
 function shapesOf(preview) {
-  const places = (/** @type {any[]} */ primitives) => new Map(primitives.map(({ mesh, primitive, positions }) => [`${mesh}/${primitive}`, positions]));
-  return readPreview(decoded(preview)).shapes.map(({ seed, primitives }) => ({ seed, places: places(primitives) }));
+  return readPreview(bytesOf(preview).buffer).shapes.map(({ seed, primitives }) => ({ seed, positions: positionsOf(primitives) }));
 }
 
 export class Moves {
@@ -44,7 +38,7 @@ export class Moves {
     /** @type {Part | null} */
     this.part = null;
     const all = recorded.members ? shapesOf(recorded.members) : [];
-    const members = all.map((member, k) => this._button(`Design ${k + 1}`, "live-member", () => this._see(null, member.seed === result.seed ? { glb: "" } : { places: member.places }, ""), h("img", { alt: "", width: PICTURE / 2, height: PICTURE / 2 })));
+    const members = all.map((member, k) => this._button(`Design ${k + 1}`, "live-member", () => this._see(null, member.seed === result.seed ? { glb: "" } : { positions: member.positions }, ""), h("img", { alt: "", width: PICTURE / 2, height: PICTURE / 2 })));
     const parts = recorded.parts.map((part) => this._button(titled(part.name), "chip chip-small", () => this._see(part, part.shape, `${titled(part.name)} ${part.more}`)));
     const whole = all.length ? null : this._button("Result", "chip chip-small", () => this._see(null, { glb: "" }, ""));
     this.element = h(
@@ -70,24 +64,24 @@ export class Moves {
     for (const button of this.buttons) button.setAttribute("aria-pressed", String(button === chosen));
   }
 
-  /** @param {{places: Map<string, Float32Array>}[]} shapes @param {HTMLElement[]} buttons @param {import("../scope.js").Scope} scope */
+  /** @param {{positions: Map<string, Float32Array>}[]} shapes @param {HTMLElement[]} buttons @param {import("../scope.js").Scope} scope */
   async _draw(shapes, buttons, scope) {
-    for (const [k, { places }] of shapes.entries()) {
-      const picture = await this.box.viewer?.pictureOf(places, { width: PICTURE, height: PICTURE }).catch(() => null);
+    for (const [k, { positions }] of shapes.entries()) {
+      const picture = await this.box.viewer?.pictureOf(positions, { width: PICTURE, height: PICTURE }).catch(() => null);
       if (scope.over) return;
       const image = buttons[k].querySelector("img");
       if (picture && image) image.src = scope.url(picture);
     }
   }
 
-  /** @param {Part | null} part @param {{places: Map<string, Float32Array>} | Shape} shape @param {string} label */
+  /** @param {Part | null} part @param {{positions: Map<string, Float32Array> | string} | Shape} shape @param {string} label */
   async _see(part, shape, label) {
     const turn = ++this.turn;
     await this.drawn;
     const { viewer } = this.box;
     if (!viewer || turn !== this.turn) return;
-    if ("glb" in shape) await viewer.setDeformed(shape.glb ? decoded(shape.glb) : this.result.bytes.slice(0), { keepCamera: true });
-    else viewer.setShape("places" in shape ? shape.places : shapesOf(shape.positions)[0].places);
+    if ("glb" in shape) await viewer.setDeformed(shape.glb ? bytesOf(shape.glb).buffer : this.result.bytes.slice(0), { keepCamera: true });
+    else viewer.setShape(typeof shape.positions === "string" ? shapesOf(shape.positions)[0].positions : shape.positions);
     if (turn !== this.turn) return;
     this.part = part;
     await this._light();

@@ -12,7 +12,7 @@ import { goalWords } from "../format.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
 import { verdictBadge, verdictWords } from "../verdict.js";
-import { movingControls } from "../viewer-box.js";
+import { movingTools } from "../viewer-box.js";
 import { exampleCards, exampleOf, gallery } from "./gallery.js";
 import { Moves } from "./moves.js";
 
@@ -66,7 +66,7 @@ export class ExampleView {
     const verdict = readVerdict(example.report);
     comparison.choices([]);
     assets.addBelow(comparison.element);
-    assets.addBelow(movingControls(scope, [comparison.box, assets.box], (ending) => `turntable.${ending}`));
+    assets.addBelow(movingTools(scope, [comparison.box, assets.box], (ending) => `turntable.${ending}`));
     const head = h(
       "header",
       { class: "job-head" },
@@ -74,8 +74,8 @@ export class ExampleView {
       h("h1", { class: "prompt-title" }, `“${title}”`),
       h("p", { class: "row meta" }, verdict ? verdictBadge(verdict) : null, example.label),
     );
-    this.place = h("div", { class: "create-form" }, head, verdict ? h("div", { class: "verdict" }, verdictWords(verdict)) : null, this.strength.element);
-    fill(this.root, h("div", { class: "bench" }, assets.element, this.place));
+    this.column = h("div", { class: "create-form" }, head, verdict ? h("div", { class: "verdict" }, verdictWords(verdict)) : null, this.strength.element);
+    fill(this.root, h("div", { class: "bench" }, assets.element, this.column));
     document.title = `${title} · Meshdeform`;
     const [source, result] = await Promise.all([example.asset, example.result].map((name) => exampleAsset(name, scope.signal)));
     await assets.use(source);
@@ -95,7 +95,7 @@ export class ExampleView {
       this.label = label;
       this._strengthen();
     });
-    this.place?.append(this.moves.element);
+    this.column?.append(this.moves.element);
   }
 
   _strengthen() {

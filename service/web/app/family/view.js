@@ -1,7 +1,7 @@
 // @ts-check
 /** The form for a family: a collection of assets, of which a job finds the parts, the correspondences and a model. */
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
-import { intro, JobForm, kindsNav } from "../create/form.js";
+import { intro, JobForm, showForm } from "../create/form.js";
 import { NumberRows } from "../create/field-rows.js";
 import { fill, h } from "../dom.js";
 import { recentJobs } from "../jobs/card.js";
@@ -33,15 +33,9 @@ export class FamilyView {
       h("label", { class: "check", for: "family-turn" }, this.turn, "Turn assets until all face one way"),
       this.problem,
       this.numbers.advanced,
-      h("div", { class: "start-bar" }, h("p", { class: "estimate" }, "A minute for some dozens of assets. The page may be closed meanwhile."), this.form.button),
+      this.form.bar("A minute for some dozens of assets. The page may be closed meanwhile."),
     );
-    fill(
-      root,
-      intro("What they have", "in common", "Parts and matching places on all assets of a collection, and new assets made of their parts."),
-      kindsNav("family"),
-      h("div", { class: "bench" }, this.zone.element, this.form.element),
-      recentJobs(scope),
-    );
+    showForm(root, "family", intro("What they have", "in common", "Parts and matching points on all assets of a collection, and new assets made of their parts."), this.zone, this.form, recentJobs(scope));
     this._begin(from);
   }
 

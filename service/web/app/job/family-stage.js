@@ -9,7 +9,7 @@ import { shapeWords } from "../quality.js";
 import { ViewerBox } from "../viewer-box.js";
 import { meshButtons } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
-import { slider } from "./stage-controls.js";
+import { slider } from "../widgets.js";
 import { SynthesisPanel } from "./synthesis-panel.js";
 import { WallView } from "./wall-view.js";
 
@@ -30,9 +30,10 @@ export class FamilyStage extends PictureStage {
     else this.wall.box.say("No wall yet", "It comes with the result.", "info");
     this.shape = this.makes ? new ViewerBox("Shape", scope) : null;
     this.pick = slider("family-shape", "Shape", 0, () => this._show(Number(this.pick.input.value)));
+    this.pick.row.hidden = true;
     this.save = h("div", { class: "row", hidden: true }, meshButtons("Download this shape", () => this._mesh()));
     this.frame = h("div", { class: "stage pair-stage" }, this.wall.box.element, this.shape?.element);
-    this.element = h("section", { class: "job-stage", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.controls);
+    this.element = h("section", { class: "job-stage", "aria-label": "Result" }, this.frame, this.pick.row, this.save, this.wall.tools);
     this.ready = this.wall.box.ready.then(() => void (this.flat = this.wall.box.failed));
   }
 

@@ -12,7 +12,7 @@ import { orToast } from "../problem-box.js";
 import { ViewerBox } from "../viewer-box.js";
 import { meshButtons, saveBytes } from "./files.js";
 import { PictureStage } from "./picture-stage.js";
-import { drawnPicture, slider, toggle } from "./stage-controls.js";
+import { drawnPicture, slider, toggle } from "../widgets.js";
 
 const AGAIN_MS = 3000;
 const FIRST_FACES = 40_000; // levels come by themselves up to about as many
@@ -26,6 +26,7 @@ export class FieldStage extends PictureStage {
     this.flat = false; // nothing can be drawn here
     this.box = new ViewerBox("Surface", scope);
     this.levels = slider("field-level", "Level", 0, () => this._level(Number(this.levels.input.value)));
+    this.levels.row.hidden = true;
     this.facts = h("p", { class: "small muted field-facts", role: "status" });
     this.wires = toggle("Wireframe", (on) => this.box.viewer?.setWireframe(on));
     const reset = button("Reset view", () => this.box.resetView(), { icon: "reset", quiet: true, class: "button-quiet" });

@@ -1,9 +1,10 @@
 // @ts-check
-/** Save files to the user's disk, copy text, and hand a mesh that was made here to the form for a deformation. */
+/** Save files to the user's disk, copy links to them, and hand a mesh that was made here to the form for a deformation. */
 import { arDevice, arLink } from "../../viewer/ar.js";
 import { announce, toast } from "../announce.js";
 import { Asset } from "../assets.js";
 import { client } from "../client.js";
+import { copyText } from "../clipboard.js";
 import { isTarget } from "../create/guide/model.js";
 import { DEMO } from "../demo.js";
 import { button, h } from "../dom.js";
@@ -105,22 +106,6 @@ function save(url, name) {
   link.remove();
 }
 
-/** @param {string} text @param {string} done */
-async function copyText(text, done) {
-  try {
-    await navigator.clipboard.writeText(text);
-    toast(done);
-  } catch {
-    // Without TLS browsers have no clipboard.
-    const field = h("textarea", { class: "visually-hidden", ".value": text });
-    document.body.append(field);
-    field.select();
-    const copied = document.execCommand("copy");
-    field.remove();
-    toast(copied ? done : "This browser does not let the page copy.");
-  }
-}
-
 /**
  * Buttons that save a mesh which was made here, and that hand it to the form; the latter not for who looks by a link, and may start nothing.
  * @param {string} label Of the first.
@@ -135,25 +120,25 @@ export function meshButtons(label, mesh) {
     const file = made();
     if (file) saveBytes(file, file.name);
   };
-  const use = (/** @type {"asset" | "target"} */ part) => async () => {
+  const use = (/** @type {"asset" | "target"} */ as) => async () => {
     const file = made();
-    if (file) await handOn(new Asset(file, file.name), part);
+    if (file) await handOn(new Asset(file, file.name), as);
   };
   const saving = button(label, save, { icon: "download" });
   if (currentLink() || DEMO) return [saving];
   return [saving, button("Deform this mesh", use("asset"), { icon: "spark" }), button("Use as target", use("target"), { class: "button-quiet" })];
 }
 
-/** What else was typed in the form stays. @param {Asset} mesh @param {"asset" | "target"} part */
-async function handOn(mesh, part) {
+/** What else was typed in the form stays. @param {Asset} mesh @param {"asset" | "target"} as */
+async function handOn(mesh, as) {
   const last = await lastDraft();
   const { wish = {}, asset = null, files = {} } = last ?? {};
   const others = Object.fromEntries(Object.entries(files).filter(([name]) => !isTarget(name)));
   keepDraft({
     from: null,
-    wish: { ...wish, guide: { ...wish.guide, targets: part === "target" ? 1 : 0 } },
-    asset: part === "asset" ? mesh : asset,
-    files: part === "target" ? { target: mesh } : others,
+    wish: { ...wish, guide: { ...wish.guide, targets: as === "target" ? 1 : 0 } },
+    asset: as === "asset" ? mesh : asset,
+    files: as === "target" ? { target: mesh } : others,
   });
   location.hash = routeHash({ name: "create", from: null });
 }

@@ -1,7 +1,7 @@
 // @ts-check
 /** The result of a job of a kind that has no shape to be turned: the picture that it made. */
 import { fill, h } from "../dom.js";
-import { drawnPicture } from "./stage-controls.js";
+import { drawnPicture } from "../widgets.js";
 
 export class PictureStage {
   /** @param {any} job @param {import("../scope.js").Scope} scope */

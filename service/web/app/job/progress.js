@@ -33,7 +33,7 @@ export class ProgressPanel {
     else this.bar.value = progress.fraction;
     this.bar.hidden = over && !progress.fraction;
     this.words.textContent = over || state === "canceling" ? STATE_WORDS[state] : phaseWords(progress.phase);
-    const parts = [
+    const said = [
       progress.total ? `Step ${count(progress.step)} of ${count(progress.total)}` : "",
       progress.total && !over ? percent(progress.fraction) : "",
       progress.eta !== null && !over ? `about ${roughly(progress.eta)} left` : "",
@@ -41,7 +41,7 @@ export class ProgressPanel {
       job.deadline_at && !over ? `ends by ${new Date(job.deadline_at).toLocaleTimeString("en")}` : "",
       over && history.startedAt && history.endedAt ? duration((Date.parse(history.endedAt) - Date.parse(history.startedAt)) / 1000) : "",
     ];
-    this.numbers.textContent = parts.filter(Boolean).join(" · ");
+    this.numbers.textContent = said.filter(Boolean).join(" · ");
     this._notice();
   }
 

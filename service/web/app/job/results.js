@@ -51,7 +51,7 @@ const PICTURES = /** @type {Record<string, Record<string, string>>} */ ({
   family_synthesize: { "preview.png": "The shapes", "result.glb": "The first shape" },
 });
 
-/** What was measured: why the result is worth what it is stands elsewhere. @param {any} report @param {Record<string, any>} [files] Of the job, by the names of their parts. */
+/** What was measured: why the result is worth what it is stands elsewhere. @param {any} report @param {Record<string, any>} [files] Of the job, by their names in it. */
 export function qualityPanel(report, files = {}) {
   return panel("quality-title", "Quality", findingList(findings(report, files)));
 }

@@ -6,7 +6,7 @@ import { JobForm } from "../create/form.js";
 import { fill, h, panel, uniqueId } from "../dom.js";
 import { problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
-import { segmented } from "./stage-controls.js";
+import { segmented } from "../widgets.js";
 
 /** Mode, its name, and what choosing members is for. */
 const MODES = /** @type {[string, string, string[]][]} */ ([
@@ -46,6 +46,7 @@ export class SynthesisPanel {
     });
     this.form.element.className = "synthesis";
     this.form.button.classList.remove("button-large");
+    this.form.button.removeAttribute("aria-describedby");
     this.form.element.append(
       segmented("Kind of shapes", MODES.map(([mode, label]) => /** @type {[string, string]} */ ([mode, label])), this.mode, (mode) => this._choose(mode)),
       ...this.members.map(({ row }) => row),

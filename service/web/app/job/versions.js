@@ -17,8 +17,11 @@ export async function versionShapes(job, signal) {
   const { jobs } = await client.jobPage({ metadata: { thread }, limit: LISTED, signal });
   const first = jobs.some((found) => found.id === thread) || thread === job.id ? null : await client.get(thread, signal).catch(() => null);
   const others = [...(first ? [first] : []), ...[...jobs].reverse()].filter((found) => found.id !== job.id && found.state === "succeeded");
-  return others.map((found) => {
-    const path = `v1/jobs/${found.id}/artifacts/result.glb`;
-    return { key: path, label: goalWords(found) || jobTitle(found), load: () => client.bytes(path, { signal }), strength: 1, tag: "Result", href: routeHash({ name: "job", id: found.id }) };
-  });
+  return others.map((found) => resultShape(found, signal));
+}
+
+/** The result of another job, which leads to its page. @param {any} job @param {AbortSignal} signal @returns {import("../create/live.js").Shape} */
+export function resultShape(job, signal) {
+  const path = `v1/jobs/${job.id}/artifacts/result.glb`;
+  return { key: path, label: goalWords(job) || jobTitle(job), load: () => client.bytes(path, { signal }), strength: 1, tag: "Result", href: routeHash({ name: "job", id: job.id }) };
 }

@@ -3,7 +3,7 @@
 import { fill, h } from "../dom.js";
 import { counted } from "../format.js";
 import { ViewerBox } from "../viewer-box.js";
-import { slider } from "./stage-controls.js";
+import { slider } from "../widgets.js";
 
 const TURN = 35; // degrees: a look at front and side
 
@@ -17,9 +17,9 @@ export class WallView {
     this.box = new ViewerBox("Wall", scope);
     this.turn = slider("wall-turn", "Turn", 360, () => this._turn());
     this.point = slider("wall-point", "Point", 0, () => this._mark(Number(this.point.input.value) - 1));
-    this.legend = h("ul", { class: "wall-legend", "aria-label": "Parts" });
+    this.legend = h("ul", { class: "row wall-legend", "aria-label": "Parts" });
     this.said = h("p", { class: "small muted wall-said", "aria-live": "polite" });
-    this.controls = h("div", { class: "wall-controls", hidden: true }, this.legend, this.turn.row, this.point.row, this.said);
+    this.tools = h("div", { class: "wall-tools", hidden: true }, this.legend, this.turn.row, this.point.row, this.said);
     scope.add(() => this.wall?.dispose());
   }
 
@@ -37,12 +37,12 @@ export class WallView {
     fill(this.legend, this.about.parts.map(({ name, colour }) => {
       const swatch = h("span", { class: "swatch", "aria-hidden": "true" });
       swatch.style.backgroundColor = colour;
-      return h("li", null, swatch, name);
+      return h("li", { class: "row" }, swatch, name);
     }));
     fill(this.box.tag, shapes.length < this.about.shapes ? `${shapes.length} of ${this.about.shapes} shapes` : counted(shapes.length, "shape"));
     this.point.input.max = String(this.wall.count);
     this.turn.input.value = String(TURN);
-    this.turn.row.hidden = this.point.row.hidden = this.controls.hidden = false;
+    this.tools.hidden = false;
     this._turn();
     this._mark(-1);
     this.box.resetView();

@@ -65,10 +65,10 @@ function flooded(light, side) {
   return found;
 }
 
-/** Views of a picture, without their ground, as PNG. @param {Blob} picture @param {number} side Of a view, in pixels. @param {[number, number][]} places Columns and rows. @returns {Promise<Blob[]>} */
-export async function viewsOf(picture, side, places) {
+/** Views of a picture, without their ground, as PNG. @param {Blob} picture @param {number} side Of a view, in pixels. @param {[number, number][]} cells Columns and rows. @returns {Promise<Blob[]>} */
+export async function viewsOf(picture, side, cells) {
   const image = await createImageBitmap(picture);
-  return Promise.all(places.map(([column, row]) => {
+  return Promise.all(cells.map(([column, row]) => {
     const canvas = Object.assign(document.createElement("canvas"), { width: side, height: side });
     const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
     context.drawImage(image, -column * side, -row * side);

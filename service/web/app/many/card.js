@@ -1,6 +1,6 @@
 // @ts-check
 /** One file of many on the wall: before and after, what it was read as, how far it is, and what can be done with it. */
-import { button, fill, h, icon, say } from "../dom.js";
+import { button, chip, fill, h, icon, say } from "../dom.js";
 import { percent } from "../format.js";
 import { isTerminal, shareDone } from "../history.js";
 import { routeHash } from "../router.js";
@@ -19,8 +19,8 @@ export class ManyCard {
     this.scope = scope;
     this.views = ["Before", "After"].map((tag) => {
       const image = h("img", { alt: "", hidden: true });
-      const place = h("span", { class: "many-view" }, image, h("span", { class: "many-tag" }, tag));
-      return { image, place };
+      const frame = h("span", { class: "many-view" }, image, h("span", { class: "many-tag" }, tag));
+      return { image, frame };
     });
     const name = item.path;
     this.look = h("button", { type: "button", class: "many-look", "aria-label": `Look closer at ${name}`, on: { click: () => does.look(item) } });
@@ -28,13 +28,13 @@ export class ManyCard {
     this.state = h("span", { class: "badge" });
     this.bar = h("progress", { max: 1, "aria-label": `Progress of ${name}`, hidden: true });
     this.why = h("p", { class: "field-problem", hidden: true });
-    this.again = button("Try again", () => does.again(item), { icon: "retry", class: "chip chip-small" });
+    this.again = chip("Try again", () => does.again(item));
     this.link = h("a", { class: "chip chip-small", hidden: true }, "Open");
     const remove = button(`Take ${name} off the wall`, () => does.remove(item), { icon: "cross", quiet: true, class: "button-quiet many-remove" });
     this.element = h(
       "li",
       { class: "card many-card" },
-      h("div", { class: "many-pair" }, this.views.map(({ place }) => place), this.look),
+      h("div", { class: "card-picture" }, this.views.map(({ frame }) => frame), this.look),
       h("div", { class: "card-text" }, h("h2", null, name), this.noun, h("div", { class: "row card-meta" }, this.state, this.bar), this.why, h("div", { class: "row" }, this.again, this.link)),
       remove,
     );
@@ -67,7 +67,7 @@ export class ManyCard {
     this.element.setAttribute("aria-busy", String(Boolean(item.doing)));
     // A picture of another sentence is none of this one.
     this.views[1].image.hidden = !this.views[1].image.src || !(item.has(sentence) || (job && job.state === "succeeded") || (!sentence && item.made));
-    this.views[1].place.hidden = this.views[1].image.hidden;
+    this.views[1].frame.hidden = this.views[1].image.hidden;
   }
 
   /** @param {(Blob | null)[]} pictures Of before and after; null: as it is. */
@@ -75,7 +75,7 @@ export class ManyCard {
     for (const [k, blob] of pictures.entries()) {
       if (!blob) continue;
       this.views[k].image.src = this.scope.url(blob);
-      this.views[k].image.hidden = this.views[k].place.hidden = false;
+      this.views[k].image.hidden = this.views[k].frame.hidden = false;
     }
   }
 }

@@ -1,8 +1,9 @@
 // @ts-check
 /** One file of many, large: before and after beside each other, turned and played in step. */
-import { h } from "../dom.js";
+import { openDialog } from "../dialogs.js";
+import { button, h } from "../dom.js";
 import { Scope } from "../scope.js";
-import { linkViews, movingControls, ViewerBox } from "../viewer-box.js";
+import { linkViews, movingTools, ViewerBox } from "../viewer-box.js";
 
 /** @param {string} name @param {import("../assets.js").Asset} asset @param {Blob | null} result @param {Scope} scope Of the view that goes with it. */
 export function lookCloser(name, asset, result, scope) {
@@ -10,14 +11,11 @@ export function lookCloser(name, asset, result, scope) {
   scope.add(() => own.dispose());
   const views = ["Before", "After"].slice(0, result ? 2 : 1).map((tag) => new ViewerBox(tag, own));
   const stem = name.replace(/^.*\//, "").replace(/\.[^.]*$/, "");
-  const moving = movingControls(own, views, (ending) => `${stem}-turntable.${ending}`);
-  const close = h("button", { type: "button", class: "button button-primary", on: { click: () => dialog.close() } }, "Close");
+  const moving = movingTools(own, views, (ending) => `${stem}-turntable.${ending}`);
+  const close = button("Close", () => dialog.close(), { class: "button-primary" });
   const stage = h("div", { class: result ? "stage many-stage" : "stage many-stage many-alone" }, views.map(({ element }) => element));
-  const dialog = h("dialog", { class: "dialog many-dialog", "aria-labelledby": "closer-title" }, h("div", { class: "dialog-body" }, h("h2", { id: "closer-title" }, name), stage, moving, h("div", { class: "dialog-actions" }, close)));
+  const dialog = openDialog(name, [stage, moving, h("div", { class: "dialog-actions" }, close)], own, "many-dialog");
   dialog.addEventListener("close", () => own.dispose());
-  own.add(() => dialog.remove());
-  document.body.append(dialog);
-  dialog.showModal();
   void show(views, asset, result, own);
 }
 

@@ -113,10 +113,10 @@ async function together(main, others) {
 export async function archiveOf(files) {
   const { Zip, ZipPassThrough } = await import("../../vendor/three/addons/libs/fflate.module.js");
   /** @type {Blob[]} */
-  const parts = [];
+  const pieces = [];
   const archive = new Zip((/** @type {Error | null} */ error, /** @type {Uint8Array<ArrayBuffer>} */ piece) => {
     if (error) throw error;
-    parts.push(new Blob([piece])); // which a browser may keep on the disk
+    pieces.push(new Blob([piece])); // which a browser may keep on the disk
   });
   for await (const { name, blob } of files) {
     const entry = new ZipPassThrough(name);
@@ -124,5 +124,5 @@ export async function archiveOf(files) {
     entry.push(new Uint8Array(await blob.arrayBuffer()), true);
   }
   archive.end();
-  return new Blob(parts, { type: "application/zip" });
+  return new Blob(pieces, { type: "application/zip" });
 }

@@ -109,7 +109,7 @@ export function tally(items, sentence) {
 export function resultNames(paths) {
   const used = new Set();
   return paths.map((path) => {
-    const clean = path.split("/").filter((part) => part && part !== "." && part !== "..").join("/");
+    const clean = path.split("/").filter((name) => name && name !== "." && name !== "..").join("/");
     const stem = clean.replace(/\.[^./]*$/, "");
     let name = `${stem}.glb`;
     for (let number = 2; used.has(name.toLowerCase()); number += 1) name = `${stem}-${number}.glb`;

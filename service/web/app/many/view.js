@@ -7,10 +7,11 @@ import { announce } from "../announce.js";
 import { exampleAsset, FORMATS } from "../assets.js";
 import { client, isAbort } from "../client.js";
 import { intro, kindsNav } from "../create/form.js";
-import { button, fill, h, icon } from "../dom.js";
+import { button, chip, fill, h, icon } from "../dom.js";
 import { bytes, counted } from "../format.js";
 import { isTerminal } from "../history.js";
 import { saveBytes } from "../job/files.js";
+import { slug } from "../names.js";
 import { chosenFile, droppedFiles, fileInput, takeDrops, takeHandedMany } from "../picking.js";
 import { orToast, problemBox } from "../problem-box.js";
 import { routeHash } from "../router.js";
@@ -64,7 +65,7 @@ export class ManyView {
   }
 
   _panel() {
-    const ideas = IDEAS.map((idea) => h("button", { type: "button", class: "chip chip-small", on: { click: () => (this.field.value = idea, this._say(idea)) } }, idea));
+    const ideas = IDEAS.map((idea) => chip(idea, () => (this.field.value = idea, this._say(idea))));
     return h(
       "section",
       { class: "panel many-panel", "aria-label": "All files" },
@@ -286,8 +287,7 @@ export class ManyView {
         yield* all;
         yield { name: "summary.csv", blob: table };
       })());
-      const name = (sentence || "results").toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-+|-+$/g, "");
-      saveBytes(packed, `${name || "results"}.zip`);
+      saveBytes(packed, `${slug(sentence, 100) || "results"}.zip`);
       announce(`${counted(items.length, "result")} in a ZIP of ${bytes(packed.size)}`);
     });
     if (label) label.textContent = "Download ZIP";

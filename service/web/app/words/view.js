@@ -3,7 +3,7 @@
 import { toast } from "../announce.js";
 import { client, errorsOf, isAbort, MeshdeformError } from "../client.js";
 import { fieldRow, markField } from "../create/field-rows.js";
-import { intro, JobForm, kindsNav } from "../create/form.js";
+import { intro, JobForm, showForm } from "../create/form.js";
 import { ask } from "../dialogs.js";
 import { button, fill, h } from "../dom.js";
 import { bytes, counted, titled } from "../format.js";
@@ -51,15 +51,9 @@ export class WordsView {
         h("label", { class: "check", for: "word-replace" }, this.replace, "Take the place of a word that there is already, for you"),
       ),
       this.problem,
-      h("div", { class: "start-bar" }, h("p", { class: "estimate" }, "One to three seconds a mesh."), this.form.button),
+      this.form.bar("One to three seconds a mesh."),
     );
-    fill(
-      root,
-      intro("Words", "of your own", "Name meshes of yours, and prompts can say that name at once: as what an asset should become, or as what it is."),
-      kindsNav("words"),
-      h("div", { class: "bench" }, this.zone.element, this.form.element),
-      this.list,
-    );
+    showForm(root, "words", intro("Words", "of your own", "Name meshes of yours, and prompts can say that name at once: as what an asset should become, or as what it is."), this.zone, this.form, this.list);
     this._show();
   }
 
@@ -73,22 +67,22 @@ export class WordsView {
     try {
       const words = await client.words(this.scope.signal);
       if (this.scope.over) return;
-      const places = words.map((word) => ({ word, place: h("div", { class: "own-word-picture" }) }));
-      fill(this.list, h("h2", null, words.length ? `Your ${counted(words.length, "word")}` : "No words yet"), h("ul", null, places.map(({ word, place }) => this._item(word, place))));
-      for (const { word, place } of places) await this._draw(word, place); // one at a time: each takes a process of the server
+      const all = words.map((word) => ({ word, frame: h("div", { class: "own-word-picture" }) }));
+      fill(this.list, h("h2", null, words.length ? `Your ${counted(words.length, "word")}` : "No words yet"), h("ul", null, all.map(({ word, frame }) => this._item(word, frame))));
+      for (const { word, frame } of all) await this._draw(word, frame); // one at a time: each takes a process of the server
     } catch (error) {
       if (!this.scope.over && !isAbort(error)) fill(this.list, problemBox(error));
     }
   }
 
-  /** @param {any} word @param {HTMLElement} place */
-  async _draw(word, place) {
+  /** @param {any} word @param {HTMLElement} frame */
+  async _draw(word, frame) {
     const picture = await client.drawWord(word.noun, this.scope.signal).catch(() => null);
-    if (picture && !this.scope.over) fill(place, h("img", { src: this.scope.url(picture), alt: `Meshes of ${word.noun}`, loading: "lazy" }));
+    if (picture && !this.scope.over) fill(frame, h("img", { src: this.scope.url(picture), alt: `Meshes of ${word.noun}`, loading: "lazy" }));
   }
 
-  /** @param {any} word @param {HTMLElement} place Of its picture. */
-  _item(word, place) {
+  /** @param {any} word @param {HTMLElement} frame Of its picture. */
+  _item(word, frame) {
     const said = [
       counted(word.meshes, "mesh", "meshes"),
       `${counted(word.faces, "face")}, ${bytes(word.size)}`,
@@ -99,7 +93,7 @@ export class WordsView {
     return h(
       "li",
       { class: "own-word" },
-      place,
+      frame,
       h("div", null, h("h3", null, titled(word.noun)), h("p", { class: "small muted" }, said.filter(Boolean).join(" · "))),
       h(
         "div",
@@ -168,10 +162,10 @@ export class WordsView {
   /** @param {unknown} error */
   _refuse(error) {
     const found = error instanceof MeshdeformError ? error : null;
-    const place = errorsOf(error)[0]?.loc?.[0];
+    const name = errorsOf(error)[0]?.loc?.[0];
     const advice = /replace/.test(found?.advice ?? "") ? "Choose another noun, or take its place under More options." : found?.advice;
     const words = found ? [found.message, advice].filter(Boolean).join(" ") : "";
-    if (found && place in this.rows) return this._mark(place, words);
+    if (found && name in this.rows) return this._mark(name, words);
     if (found?.code.startsWith("asset_")) return this.zone.refuse(words);
     fill(this.problem, problemBox(error));
   }

@@ -9,13 +9,13 @@
 /** @param {string} text of the file @returns {ObjFaces | null} null where it has no faces, or one that refers to no vertex */
 export function readObjFaces(text) {
   /** @type {number[]} */
-  const places = [];
+  const positions = [];
   /** @type {Map<string, number[][]>} */
   const meshes = new Map();
   let [material, object, group] = ["", "", ""];
   for (const line of text.replaceAll("\r\n", "\n").replaceAll("\\\n", "").split("\n")) {
     const [word, ...rest] = line.trim().split(/\s+/);
-    if (word === "v") places.push(...rest.slice(0, 3).map(Number));
+    if (word === "v") positions.push(...rest.slice(0, 3).map(Number));
     else if (word === "usemtl") material = rest.join(" ");
     else if (word === "o") object = rest.join(" ");
     else if (word === "g") group = rest.join(" ");
@@ -23,14 +23,14 @@ export function readObjFaces(text) {
       const key = JSON.stringify([material, object, group]);
       const faces = meshes.get(key) ?? [];
       if (!faces.length) meshes.set(key, faces);
-      const before = places.length / 3; // relative indices count back from their line
+      const before = positions.length / 3; // relative indices count back from their line
       faces.push(rest.map((text) => parseInt(text, 10)).map((corner) => (corner > 0 ? corner - 1 : before + corner)));
     }
   }
-  const vertices = places.length / 3;
+  const vertices = positions.length / 3;
   const corners = Uint32Array.from([...meshes.values()].reverse().map(triangles).flat(2));
   if (!corners.length || corners.some((corner) => !(corner < vertices))) return null;
-  return { positions: Float64Array.from(places), corners };
+  return { positions: Float64Array.from(positions), corners };
 }
 
 /** @param {number[][]} faces @returns {number[][]} triangles; a quad's second one begins at the other end of the cut */

@@ -1,16 +1,6 @@
 // @ts-check
 /** What lies over an asset: faces that are kept, painted or pointed at, and the brush. */
-import {
-  BufferAttribute,
-  BufferGeometry,
-  DoubleSide,
-  Group,
-  LineBasicMaterial,
-  LineLoop,
-  Mesh,
-  MeshBasicMaterial,
-  Vector3,
-} from "../../vendor/three/three.module.js";
+import { BufferAttribute, BufferGeometry, DoubleSide, Group, LineBasicMaterial, LineLoop, Mesh, MeshBasicMaterial, Vector3 } from "../../vendor/three/three.module.js";
 
 const KEPT = 0x2b6fb3;
 const PULLED = 0x8a4fd0;
@@ -116,6 +106,6 @@ function tint(color, opacity) {
 }
 
 function circle() {
-  const places = Array.from({ length: CIRCLE }, (_, i) => [Math.cos((2 * Math.PI * i) / CIRCLE), Math.sin((2 * Math.PI * i) / CIRCLE), 0]);
-  return new BufferGeometry().setAttribute("position", new BufferAttribute(Float32Array.from(places.flat()), 3));
+  const points = Array.from({ length: CIRCLE }, (_, i) => [Math.cos((2 * Math.PI * i) / CIRCLE), Math.sin((2 * Math.PI * i) / CIRCLE), 0]);
+  return new BufferGeometry().setAttribute("position", new BufferAttribute(Float32Array.from(points.flat()), 3));
 }

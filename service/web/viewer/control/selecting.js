@@ -8,7 +8,7 @@ export const MOST_RANGES = 20_000;
 
 /**
  * @param {Region} region
- * @param {Pick<Surface, "count" | "places" | "corners">} surface
+ * @param {Pick<Surface, "count" | "rest" | "corners">} surface
  * @returns {Uint8Array | null} (F) 1 where it selects the face; null where only the service can tell
  */
 export function selectedFaces({ faces, box }, surface) {
@@ -18,7 +18,7 @@ export function selectedFaces({ faces, box }, surface) {
     return flags;
   }
   if (!box) return null;
-  const inside = (/** @type {number} */ v) => [0, 1, 2].every((axis) => surface.places[3 * v + axis] >= box.min[axis] && surface.places[3 * v + axis] <= box.max[axis]);
+  const inside = (/** @type {number} */ v) => [0, 1, 2].every((axis) => surface.rest[3 * v + axis] >= box.min[axis] && surface.rest[3 * v + axis] <= box.max[axis]);
   return flags.map((_, f) => Number([0, 1, 2].every((corner) => inside(surface.corners[3 * f + corner]))));
 }
 
@@ -90,10 +90,10 @@ export class Neighbours {
   around(face, point, radius) {
     const found = [face];
     const seen = new Set(found);
-    for (const at of found) {
-      for (let c = 3 * at; c < 3 * at + 3; c++) {
-        const place = this.corners[c];
-        for (let i = this.starts[place]; i < this.starts[place + 1]; i++) {
+    for (const near of found) {
+      for (let c = 3 * near; c < 3 * near + 3; c++) {
+        const at = this.corners[c];
+        for (let i = this.starts[at]; i < this.starts[at + 1]; i++) {
           const next = this.faces[i];
           if (seen.has(next)) continue;
           seen.add(next);

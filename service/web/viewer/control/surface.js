@@ -15,13 +15,13 @@ const FLAT = 1e-9;
 export class NumberedSurface {
   /**
    * @param {Float32Array} shown (3V) where the vertices are seen, in the world
-   * @param {Float32Array} places (3V) where the service has them: a skin in its rest pose
+   * @param {Float32Array} rest (3V) where the service has them: a skin in its rest pose
    * @param {Uint32Array} corners (3F)
    * @param {import("three").Mesh[]} meshes that may move, in the order of their vertices
    */
-  constructor(shown, places, corners, meshes = []) {
+  constructor(shown, rest, corners, meshes = []) {
     this.shown = shown;
-    this.places = places;
+    this.rest = rest;
     this.corners = corners;
     this.meshes = meshes;
     /** @type {Uint32Array | null} */
@@ -33,9 +33,9 @@ export class NumberedSurface {
     return this.corners.length / 3;
   }
 
-  /** @returns {Uint32Array} (V) the first vertex at the place of each */
+  /** @returns {Uint32Array} (V) the first vertex where each lies */
   get groups() {
-    this.welded ??= weld(this.places);
+    this.welded ??= weld(this.rest);
     return this.welded;
   }
 
@@ -48,7 +48,6 @@ export class NumberedSurface {
       first += 3 * mesh.geometry.attributes.position.count;
     }
   }
-
 }
 
 /**
@@ -107,7 +106,7 @@ function ofGltf(root, json, nodes, excluded) {
     if (drawn.length && isFlat(placement(drawn[0]))) continue;
     for (const at of together(primitives)) made.add(drawn[at], primitives[at].mode ?? 4);
   }
-  const surface = new NumberedSurface(new Float32Array(3 * made.vertices), Float32Array.from(made.places.flat()), Uint32Array.from(made.corners.flat()), made.meshes);
+  const surface = new NumberedSurface(new Float32Array(3 * made.vertices), Float32Array.from(made.positions.flat()), Uint32Array.from(made.corners.flat()), made.meshes);
   surface.follow(root);
   return surface;
 }
@@ -116,7 +115,7 @@ function ofGltf(root, json, nodes, excluded) {
 class Joined {
   constructor() {
     /** @type {number[][]} */
-    this.places = [];
+    this.positions = [];
     /** @type {number[][]} */
     this.corners = [];
     /** @type {import("three").Mesh[]} */
@@ -129,10 +128,10 @@ class Joined {
     const positions = restPositions(mesh);
     const at = placement(mesh);
     const point = new Vector3();
-    const places = Array.from(positions);
-    for (let i = 0; i < places.length; i += 3) point.fromArray(positions, i).applyMatrix4(at).toArray(places, i);
+    const moved = Array.from(positions);
+    for (let i = 0; i < moved.length; i += 3) point.fromArray(positions, i).applyMatrix4(at).toArray(moved, i);
     this.meshes.push(mesh);
-    this.places.push(places);
+    this.positions.push(moved);
     this.corners.push(Array.from(cornersOf(mesh, mode), (corner) => corner + this.vertices));
     this.vertices += positions.length / 3;
   }

@@ -9,7 +9,7 @@ import { Neighbours } from "./selecting.js";
 import { follow } from "../surface.js";
 
 /** @typedef {"turn" | "paint"} Tool */
-/** @typedef {[number, number, number]} Place */
+/** @typedef {[number, number, number]} Point */
 /** @typedef {{ face: number, point: Vector3, normal: Vector3 }} Hit */
 
 /**
@@ -100,7 +100,7 @@ export class ControlTools {
     // A finger that paints must not scroll the page.
     this.canvas.style.touchAction = tool === "turn" ? "pan-y" : "none";
     // Where one finger paints, two have to do all that one does otherwise.
-    this.viewer.rig.controls.touches.TWO = tool === "turn" ? TOUCH.DOLLY_PAN : TOUCH.DOLLY_ROTATE;
+    this.viewer.rig.orbit.touches.TWO = tool === "turn" ? TOUCH.DOLLY_PAN : TOUCH.DOLLY_ROTATE;
     this.canvas.style.cursor = "";
     this.#brushAt(null);
   }
@@ -197,7 +197,7 @@ export class ControlTools {
     const first = this.#hit(event);
     if (!surface || !first) return null;
     this.neighbours ??= new Neighbours(surface);
-    const dab = (/** @type {Hit} */ hit) => this.neighbours?.around(hit.face, /** @type {Place} */ (hit.point.toArray()), this.brush * this.overlay.diagonal) ?? [];
+    const dab = (/** @type {Hit} */ hit) => this.neighbours?.around(hit.face, /** @type {Point} */ (hit.point.toArray()), this.brush * this.overlay.diagonal) ?? [];
     this.#brushAt(first);
     this.listeners.painted(dab(first));
     let [x, y] = [event.clientX, event.clientY];

@@ -30,13 +30,7 @@ export function noControl() {
 
 /** Whether nothing is said but what the asset is. @param {Control} control */
 export function isEmpty(control) {
-  return !Object.keys(controlParams({ ...control, ...noReading(), regions: unaimed(control.regions) })).length;
-}
-
-/** Nothing said of what the asset is. */
-export function noReading() {
-  const { noun, front, names } = noControl();
-  return { noun, front, names };
+  return !Object.keys(controlParams({ ...noControl(), symmetry: control.symmetry, regions: unaimed(control.regions) })).length;
 }
 
 /** Only what was said of what the asset is. @param {Control} control @returns {Control} */

@@ -1,9 +1,9 @@
 // @ts-check
 /** What stays: parts of the asset, or what is painted; and what a person said of what it is. */
 import { announce, toast } from "../../announce.js";
-import { button, fill, h, labelled, say } from "../../dom.js";
-import { placeOf } from "../../groups.js";
-import { CONTROL_PARAMS, controlProblem, History, isEmpty, isPart, noControl, noReading, READING_PARAMS, SYMMETRIES, unaimed } from "./model.js";
+import { chip, fill, h, labelled, options, say } from "../../dom.js";
+import { fieldOf } from "../../groups.js";
+import { CONTROL_PARAMS, controlProblem, History, isEmpty, isPart, noControl, READING_PARAMS, readingOf, SYMMETRIES, unaimed } from "./model.js";
 import { partAction, partOf } from "../parts/naming.js";
 import { regionRow } from "./rows.js";
 import { Toolbar } from "./toolbar.js";
@@ -38,10 +38,10 @@ export class ControlPanel {
     this.view = new ControlView(box, this);
     this.lists = h("div", { class: "control-lists" });
     this.problem = h("p", { class: "field-problem", role: "status", hidden: true });
-    this.undoButton = button("Undo", () => this.undo(), { class: "chip chip-small" });
-    this.clearButton = button("Clear all", () => this._clear(), { class: "chip chip-small" });
+    this.undoButton = chip("Undo", () => this.undo());
+    this.clearButton = chip("Clear all", () => this._clear());
     this.count = h("span", { class: "small muted" });
-    this.symmetry = h("select", { id: "control-symmetry" }, SYMMETRIES.map(([value, text]) => h("option", { value }, text)));
+    this.symmetry = h("select", { id: "control-symmetry" }, options(SYMMETRIES));
     this.symmetry.addEventListener("change", () => {
       this.control.symmetry = this.symmetry.value;
       this.changed();
@@ -64,7 +64,7 @@ export class ControlPanel {
       h("div", { class: "row" }, this.undoButton, this.clearButton),
       labelled("control-symmetry", "Symmetry", this.symmetry),
     );
-    fold.addEventListener("toggle", () => this.place());
+    fold.addEventListener("toggle", () => this.showBrush());
     return fold;
   }
 
@@ -98,7 +98,7 @@ export class ControlPanel {
     this.of = this.asset;
     const { regions, noun, front, names } = this.control;
     if (!regions.length && !noun && !front && !names.length) return;
-    Object.assign(this.control, { ...noReading(), regions: [] });
+    this.control = { ...noControl(), symmetry: this.control.symmetry };
     this.history.reset(this.control);
     this._show();
     toast(`${regions.length ? "Regions" : "Corrections"} belonged to the other file, and are removed`);
@@ -107,7 +107,6 @@ export class ControlPanel {
   /** @param {Tool} tool */
   use(tool) {
     this.tool = tool;
-    this.bar.take(tool);
     this._show();
     this.view.use(tool);
   }
@@ -194,8 +193,7 @@ export class ControlPanel {
   }
 
   _clear() {
-    const { noun, front, names, regions } = this.control;
-    this.control = { ...noControl(), noun, front, names, regions: regions.filter(({ action }) => isPart(action)) };
+    this.control = readingOf(this.control);
     this.use("turn");
     this._structure();
     announce("Cleared");
@@ -245,13 +243,13 @@ export class ControlPanel {
     this.undoButton.disabled = !this.history.past.length;
     this.clearButton.disabled = isEmpty(this.control) && !unaimed(this.control.regions).length;
     this.bar.show(this.tool, this.view.numbered, !this.undoButton.disabled);
-    this.place();
+    this.showBrush();
     this.reader?.press();
     say(this.problem, controlProblem(this.control, this.subdivided) || this.view.problem);
   }
 
   /** The brush is there while this panel is seen, or a part is painted. */
-  place() {
+  showBrush() {
     const seen = this.element?.checkVisibility() && this.element.open;
     this.toolbar.hidden = !this.view.possible || !(seen || (isPart(this.action) && this.tool !== "turn"));
   }
@@ -267,10 +265,10 @@ export class ControlPanel {
 
   /** Say what the server refuses beside it. @param {any[]} errors @returns {boolean} whether all of them belong here */
   refuse(errors) {
-    const own = errors.filter((error) => CONTROL_PARAMS.includes(placeOf(error)[0]));
+    const own = errors.filter((error) => CONTROL_PARAMS.includes(fieldOf(error)[0]));
     if (!own.length) return false;
     const said = own.map((error) => String(error.msg ?? "Not allowed.")).join(" ");
-    if (own.every((error) => READING_PARAMS.includes(placeOf(error)[0]))) this.reader?.refuse(said);
+    if (own.every((error) => READING_PARAMS.includes(fieldOf(error)[0]))) this.reader?.refuse(said);
     else {
       this.element.open = true;
       say(this.problem, said);

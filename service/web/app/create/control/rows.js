@@ -1,15 +1,15 @@
 // @ts-check
 /** Rows of what was said of an asset. */
-import { button, h } from "../../dom.js";
+import { button, h, options } from "../../dom.js";
 import { regionWords } from "./model.js";
 
-/** @param {string} words @param {() => void} remove @param {...(Node | null)} parts */
-export function frame(words, remove, ...parts) {
+/** @param {string} words @param {() => void} remove @param {...(Node | null)} tools */
+export function frame(words, remove, ...tools) {
   const title = h("strong", null, words);
   const element = h(
     "li",
     { class: "control-row", "aria-label": words },
-    h("div", { class: "control-head" }, title, ...parts, button(`Remove ${words.toLowerCase()}`, remove, { icon: "trash", quiet: true, class: "button-quiet" })),
+    h("div", { class: "control-head" }, title, ...tools, button(`Remove ${words.toLowerCase()}`, remove, { icon: "trash", quiet: true, class: "button-quiet" })),
   );
   return { element, title };
 }
@@ -22,7 +22,7 @@ export function frame(words, remove, ...parts) {
  * @param {() => void} remove
  */
 export function regionRow(region, number, purposes, onAction, remove) {
-  const action = h("select", { class: "select-small", "aria-label": `Region ${number}: what happens to it`, on: { change: () => onAction(action.value) } }, purposes.map(([value, text]) => h("option", { value }, text)));
+  const action = h("select", { class: "select-small", "aria-label": `Region ${number}: what happens to it`, on: { change: () => onAction(action.value) } }, options(purposes));
   action.value = region.action ?? "keep";
   const { element, title } = frame(`Region ${number}`, remove, action);
   const update = () => (title.textContent = regionWords(region));

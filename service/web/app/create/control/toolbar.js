@@ -1,7 +1,7 @@
 // @ts-check
 /** The brush, below the view: whether it is in hand, what it paints, and how large it is. */
 import { button, fill, h } from "../../dom.js";
-import { segmented, slider } from "../../job/stage-controls.js";
+import { choose, segmented, slider } from "../../widgets.js";
 
 /** @typedef {import("../../../viewer/control/tools.js").Tool} Tool */
 
@@ -36,16 +36,9 @@ export class Toolbar {
     });
     size.input.min = "1";
     size.input.value = "5";
-    size.row.hidden = false;
     size.value.textContent = "5%";
     size.input.setAttribute("aria-label", "Size of the brush, percent of the asset's diagonal");
     return size.row;
-  }
-
-  /** @param {Tool} tool That is in hand. */
-  take(tool) {
-    const input = this.tools.querySelectorAll("input")[TOOLS.findIndex(([name]) => name === tool)];
-    if (input) input.checked = true;
   }
 
   /** Offer what new regions can be for. @param {[string, string][]} purposes @param {string} chosen */
@@ -55,6 +48,7 @@ export class Toolbar {
 
   /** @param {Tool} tool That is in hand. @param {boolean} numbered Whether faces can be pointed at. @param {boolean} undoable */
   show(tool, numbered, undoable) {
+    choose(this.tools, tool);
     this.undo.disabled = !undoable;
     this.brush.hidden = this.hint.hidden = tool === "turn";
     this.hint.textContent = numbered ? `${HINT}${TOUCHED.matches ? " Two fingers turn and zoom the view." : ""}` : "The triangles of this file cannot be numbered here: use a GLB.";

@@ -24,7 +24,7 @@ export function noGuide() {
 }
 
 /**
- * The parts of a job that its guide needs, by name.
+ * The files of a job that its guide needs, by their names in it.
  * @template T
  * @param {T[]} targets
  * @param {T[]} pictures
@@ -35,19 +35,19 @@ export function guideFiles(targets, pictures) {
   return Object.fromEntries(pictures.map((file, i) => [`silhouette_${i + 1}`, file]));
 }
 
-/** Whether a part of a job is a target mesh. @param {string} part Its name. */
-export function isTarget(part) {
-  return /^target(_\d)?$/.test(part);
+/** Whether a file of a job is a target mesh. @param {string} name Of the file in the job. */
+export function isTarget(name) {
+  return /^target(_\d)?$/.test(name);
 }
 
 /**
  * The targets among the files of a job, the first one first.
  * @template T
- * @param {Record<string, T>} files By the names of their parts.
+ * @param {Record<string, T>} files By their names in the job.
  * @returns {T[]}
  */
 export function targetsOf(files) {
-  return Object.keys(files).filter(isTarget).sort().map((part) => files[part]);
+  return Object.keys(files).filter(isTarget).sort().map((name) => files[name]);
 }
 
 /**

@@ -3,10 +3,10 @@
 import { announce } from "../../announce.js";
 import { Asset, formatOf } from "../../assets.js";
 import { errorsOf } from "../../client.js";
-import { button, fill, h, say } from "../../dom.js";
+import { button, chip, fill, h, say } from "../../dom.js";
 import { bytes } from "../../format.js";
 import { plainWords } from "../../plain.js";
-import { placeOf } from "../../groups.js";
+import { fieldOf } from "../../groups.js";
 import { fileInput } from "../../picking.js";
 import { guideFiles, guideProblem, isTarget, MOST_PICTURES, noGuide, GUIDE_PARAMS, targetsOf } from "./model.js";
 import { PictureView } from "./picture-view.js";
@@ -27,15 +27,15 @@ export class GuidePanel {
     this.guide = noGuide();
     /** @type {Asset[]} */
     this.meshes = [];
-    /** @type {Asset[]} */
-    this.files = [];
+    /** Of pictures. @type {Asset[]} */
+    this.images = [];
     this.targets = new TargetView(assets, scope);
     this.pictures = new PictureView(assets, scope, this);
     this.input = fileInput("target-file", "Target mesh file", ".glb,.obj,.ply,.stl,.zip", (files) => this.take(files));
     this.pictureInput = fileInput("picture-file", "Picture file", "image/png,image/jpeg,image/webp", (files) => this.take(files), true);
-    this.chooseTarget = button("Fit to another mesh", () => this.input.click(), { class: "chip", title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
-    this.draw = button("Draw it", () => askForSketch((mesh, part) => void (part === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { class: "chip", title: "Draw the target, or the asset" });
-    this.choosePicture = button("Add a picture", () => this.pictureInput.click(), { class: "chip", title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
+    this.chooseTarget = chip("Fit to another mesh", () => this.input.click(), { small: false, title: "Choose a GLB, OBJ, PLY, STL or ZIP, or drop it here" });
+    this.draw = chip("Draw it", () => askForSketch((mesh, as) => void (as === "asset" ? assets.take(mesh) : this._takeMesh(mesh)), scope), { small: false, title: "Draw the target, or the asset" });
+    this.choosePicture = chip("Add a picture", () => this.pictureInput.click(), { small: false, title: "Choose a PNG, JPEG or WebP, or drop it anywhere" });
     this.body = h("div", { class: "guide-body" });
     this.problem = h("p", { class: "field-problem", role: "alert", hidden: true });
     this.element = h("div", { class: "field guide", data: { drop: "guide" } }, h("div", { class: "chips" }, this.chooseTarget, this.draw, this.choosePicture, this.input, this.pictureInput), this.body, this.problem);
@@ -61,7 +61,7 @@ export class GuidePanel {
   /** Forget what there was. */
   _begin() {
     this.guide = noGuide();
-    this.files = [];
+    this.images = [];
     this.meshes = [];
   }
 
@@ -69,13 +69,13 @@ export class GuidePanel {
   _takePictures(files) {
     if (this.target) return this._refuse("A picture cannot guide beside a target mesh. Remove the target first.");
     for (const file of files) {
-      if (this.files.length >= MOST_PICTURES) return this._refuse(`${MOST_PICTURES} pictures at most.`);
-      this.files.push(new Asset(file, file.name));
+      if (this.images.length >= MOST_PICTURES) return this._refuse(`${MOST_PICTURES} pictures at most.`);
+      this.images.push(new Asset(file, file.name));
       this.guide.pictures.push(this.pictures.direction(this.guide.pictures.length));
     }
     this._refuse("");
     this._changed();
-    this.pictures.fit(this.files.length - 1);
+    this.pictures.fit(this.images.length - 1);
     announce(`${files[0].name} added`);
   }
 
@@ -95,12 +95,12 @@ export class GuidePanel {
 
   /** Whether something besides a prompt says what to become. */
   get isEmpty() {
-    return !this.target && !this.files.length;
+    return !this.target && !this.images.length;
   }
 
-  /** @returns {Record<string, Asset>} by the names of their parts */
-  get parts() {
-    return guideFiles(this.meshes, this.files);
+  /** @returns {Record<string, Asset>} by their names in a job */
+  get files() {
+    return guideFiles(this.meshes, this.images);
   }
 
   /** Return what the form holds, for a draft or a request. */
@@ -112,9 +112,9 @@ export class GuidePanel {
   restore(guide, files) {
     const { pictures } = { ...noGuide(), ...structuredClone(guide ?? noGuide()) };
     this.meshes = targetsOf(files);
-    this.files = Object.keys(files).filter((name) => name.startsWith("silhouette_")).sort().map((name) => files[name]);
+    this.images = Object.keys(files).filter((name) => name.startsWith("silhouette_")).sort().map((name) => files[name]);
     // Without its file, as after a reload with a large one, the rest means nothing.
-    this.guide = { pictures: this.files.map((_, i) => pictures[i] ?? this.pictures.direction(i)) };
+    this.guide = { pictures: this.images.map((_, i) => pictures[i] ?? this.pictures.direction(i)) };
     this.pictures.end();
     this.targets.show(this.target);
     this._show();
@@ -129,7 +129,7 @@ export class GuidePanel {
   /** @param {number} at */
   _removePicture(at) {
     this.pictures.end();
-    this.files.splice(at, 1);
+    this.images.splice(at, 1);
     this.guide.pictures.splice(at, 1);
     this._changed();
   }
@@ -149,8 +149,8 @@ export class GuidePanel {
 
   _show() {
     this.chooseTarget.hidden = this.draw.hidden = !this.isEmpty;
-    this.choosePicture.hidden = this.target !== null || this.files.length >= MOST_PICTURES;
-    fill(this.body, this.target ? this.meshes.map((mesh) => this._targetRow(mesh)) : this.files.map((file, i) => this._pictureRow(file, i)));
+    this.choosePicture.hidden = this.target !== null || this.images.length >= MOST_PICTURES;
+    fill(this.body, this.target ? this.meshes.map((mesh) => this._targetRow(mesh)) : this.images.map((file, i) => this._pictureRow(file, i)));
   }
 
   /** @param {Asset} mesh */
@@ -161,7 +161,8 @@ export class GuidePanel {
 
   /** @param {Asset} file @param {number} at */
   _pictureRow(file, at) {
-    const fit = h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(this.pictures.fitting === at), on: { click: () => (this.pictures.fitting === at ? this.pictures.end() : this.pictures.fit(at)) } }, this.pictures.fitting === at ? "Done" : "Turn the asset to fit");
+    const fitting = this.pictures.fitting === at;
+    const fit = chip(fitting ? "Done" : "Turn the asset to fit", () => (fitting ? this.pictures.end() : this.pictures.fit(at)), { "aria-pressed": String(fitting) });
     fit.hidden = !this.pictures.possible;
     const image = h("img", { src: this.pictures.url(file), alt: "" });
     return h(
@@ -193,9 +194,10 @@ export class GuidePanel {
   /** Say what the server refuses beside it. @param {import("../../client.js").MeshdeformError} error @returns {boolean} whether it belongs here */
   refuse(error) {
     const errors = errorsOf(error);
-    const own = errors.length > 0 && errors.every((/** @type {any} */ each) => GUIDE_PARAMS.includes(placeOf(each)[0]) || isTarget(String(each.loc?.[0] ?? "")) || /^silhouette_\d$/.test(String(each.loc?.[0] ?? "")));
-    const part = String(error.problem.part ?? error.problem.file ?? "");
-    if (this.isEmpty || !(own || isTarget(part) || part.startsWith("silhouette") || error.code.startsWith("silhouette"))) return false;
+    const isOurs = (/** @type {string} */ file) => isTarget(file) || file.startsWith("silhouette");
+    const own = errors.length > 0 && errors.every((each) => GUIDE_PARAMS.includes(fieldOf(each)[0]) || isOurs(String(each.loc?.[0] ?? "")));
+    const file = String(error.problem.part ?? error.problem.file ?? "");
+    if (this.isEmpty || !(own || isOurs(file) || error.code.startsWith("silhouette"))) return false;
     this._refuse(plainWords([error.message, error.advice].filter(Boolean).join(" ")) || error.title);
     return true;
   }

@@ -52,7 +52,7 @@ export class PictureView {
     this.fitting = -1; // this movement is not the user's
     this.assets.box.look(azimuth, elevation);
     this.fitting = at;
-    this.image.src = this.url(this.panel.files[at]);
+    this.image.src = this.url(this.panel.images[at]);
     this.image.hidden = false;
     this.panel._show();
     announce("Turn the asset until it fits the picture");
@@ -68,7 +68,7 @@ export class PictureView {
 
   /** The asset may come later than the picture. */
   _loaded() {
-    if (this.panel.files[this.waiting]) this.fit(this.waiting);
+    if (this.panel.images[this.waiting]) this.fit(this.waiting);
     else this.panel._show();
   }
 

@@ -1,9 +1,10 @@
 // @ts-check
 /** Draw what the asset should become: the service guesses it, its sliders are moved, and its mesh is the target, or the asset. */
 import { announce } from "../../announce.js";
-import { exampleAsset } from "../../assets.js";
+import { bytesOf, exampleAsset } from "../../assets.js";
 import { client, isAbort } from "../../client.js";
-import { button, fill, h } from "../../dom.js";
+import { openDialog } from "../../dialogs.js";
+import { button, chip, fill, h } from "../../dom.js";
 import { titled } from "../../format.js";
 import { fileInput } from "../../picking.js";
 import { problemBox } from "../../problem-box.js";
@@ -13,18 +14,13 @@ import { SketchPad } from "./sketch-pad.js";
 
 const PAUSE_MS = 250;
 
-/** @param {string} text In base64. */
-function decoded(text) {
-  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-}
-
 /** @param {string} noun @returns {File} */
 function meshFile(/** @type {BlobPart} */ bytes, noun) {
   return new File([bytes], `${noun}.glb`, { type: "model/gltf-binary" });
 }
 
 class SketchDialog {
-  /** @param {(mesh: File, part: "target" | "asset") => void} use */
+  /** @param {(mesh: File, as: "target" | "asset") => void} use */
   constructor(use) {
     this.use = use;
     this.scope = new Scope();
@@ -36,25 +32,24 @@ class SketchDialog {
     this.problem = h("div", { class: "dialog-problem", "aria-live": "polite" });
     this.guesses = h("div", { class: "sketch-guesses", role: "radiogroup", "aria-label": "Guesses" });
     this.fields = h("div", { class: "sketch-fields", role: "group", "aria-label": "Sliders" });
-    this.place = h("div", { class: "sketch-view" });
+    this.view = h("div", { class: "sketch-view" });
     this.input = fileInput("sketch-file", "Drawing file", "image/png,image/jpeg,image/webp", ([file]) => this._take(file));
-    this.undo = button("Undo", () => this.pad.undo(), { class: "chip" });
-    this.clear = button("Clear", () => this.pad.clear(), { class: "chip" });
+    this.undo = chip("Undo", () => this.pad.undo(), { small: false });
+    this.clear = chip("Clear", () => this.pad.clear(), { small: false });
     this.name = h("input", { type: "text", "aria-label": "What it is", placeholder: "What it is, if you like", maxlength: 64, autocomplete: "off" });
-    this.guess = button("Guess what it is", () => this._guess(), { class: "button" });
-    this.deform = button("Use as asset", () => this._use("asset"), { class: "button" });
-    this.done = button("Use as target", () => this._use("target"), { class: "button button-primary" });
-    this.element = h(
-      "dialog",
-      { class: "dialog sketch-dialog", "aria-labelledby": "sketch-title" },
-      h(
-        "div",
-        { class: "dialog-body" },
-        h("h2", { id: "sketch-title" }, "Draw a shape"),
+    this.guess = button("Guess what it is", () => this._guess());
+    this.deform = button("Use as asset", () => this._use("asset"));
+    this.done = button("Use as target", () => this._use("target"), { class: "button-primary" });
+    const drawing = h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, chip("Choose a picture", () => this.input.click(), { small: false }), this.input, this.name, this.guess));
+    this.element = openDialog(
+      "Draw a shape",
+      [
         h("p", { class: "small muted" }, "The outlines of one thing, an animal or a tool or anything else with a name, from the side or the front. Or drop a picture of a drawing. The chair is a sample: draw, and it goes."),
-        h("div", { class: "sketch-columns" }, h("div", null, this.pad.element, h("div", { class: "chips" }, this.undo, this.clear, button("Choose a picture", () => this.input.click(), { class: "chip" }), this.input, this.name, this.guess)), h("div", null, this.problem, this.guesses, this.place, this.fields)),
-        h("div", { class: "dialog-actions" }, h("button", { type: "button", class: "button", on: { click: () => this.element.close() } }, "Cancel"), this.deform, this.done),
-      ),
+        h("div", { class: "sketch-columns" }, drawing, h("div", null, this.problem, this.guesses, this.view, this.fields)),
+        h("div", { class: "dialog-actions" }, button("Cancel", () => this.element.close()), this.deform, this.done),
+      ],
+      this.scope,
+      "sketch-dialog",
     );
     this.element.addEventListener("dragover", (event) => event.preventDefault());
     this.element.addEventListener("drop", (event) => {
@@ -63,9 +58,7 @@ class SketchDialog {
       this._take(event.dataTransfer?.files[0]);
     });
     this.element.addEventListener("close", () => this.scope.dispose());
-    this.scope.add(() => (this.asking.abort(), this.element.remove()));
-    document.body.append(this.element);
-    this.element.showModal();
+    this.scope.add(() => this.asking.abort());
     this._changed();
     void this._sample();
   }
@@ -88,7 +81,7 @@ class SketchDialog {
     fill(this.problem);
     fill(this.guesses);
     fill(this.fields);
-    this.place.hidden = true;
+    this.view.hidden = true;
     this._enable();
   }
 
@@ -133,8 +126,8 @@ class SketchDialog {
   /** Without WebGL the words remain. @param {any} guess @param {HTMLImageElement} image */
   async _picture(guess, image) {
     try {
-      const { snapshotAsset } = await import("../../../viewer/snapshot.js");
-      const blob = await snapshotAsset(decoded(guess.mesh).buffer, { width: 192, height: 192 });
+      const { snapshotAssets } = await import("../../../viewer/snapshot.js");
+      const [blob] = await snapshotAssets([{ buffer: bytesOf(guess.mesh).buffer }], { width: 192, height: 192 });
       if (!this.scope.over) image.src = this.scope.url(blob);
     } catch (error) {
       console.warn(error);
@@ -150,7 +143,7 @@ class SketchDialog {
       values[each.name] = value;
       this._make(guess.noun, values);
     })));
-    this._show(meshFile(decoded(guess.mesh), guess.noun), false);
+    this._show(meshFile(bytesOf(guess.mesh), guess.noun), false);
   }
 
   /** @param {any} about @param {(value: number | string) => void} set */
@@ -187,23 +180,23 @@ class SketchDialog {
   async _show(mesh, keepCamera) {
     this.mesh = mesh;
     this._enable();
-    this.place.hidden = false;
+    this.view.hidden = false;
     if (!this.box) {
       this.box = new ViewerBox("Drawn shape", this.scope);
-      this.place.append(this.box.element);
+      this.view.append(this.box.element);
     }
     await this.box.load(await mesh.arrayBuffer(), "glb", keepCamera);
   }
 
-  /** @param {"target" | "asset"} part */
-  _use(part) {
+  /** @param {"target" | "asset"} as */
+  _use(as) {
     if (!this.mesh) return;
-    this.use(this.mesh, part);
+    this.use(this.mesh, as);
     this.element.close();
   }
 }
 
-/** Open the dialog. @param {(mesh: File, part: "target" | "asset") => void} use Given the mesh, and what it is to be. @param {import("../../scope.js").Scope} scope */
+/** Open the dialog. @param {(mesh: File, as: "target" | "asset") => void} use Given the mesh, and what it is to be. @param {import("../../scope.js").Scope} scope */
 export function askForSketch(use, scope) {
   const dialog = new SketchDialog(use);
   scope.add(() => dialog.scope.dispose());

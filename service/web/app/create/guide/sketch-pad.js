@@ -58,7 +58,7 @@ export class SketchPad {
   }
 
   /** @param {PointerEvent} event @returns {[number, number]} */
-  _place(event) {
+  _at(event) {
     const { left, top, width, height } = this.element.getBoundingClientRect();
     return [((event.clientX - left) / width) * SIDE, ((event.clientY - top) / height) * SIDE];
   }
@@ -71,14 +71,14 @@ export class SketchPad {
     this.sample = false;
     this.pointer = event.pointerId;
     this.element.setPointerCapture(event.pointerId);
-    this.strokes.push([this._place(event)]);
+    this.strokes.push([this._at(event)]);
     this._draw();
   }
 
   /** @param {PointerEvent} event */
   _go(event) {
     if (event.pointerId !== this.pointer) return;
-    this.strokes[this.strokes.length - 1].push(this._place(event));
+    this.strokes[this.strokes.length - 1].push(this._at(event));
     this._draw();
   }
 
@@ -109,7 +109,7 @@ export class SketchPad {
     for (const stroke of this.strokes) {
       pen.beginPath();
       pen.moveTo(...stroke[0]);
-      for (const place of stroke.length > 1 ? stroke.slice(1) : stroke) pen.lineTo(...place);
+      for (const point of stroke.length > 1 ? stroke.slice(1) : stroke) pen.lineTo(...point);
       pen.stroke();
     }
   }

@@ -2,7 +2,7 @@
 /** What is wrong with a part: its name, its faces, or that it is two; and all that was said so far, to take it back. */
 import { announce } from "../../announce.js";
 import { ask } from "../../dialogs.js";
-import { button, fill, h, labelled } from "../../dom.js";
+import { chip, fill, h, labelled } from "../../dom.js";
 import { controlParams, readingOf, regionWords } from "../control/model.js";
 import { frame } from "../control/rows.js";
 import { joined, moved, NAME, namingWords, partAction, partOf } from "./naming.js";
@@ -27,7 +27,6 @@ export class Corrector {
     this.parts = [];
     /** Names to choose from. @type {string[]} */
     this.known = [];
-    const chip = (/** @type {string} */ text, /** @type {() => void} */ act) => button(text, act, { class: "chip chip-small" });
     this.origin = h("span", { class: "small muted" });
     this.rename = chip("Rename…", () => this._rename());
     this.paint = chip("Paint", () => this._paint());

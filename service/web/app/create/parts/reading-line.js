@@ -1,6 +1,6 @@
 // @ts-check
 /** What the asset is read as, and its front: a line to correct both in. */
-import { fill, h, invalid, say } from "../../dom.js";
+import { fill, h, invalid, options, say } from "../../dom.js";
 import { doubts, ELSE, frontOptions, nounOptions } from "./reading.js";
 
 export class ReadingLine {
@@ -87,8 +87,8 @@ export class ReadingLine {
   }
 }
 
-/** @param {HTMLSelectElement} select @param {[string, string][]} options @param {string} chosen */
-function choices(select, options, chosen) {
-  fill(select, options.map(([value, text]) => h("option", { value }, text)));
+/** @param {HTMLSelectElement} select @param {[string, string][]} pairs Values, and words. @param {string} chosen */
+function choices(select, pairs, chosen) {
+  fill(select, options(pairs));
   select.value = chosen;
 }

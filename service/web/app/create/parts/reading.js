@@ -39,7 +39,7 @@ export function readingSentence(reading, parts) {
 }
 
 /** Whether the front is more than a guess: that of a guessed noun is one. @param {Reading} reading */
-export function isFrontSure({ sure, noun_given: given, front_sure, front_given }) {
+function isFrontSure({ sure, noun_given: given, front_sure, front_given }) {
   return front_given || (front_sure && (sure || given));
 }
 

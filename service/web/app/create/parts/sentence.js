@@ -24,7 +24,7 @@ export function sentenceOf(wanted) {
 /** The same wishes with another amount of one of them; none of it takes it away. @param {Wanted[]} wanted @param {Wanted} one @returns {Wanted[]} */
 export function withWanted(wanted, one) {
   const at = wanted.findIndex((other) => other.part === one.part && other.change.operation === one.change.operation);
-  const kept = wanted.filter((_, place) => place !== at);
+  const kept = wanted.filter((_, i) => i !== at);
   if (one.percent === 0) return kept;
   return at < 0 ? [...kept, one] : wanted.with(at, one);
 }

@@ -2,7 +2,7 @@
 /** How each change moves the asset, learnt once: a slider then moves the mesh by itself, and the server makes the exact shape once it rests. */
 import { readPreview } from "../../../client/index.js";
 import { isAbort } from "../../client.js";
-import { placesOf } from "../live.js";
+import { positionsOf } from "../live.js";
 import { clause } from "./sentence.js";
 
 /** @typedef {import("./sentence.js").Wanted} Wanted */
@@ -47,7 +47,7 @@ export class Slides {
         }
       }
       const { shapes } = readPreview(await this.ask(prompt, "positions", signal));
-      if (!signal.aborted && viewer.deformed && shapes[0]) this.offsets.set(key, viewer.offsets(placesOf(shapes[0].primitives)));
+      if (!signal.aborted && viewer.deformed && shapes[0]) this.offsets.set(key, viewer.offsets(positionsOf(shapes[0].primitives)));
     } catch (error) {
       this.offsets.delete(key);
       // The slider then moves the mesh when the server has answered.

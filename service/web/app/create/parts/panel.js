@@ -2,10 +2,10 @@
 /** What the asset is read as, and its parts, to point at: words and a slider change one of them. */
 import { announce } from "../../announce.js";
 import { isAbort, MeshdeformError } from "../../client.js";
-import { fill, h, say } from "../../dom.js";
+import { chip, h, refill, say } from "../../dom.js";
 import { plainWords } from "../../plain.js";
 import { debounced } from "../../scope.js";
-import { slider } from "../../job/stage-controls.js";
+import { slider } from "../../widgets.js";
 import { Corrector } from "./corrector.js";
 import { isUnsure, originWords, readingSentence } from "./reading.js";
 import { ReadingLine } from "./reading-line.js";
@@ -20,7 +20,7 @@ const SHOWN = 8; // or one more, instead of a button for it
 const STEP = 5;
 const USUAL = 30; // percent that a word asks for
 
-export class PartsControl {
+export class PartsPanel {
   /**
    * @param {import("../../viewer-box.js").ViewerBox} box
    * @param {import("../control/panel.js").ControlPanel} panel Holds what was said of the asset.
@@ -224,7 +224,7 @@ export class PartsControl {
     this.corrector.show(this.parts, part);
     const all = this.parts.filter((each, at) => this.all || at < SHOWN || each === part || this.parts.length === SHOWN + 1);
     const more = this.parts.length - all.length;
-    refill(this.chips, [...all.map((each) => this._chip(each)), more ? h("button", { type: "button", class: "chip", on: { click: () => this._more() } }, `${more} more`) : null, ]);
+    refill(this.chips, [...all.map((each) => this._chip(each)), more ? chip(`${more} more`, () => this._more(), { small: false }) : null]);
     this.words.setAttribute("aria-label", `What becomes of the ${part?.name}`);
     refill(this.words, (part?.changes ?? []).flatMap((each) => [this._word(each, 1), this._word(each, -1)]));
     this._keep();
@@ -245,7 +245,7 @@ export class PartsControl {
     this.kept.setAttribute("aria-label", `What happens to the ${part.name}`);
     const chosen = this.panel.actionOf(part);
     const pairs = /** @type {[string, string][]} */ ([["keep", "Keep as it is"], ["only", "Only this moves"]]);
-    refill(this.kept, pairs.map(([action, text]) => h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(chosen === action), on: { click: () => this.panel.mark(part, action) } }, text)));
+    refill(this.kept, pairs.map(([action, text]) => chip(text, () => this.panel.mark(part, action), { "aria-pressed": String(chosen === action) })));
   }
 
   _more() {
@@ -263,24 +263,16 @@ export class PartsControl {
   _chip(part) {
     const glance = () => this.view.showPart(part.faces);
     const leave = () => this.view.showPart(this.changed ? null : (this.part?.faces ?? null));
-    const on = { click: () => this._pick(part === this.part ? null : part), pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
+    const act = () => this._pick(part === this.part ? null : part);
+    const on = { click: act, pointerenter: glance, pointerleave: leave, focus: glance, blur: leave };
     const unsure = isUnsure(part, this.reading);
-    const kind = unsure ? " chip-unsure" : part.found_by === "given" ? " chip-given" : "";
-    return h("button", { type: "button", class: `chip${kind}`, "aria-pressed": String(part === this.part), title: this._origin(part), on }, unsure ? `perhaps ${part.name}` : part.name);
+    const kind = unsure ? "chip-unsure" : part.found_by === "given" ? "chip-given" : "";
+    return chip(unsure ? `perhaps ${part.name}` : part.name, act, { small: false, class: kind, "aria-pressed": String(part === this.part), title: this._origin(part), on });
   }
 
   /** @param {Change} change @param {1 | -1} sign */
   _word(change, sign) {
     const pressed = change.operation === this.change?.operation && this._percent(change) * sign > 0;
-    const on = { click: () => this._ask(change, pressed ? 0 : sign * USUAL) };
-    return h("button", { type: "button", class: "chip chip-small", "aria-pressed": String(pressed), on }, sign > 0 ? change.more : change.less);
+    return chip(sign > 0 ? change.more : change.less, () => this._ask(change, pressed ? 0 : sign * USUAL), { "aria-pressed": String(pressed) });
   }
-}
-
-/** Fill a list of buttons anew; the one with the focus keeps it. @param {HTMLElement} list @param {(HTMLElement | null)[]} buttons */
-function refill(list, buttons) {
-  const focused = /** @type {HTMLElement} */ (document.activeElement);
-  const at = [...list.children].indexOf(focused);
-  fill(list, buttons);
-  if (at >= 0) /** @type {HTMLElement | undefined} */ (buttons.includes(focused) ? focused : list.children[at])?.focus();
 }

@@ -1,6 +1,6 @@
 // @ts-check
-/** The controls below the 3D views of a job. */
-import { h } from "../dom.js";
+/** What is chosen, switched and moved by hand, and the picture where nothing can be. */
+import { h } from "./dom.js";
 
 /** @param {string} label @param {[string, string][]} options @param {string} chosen @param {(value: string) => void} onChange */
 export function segmented(label, options, chosen, onChange) {
@@ -10,9 +10,14 @@ export function segmented(label, options, chosen, onChange) {
     { class: "segmented" },
     h("legend", { class: "visually-hidden" }, label),
     options.map(([value, text]) =>
-      h("label", null, h("input", { type: "radio", name, ".checked": value === chosen, on: { change: () => onChange(value) } }), h("span", null, text)),
+      h("label", null, h("input", { type: "radio", name, value, ".checked": value === chosen, on: { change: () => onChange(value) } }), h("span", null, text)),
     ),
   );
+}
+
+/** Choose another option of what `segmented` made. @param {HTMLElement} group @param {string} value */
+export function choose(group, value) {
+  for (const input of group.querySelectorAll("input")) input.checked = input.value === value;
 }
 
 /** @param {string} label @param {(on: boolean) => void} onChange */
@@ -30,11 +35,11 @@ export function toggle(label, onChange) {
 export function slider(id, label, max, onInput) {
   const input = h("input", { type: "range", min: 0, max, step: 1, id, on: { input: onInput } });
   const value = h("output", { for: id, class: "range-value" });
-  const row = h("div", { class: "range-row", hidden: true }, h("label", { for: id }, label), input, value);
+  const row = h("div", { class: "range-row" }, h("label", { for: id }, label), input, value);
   return { input, value, row };
 }
 
-/** The picture that a job made, over the place of its views. @param {import("../scope.js").Scope} scope @param {Blob} picture @param {string} alt */
+/** The picture that a job made, over its views. @param {import("./scope.js").Scope} scope @param {Blob} picture @param {string} alt */
 export function drawnPicture(scope, picture, alt) {
   return h("div", { class: "stage-picture" }, h("img", { src: scope.url(picture), alt }));
 }
