@@ -49,7 +49,7 @@ def write(path: Path, faces: int, components: int) -> None:
     shift = np.array([2.5, 0.0, 0.0])
     mesh = join(*(TriangleMesh(part.verts + k * shift, part.faces) for k, part in enumerate(parts)))
     verts = mesh.verts
-    normals = verts - np.round(verts[:, :1] / 2.5) * shift.numpy()
+    normals = verts - np.round(verts[:, :1] / 2.5) * shift
     path.write_bytes(build_glb(verts, mesh.faces, normals=normals / np.linalg.norm(normals, axis=1)[:, None]))
 
 

@@ -38,7 +38,7 @@ PARTS = {
     "guidance": "meshdeform.guidance.sds.ScoreDistillation.loss",
     "drawing, forward": "meshdeform.rendering.shading.Renderer.render",
     "solve": "meshdeform.deformation.variables.JacobianField.solve",
-    "solve, backward": "meshdeform.deformation.poisson.PoissonSystem._backward",
+    "solve, backward": "meshdeform.deformation.poisson.PoissonSystem.solve_transposed",
     "jacobian": "meshdeform.deformation.regularizers.Regularizers.jacobian",
     "laplacian": "meshdeform.deformation.regularizers.Regularizers.laplacian",
     "normal": "meshdeform.deformation.regularizers.Regularizers.normal",
