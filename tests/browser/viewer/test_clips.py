@@ -109,7 +109,7 @@ def test_tints_and_the_pointer_meet_the_pose_and_faces_keep_their_places(
           viewer.pose("Wave", 0.5);
           tools.setSurface(viewer.atRest(() => numberedSurface(viewer.root)));
           tools.showPart(new Uint8Array(tools.surface.count).fill(1));
-          const found = {{ waving: [...tools.surface.shown], places: [...tools.surface.places] }};
+          const found = {{ waving: [...tools.surface.shown], atRest: [...tools.surface.rest] }};
           found.posed = posed(viewer, "Wave", 0.5).flat();
           found.aside = posed(viewer, "Step aside", 0.5).flat();
           found.followed = [...tools.surface.shown];
@@ -122,7 +122,7 @@ def test_tints_and_the_pointer_meet_the_pose_and_faces_keep_their_places(
     source = load_asset(files[0]).surface.positions
     np.testing.assert_allclose(found["waving"], found["posed"], atol=1e-6)
     np.testing.assert_allclose(found["followed"], found["aside"], atol=1e-6)
-    for name in ("places", "rest"):
+    for name in ("atRest", "rest"):
         np.testing.assert_allclose(np.reshape(found[name], (-1, 3)), source, atol=1e-6)
 
 

@@ -82,14 +82,14 @@ def test_face_by_face_as_the_service_counts(page: Page, site: ViewerSite) -> Non
             """async ([name, format]) => {
               const viewer = open(name); // closed before it is drawn
               await viewer.load(await fetchBytes(`/files/${name}`), { format });
-              const { places, corners } = numberedSurface(viewer.root);
+              const { rest, corners } = numberedSurface(viewer.root);
               closeAll();
-              return { places: [...places], corners: [...corners] };
+              return { rest: [...rest], corners: [...corners] };
             }""",
             [name, made.format],
         )
         asset = load_asset(made.data, f"asset.{made.format}")
-        theirs = np.array(found["places"]).reshape(-1, 3)[np.array(found["corners"]).reshape(-1, 3)]
+        theirs = np.array(found["rest"]).reshape(-1, 3)[np.array(found["corners"]).reshape(-1, 3)]
         ours = asset.surface.positions[asset.surface.triangles]
         assert theirs.shape == ours.shape, name
         # A mirrored instance is wound the other way round, so corners are compared in whatever order they come.

@@ -323,5 +323,5 @@ def test_what_compressed_parts_decode_to_has_a_limit() -> None:
     view["byteLength"] = 12 * 10**9
     view["extensions"]["EXT_meshopt_compression"]["count"] = 10**9
     builder.root["buffers"][0]["byteLength"] = 12 * 10**9
-    with pytest.raises(AssetTooLargeError, match="decode to"):
+    with pytest.raises(AssetTooLargeError, match="decodes to"):
         load_asset(builder.glb(), limits=Limits())

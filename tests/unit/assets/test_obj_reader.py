@@ -283,7 +283,7 @@ def test_a_hundred_thousand_links_into_a_full_archive_take_no_minutes() -> None:
 
 def test_an_obj_has_no_more_parts_than_a_scene_may_have() -> None:
     data = NINE + b"".join(b"g %d\nf 1 2 3\n" % k for k in range(20))
-    with pytest.raises(AssetTooLargeError, match="20 parts"):
+    with pytest.raises(AssetTooLargeError, match="20 primitives"):
         load_asset(data, "a.obj", Limits(max_primitives=19))
 
 

@@ -62,5 +62,5 @@ def test_what_a_text_may_not_have_is_told() -> None:
     for line in (b"vertex 1 0 0\n", b"vertex 0 1 0"):
         with pytest.raises(AssetError, match="three corners"):
             load_asset(b"solid x\n" + TEXT.replace(line, b"") + b"endsolid\n", "a.stl")
-    with pytest.raises(AssetTooLargeError, match="3 parts"):
+    with pytest.raises(AssetTooLargeError, match="3 solids"):
         load_asset((b"solid a\n" + TEXT + b"endsolid\n") * 3, "a.stl", Limits(max_primitives=2))

@@ -40,9 +40,9 @@ def test_the_file_has_the_parts_that_are_listed(chair: Path, tmp_path: Path) -> 
     asset = load_asset(output.read_bytes())
     found = parts_of(asset)
     assert sorted(found) == sorted(shown) != []
-    nodes = {each["name"]: each["index"] for each in asset.parts().nodes}
-    np.testing.assert_array_equal(found["back"], asset.parts().in_node(nodes["Back"]))
-    legs = sum(asset.parts().in_node(nodes[name]) for name in nodes if name.startswith("Leg"))
+    nodes = {each["name"]: each["index"] for each in asset.pieces().nodes}
+    np.testing.assert_array_equal(found["back"], asset.pieces().in_node(nodes["Back"]))
+    legs = sum(asset.pieces().in_node(nodes[name]) for name in nodes if name.startswith("Leg"))
     np.testing.assert_array_equal(found["legs"], legs > 0)
 
 

@@ -144,7 +144,7 @@ def two_nodes(*names: str) -> bytes:
 
 def test_the_triangles_of_a_named_part_are_those_of_its_node() -> None:
     asset = load_asset(two_nodes("Plinth.001", "AntennaLeft"))
-    body, nodes = loose_body(asset), asset.parts().node_of_triangle
+    body, nodes = loose_body(asset), asset.pieces().node_of_triangle
     found = {part.name: part.faces(body.vertex_map[asset.surface.triangles]) for part in find_parts(body, read)}
     assert {name: found[name] for name in ("plinth", "antenna")} == {
         "plinth": [[0, int((nodes == 0).sum()) - 1]],

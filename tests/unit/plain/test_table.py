@@ -57,9 +57,9 @@ def car(front: int = 1) -> bytes:
 def extents(glb: bytes, points: Floats, name: str) -> Floats:
     """The extents of a node."""
     asset = load_asset(glb)
-    parts = asset.parts()
-    at = next(each["index"] for each in parts.nodes if each["name"] == name)
-    return np.ptp(points[np.unique(asset.surface.triangles[parts.in_node(at)])], axis=0)
+    pieces = asset.pieces()
+    at = next(each["index"] for each in pieces.nodes if each["name"] == name)
+    return np.ptp(points[np.unique(asset.surface.triangles[pieces.in_node(at)])], axis=0)
 
 
 @each_case(

@@ -116,7 +116,7 @@ def test_pictures_on_the_command_line(tmp_path: Path) -> None:
         {"azimuth": -90, "elevation": 15},
         {"azimuth": 45, "elevation": 0, "fov": 40},
     ]
-    assert found.parts == {"silhouette_1": odd, "silhouette_2": odd, "silhouette_3": odd}
+    assert found.files == {"silhouette_1": odd, "silhouette_2": odd, "silhouette_3": odd}
     assert parse_pictures(None).paths == []
     for wrong in (f"{odd}", f"{odd}@", f"{odd}@front", f"{odd}@1,2,3,4", f"{tmp_path}/none.png@0", "@0"):
         with pytest.raises(typer.BadParameter):

@@ -134,7 +134,7 @@ def test_a_checkpoint_shows_the_assets_in_the_colours_of_their_parts_so_far(chai
     seen = {}
     for report in run:
         if report.step in (3, 12):
-            seen[report.step] = load_asset(run.snapshot().data).parts()
+            seen[report.step] = load_asset(run.snapshot().data).pieces()
     for step, count in ((3, 3), (12, 10)):
         named = {node["name"] for node in seen[step].nodes}
         assert {name.partition(": ")[0] for name in named} == set(list(glbs)[:count])

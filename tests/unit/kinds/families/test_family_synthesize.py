@@ -73,7 +73,7 @@ def corners(asset, node=None):
     surface = asset.surface
     chosen = np.ones(len(surface.triangles), bool)
     if node is not None:
-        chosen = asset.parts().in_node(next(n["index"] for n in asset.parts().nodes if n["name"] == node))
+        chosen = asset.pieces().in_node(next(n["index"] for n in asset.pieces().nodes if n["name"] == node))
     rows = surface.positions[surface.triangles[chosen]].reshape(-1, 9)
     return rows[np.lexsort(rows.T)]
 
@@ -95,21 +95,21 @@ def test_samples_are_assets_of_members_parts_and_a_resumed_run_equals_it_bit_for
     report = json.loads(artifacts["report.json"].data)
     for glb, about in zip(made, report["shapes"], strict=True):
         asset = load_asset(glb)
-        assert [node["name"] for node in asset.parts().nodes] == [part["part"] for part in about["parts"]]
+        assert [node["name"] for node in asset.pieces().nodes] == [part["part"] for part in about["parts"]]
         # Each part has the triangles and the material of the part of its member.
         for part in about["parts"]:
             member = load_asset(chairs[0][part["member"]])
             count = sum(
-                int(member.parts().of_material(m["index"]).sum())
-                for m in member.parts().materials if m["name"] == part["part"]
+                int(member.pieces().of_material(m["index"]).sum())
+                for m in member.pieces().materials if m["name"] == part["part"]
             )  # fmt: skip
             assert len(corners(asset, part["part"])) == count
             assert max(part["gap"], part["penetration"]) < 0.01
-        assert {m["name"] for m in asset.parts().materials} == {part["part"] for part in about["parts"]}
+        assert {m["name"] for m in asset.pieces().materials} == {part["part"] for part in about["parts"]}
         named = parts_of(asset)
         assert list(named) == [part["part"] for part in about["parts"]]
-        for node in asset.parts().nodes:
-            np.testing.assert_array_equal(named[node["name"]], asset.parts().in_node(node["index"]))
+        for node in asset.pieces().nodes:
+            np.testing.assert_array_equal(named[node["name"]], asset.pieces().in_node(node["index"]))
         assert 0 <= about["plausibility"] <= 1
         assert len(about["nearest_members"]) == 3
     points = np.load(io.BytesIO(artifacts["points.npz"].data))
@@ -126,7 +126,7 @@ def test_a_run_that_is_ended_leaves_the_shapes_that_it_made(chairs):
     assert report["warnings"][-1].endswith("1 of 3 shapes are made.")
     assert len(shapes_of(artifacts)) == len(report["shapes"]) == 1
     next(steps)
-    named = {node["name"] for node in load_asset(whole.snapshot().data).parts().nodes}
+    named = {node["name"] for node in load_asset(whole.snapshot().data).pieces().nodes}
     assert {name.partition(": ")[0] for name in named} == {"shape 0", "shape 1"}
     assert {name.partition(": ")[2] for name in named} <= {"seat", "back", "leg", "arm"}
     assert "unfinished" not in json.loads(finished(begin(chairs, count=1))["report.json"].data)
@@ -145,11 +145,11 @@ def test_an_interpolation_begins_and_ends_with_the_members(chairs):
 def test_a_completion_keeps_the_given_parts_exactly(chairs):
     artifacts = finished(begin(chairs, mode="complete", members=["chair_0001.glb"], keep=["seat", "leg"], count=2))
     member = load_asset(chairs[0]["chair_0001.glb"])
-    materials = {each["name"]: each["index"] for each in member.parts().materials}
+    materials = {each["name"]: each["index"] for each in member.pieces().materials}
     for glb in shapes_of(artifacts):
         asset = load_asset(glb)
         for part in ("seat", "leg"):
-            rows = member.surface.triangles[member.parts().of_material(materials[part])]
+            rows = member.surface.triangles[member.pieces().of_material(materials[part])]
             wanted = member.surface.positions[rows].reshape(-1, 9)
             np.testing.assert_array_equal(corners(asset, part), wanted[np.lexsort(wanted.T)])
     shapes = json.loads(artifacts["report.json"].data)["shapes"]
