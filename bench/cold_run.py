@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
+from functools import partial
 from pathlib import Path
 from statistics import median
 from time import process_time
@@ -40,14 +41,15 @@ def jobs() -> list[float]:
     try:
         from meshdeform.runs.kept_readings import FolderReadings
     except ModuleNotFoundError:  # of a version that has no fits: its jobs are optimised
-        kept = {"load_prior": engine.load_prior}
+        prepared = partial(job_input, content, "sphere.glb", load_prior=engine.load_prior)
     else:
         document = {"params": {"guidance": {"kind": "exemplar"}}}
-        kept = {"readings": FolderReadings(Settings().cache_folder)}
+        readings = FolderReadings(Settings().cache_folder)
+        prepared = partial(job_input, content, "sphere.glb", readings=readings)
     for prompt in (FIRST, PROMPT, PROMPT):
         request = JobRequest.model_validate({"prompt": prompt, **document})
         begun = process_time()
-        run = text_deform.start(job_input(content, "sphere.glb", request, **kept))
+        run = text_deform.start(prepared(request))
         for _ in run:
             pass
         run.finish()
@@ -75,7 +77,7 @@ def main() -> None:
         environments[root.name] = {**os.environ, "PYTHONPATH": str(root), "OMP_NUM_THREADS": "1"}
         environments[root.name].pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages have theirs
     with tempfile.TemporaryDirectory() as folder:
-        run = (sys.executable, "-P", "-m", "meshdeform", "run", str(EXAMPLES / "sphere.glb"), PROMPT)
+        run: tuple[str, ...] = (sys.executable, "-P", "-m", "meshdeform", "run", str(EXAMPLES / "sphere.glb"), PROMPT)
         run += ("--quiet", "--force", "-o", f"{folder}/result.glb")
         for name, environment in environments.items():  # which compiles the kernels, and draws members, the first time
             cpu_s(run, environment)

@@ -87,14 +87,16 @@ def ties(members: list[Member], places: Arrays) -> Ties:
         parts.append(places["part"][here[known & tied]])
         found.append(tied[known])
         invented.append(~known[tied])
-    return Ties(*map(np.concatenate, (right, parts)), *(float(np.concatenate(e).mean()) for e in (found, invented)))
+    shares = float(np.concatenate(found).mean()), float(np.concatenate(invented).mean())
+    return Ties(np.concatenate(right), np.concatenate(parts), *shares)
 
 
 def classified(members: list[Member], descriptors: NDArray[np.float32]) -> float:
     """Return how often the nearest of ten examples of each sub-class has the right one."""
     random = np.random.default_rng(0)
     kinds = np.array([member.kind for member in members])
-    distance = torch.cdist(*2 * [torch.from_numpy(descriptors)], p=1).numpy()
+    every = torch.from_numpy(descriptors)
+    distance = torch.cdist(every, every, p=1).numpy()
     right = []
     for _ in range(_DRAWS):
         draws = [random.choice(np.flatnonzero(kinds == kind), _EXAMPLES, replace=False) for kind in np.unique(kinds)]

@@ -92,7 +92,8 @@ def cloud(positions: Cloud, triangles: NDArray[np.int64], seed: int) -> Cloud:
     """Return samples of a surface, in the middle of its box and with the diagonal as unit."""
     points = surface_samples(positions, triangles, _SAMPLES, seed)[0]
     low, high = positions[triangles].min((0, 1)), positions[triangles].max((0, 1))
-    return (points - (low + high) / 2) / float(np.linalg.norm(high - low))
+    centred: Cloud = (points - (low + high) / 2) / float(np.linalg.norm(high - low))
+    return centred
 
 
 def of_pieces(pieces: list[AssetPart], seed: int) -> Cloud:
@@ -115,8 +116,8 @@ def built(family: FamilyFile, load: Callable[[int], Asset], draws: Iterator[Draw
     """Return the shapes of draws, made of parts of the members."""
     assembler, made, began = Assembler(family, load), Made(), time.process_time()
     for number, draw in enumerate(draws):
-        frame = {"diagonal": 1.0, "centre": np.zeros(3)}
-        assembly = assembler.assemble(draw.points, draw.exists, assembler.chosen(draw), **frame)
+        choice = assembler.chosen(draw)
+        assembly = assembler.assemble(draw.points, draw.exists, choice, diagonal=1.0, centre=np.zeros(3))
         made.seconds += time.process_time() - began
         made.faults.append(max(max(part.gap, part.penetration) for part in assembly.parts))
         made.copies += len({part.member for part in assembly.parts}) == 1

@@ -147,7 +147,8 @@ def main() -> int:
     parser.add_argument("--child", type=int, nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:
-        child(options.seed, *options.child, options.kind)
+        first, last = options.child
+        child(options.seed, first, last, options.kind)
         return 0
     if options.only is not None:
         found: dict[str, Any] = {"defects": [(options.only, "requested")]}

@@ -47,10 +47,10 @@ def _panel(series: Series, left: int, top: int) -> list[str]:
     low, high = min(y.min(), fitted.min(), 0.0), max(y.max(), fitted.max(), math.log(2))
 
     def across(value: float) -> float:
-        return left + LEFT + wide * (value - x[0]) / (x[-1] - x[0])
+        return float(left + LEFT + wide * (value - x[0]) / (x[-1] - x[0]))
 
     def up(value: float) -> float:
-        return top + TOP + tall * (1 - (value - low) / (high - low))
+        return float(top + TOP + tall * (1 - (value - low) / (high - low)))
 
     middle = 'text-anchor="middle"'
     out = [

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-@njit
+@njit  # type: ignore[untyped-decorator]
 def _factor(indptr: Ints, indices: Ints, data: Floats) -> None:
     """Replace the lower triangle, rows sorted and the diagonal last in each, by its incomplete factor."""
     for i in range(len(indptr) - 1):
@@ -37,7 +37,7 @@ def _factor(indptr: Ints, indices: Ints, data: Floats) -> None:
             data[at] = np.sqrt(total) if at == diagonal else total / data[indptr[k + 1] - 1]
 
 
-@njit
+@njit  # type: ignore[untyped-decorator]
 def _solve(indptr: Ints, indices: Ints, data: Floats, right: Floats) -> Floats:
     x = right.copy()
     for i in range(len(x)):

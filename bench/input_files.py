@@ -123,12 +123,12 @@ def _loose(glb: bytes) -> bytes:
 def _backdrop(glb: bytes) -> bytes:
     """Return the mesh over a ground plane of ten times its width."""
     document, primitive = _open(glb)
-    corner = np.float32([[-1, 0, -1], [-1, 0, 1], [1, 0, -1], [1, 0, 1]]) * [10, 1, 10] - [0, 1.5, 0]
+    corner = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, -1], [1, 0, 1]], np.float32) * [10, 1, 10] - [0, 1.5, 0]
     plane = {
         "POSITION": document.append_accessor(corner.astype(np.float32), bounds=True),
         "TEXCOORD_0": document.append_accessor(corner[:, ::2].astype(np.float32)),
     }
-    view = document.append_view(np.uint16([0, 1, 2, 2, 1, 3]).tobytes(), 34963)
+    view = document.append_view(np.array([0, 1, 2, 2, 1, 3], np.uint16).tobytes(), 34963)
     document.items("accessors").append({"bufferView": view, "componentType": 5123, "count": 6, "type": "SCALAR"})
     indices = len(document.items("accessors")) - 1
     document.root["meshes"].append({"primitives": [{"attributes": plane, "indices": indices, "material": 0}]})

@@ -168,8 +168,7 @@ def _moebius(size: float, across: int, special: str) -> Input:
     out = (wide / across - 0.5) * 0.6
     radius = 1 + out * np.cos(turn / 2)
     verts = np.stack([radius * np.sin(turn), out * np.sin(turn / 2), radius * np.cos(turn)], -1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(n), np.arange(across), indexing="ij")
-    i, j = i.reshape(-1), j.reshape(-1)
+    i, j = (each.reshape(-1) for each in np.meshgrid(np.arange(n), np.arange(across), indexing="ij"))
     # The last column joins the first one upside down.
     last = i == n - 1
     a, b = i * (across + 1) + j, i * (across + 1) + j + 1

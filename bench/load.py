@@ -23,6 +23,7 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -101,11 +102,9 @@ class Clients:
         mine = made.json()["id"] if made is not None and made.status_code == 202 else ids[-1]
         for turn in range(rounds):
             other = ids[(number * 7919 + turn * 104_729) % len(ids)]
-            await self._timed("get", 200, lambda other=other: http.get(f"/v1/jobs/{other}"))
+            await self._timed("get", 200, partial(http.get, f"/v1/jobs/{other}"))
             await self._timed("get", 200, lambda: http.get(f"/v1/jobs/{mine}"))
-            await self._timed(
-                "events", 200, lambda other=other: http.get(f"/v1/jobs/{other}/events", params={"format": "json"})
-            )
+            await self._timed("events", 200, partial(http.get, f"/v1/jobs/{other}/events", params={"format": "json"}))
             await self._timed("list", 200, lambda: http.get("/v1/jobs", params={"limit": 20}))
 
     async def _timed(

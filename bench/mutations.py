@@ -255,7 +255,7 @@ def _json_values(chance: random.Random, data: bytes) -> bytes:
 def _odd(chance: random.Random, old: Any) -> Any:
     if isinstance(old, int | float) and chance.random() < 0.7:
         return chance.choice([*_NUMBERS, *_FLOATS, *_TYPES])
-    one = chance.choice([None, True, False, {}, [], chance.choice(_NUMBERS), chance.choice(_FLOATS)])
+    one: object = chance.choice([None, True, False, {}, [], chance.choice(_NUMBERS), chance.choice(_FLOATS)])
     texts = chance.choice(_TEXTS)
     return chance.choice([one, texts, [one], {"count": one, "bufferView": 0}, [texts], [0, 1, 2], {"extensions": one}])
 

@@ -92,7 +92,7 @@ class Deployment(Cluster):
                 print(f"    {name}, status {part.process.poll()}, says last:", part.log[-2000:], sep="\n", flush=True)
             raise
 
-    def start_worker(self, name: str = "worker", **environment: str) -> Part:  # type: ignore[override]
+    def start_worker(self, name: str = "worker", **environment: str) -> Part:
         """Start a supervisor with a worker of the kind that is tried."""
         if not self.real:
             return super().start_worker(name, **environment)
@@ -157,8 +157,8 @@ class Outages:
         self.redis = stack.enter_context(running_redis(base))
         url = f"postgresql://meshdeform@127.0.0.1:{self.bouncer.port}/service"
         environment = {"MESHDEFORM_FETCH_NETWORKS": "127.0.0.0/8", **settings}
-        more = {"storage_url": "s3://outages/some/prefix", "environment": environment}
-        self.cluster = Deployment(base, self.redis, database_url=url, **more)
+        bucket = "s3://outages/some/prefix"
+        self.cluster = Deployment(base, self.redis, database_url=url, storage_url=bucket, environment=environment)
         self.cluster.real, self.cluster.slow_host = real, stack.enter_context(slow_host())
         stack.callback(self.cluster.clean_up)
         if upgrade:
@@ -394,7 +394,10 @@ class Jobs:
                 named = {**request, "asset": {"url": self._cluster.slow_host}}
                 answer = httpx.post(url, json=named, headers=headers, timeout=60.0)
             else:
-                files = {"asset": ("sphere.glb", SPHERE.read_bytes()), "request": (None, json.dumps(request))}
+                files: dict[str, tuple[str | None, bytes | str]] = {
+                    "asset": ("sphere.glb", SPHERE.read_bytes()),
+                    "request": (None, json.dumps(request)),
+                }
                 answer = httpx.post(url, files=files, headers=headers, timeout=60.0)
             if answer.status_code in (200, 202):
                 return str(answer.json()["id"])

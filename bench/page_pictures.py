@@ -15,7 +15,8 @@ from typing import Any
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from tests.acceptance.service import serving
-from tests.browser.conftest import CHROMIUM_ARGUMENTS, DEADLINE_MS, chromium_path
+from tests.browser.conftest import CHROMIUM_ARGUMENTS, chromium_path
+from tests.browser.steps import DEADLINE_MS
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"

@@ -133,7 +133,8 @@ class _Rig:
         """Add a clip that turns joints about an axis by angles, in radians, at equal times."""
         times = np.linspace(0, WALK_S, 5).astype(np.float32)
         at = self.accessor(times, "SCALAR", 5126, min=[0.0], max=[float(times[-1])])
-        samplers, channels = [], []
+        samplers: list[dict[str, int]] = []
+        channels: list[dict[str, object]] = []
         for joint, (axis, angles) in turns.items():
             rotation = np.zeros((5, 4), np.float32)
             rotation[:, axis], rotation[:, 3] = np.sin(np.array(angles) / 2), np.cos(np.array(angles) / 2)

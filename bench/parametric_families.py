@@ -182,9 +182,9 @@ def _bicycle(member: Member, draw: Draw) -> None:
         tank = [(0.32, 0.62, 0), (0.1, 0.66, 0), (-0.15, 0.6, 0)]
         member.add("tank", "frame", tube(tank, [(0.08, 0.09), (0.13, 0.14), (0.08, 0.09)]))
         member.add("motor", "frame", box((-0.2, 0.2, -0.12), (0.2, 0.5, 0.12)))
-    long, side = (draw(0.28, 0.36), 0.12) if motor else (draw(0.12, 0.16), draw(0.06, 0.09))
+    long, half = (draw(0.28, 0.36), 0.12) if motor else (draw(0.12, 0.16), draw(0.06, 0.09))
     sx, sy = saddle[0], saddle[1]
-    member.add("saddle", "saddle", box((sx - long, sy, -side), (sx + long * 0.8, sy + draw(0.04, 0.07), side)))
+    member.add("saddle", "saddle", box((sx - long, sy, -half), (sx + long * 0.8, sy + draw(0.04, 0.07), half)))
     reach, up = draw(0.25, 0.34), head[1] + draw(0.06, 0.14)
     bar = [(head[0] - 0.08, up, -reach), (head[0], up, -0.1), (head[0], up, 0.1), (head[0] - 0.08, up, reach)]
     member.add("handlebar", "handlebar", tube(bar, [(0.02, 0.02)] * 4, rows=13))
@@ -202,9 +202,13 @@ def family(name: str, count: int, seed: int = 0, *, kinds: Sequence[str] | None 
         random = np.random.default_rng([seed, number])
         kind = kinds[number % len(kinds)]
         member = Member(f"{name[:-1]}_{number:04d}.glb", kind)
-        _MAKERS[name](member, lambda low, high, random=random: float(random.uniform(low, high)))
+        _MAKERS[name](member, _uniform(random))
         made.append(member)
     return made
+
+
+def _uniform(random: np.random.Generator) -> Draw:
+    return lambda low, high: float(random.uniform(low, high))
 
 
 def packed(members: Sequence[Member]) -> bytes:

@@ -123,7 +123,7 @@ def renderer_action(mesh: TriangleMesh, style: RenderStyle) -> Callable[[], None
 
     def both() -> None:
         leaf = verts_of(mesh).clone().requires_grad_()
-        renderer.render(leaf, cameras).square().sum().backward()
+        renderer.render(leaf, cameras).square().sum().backward()  # type: ignore[no-untyped-call]
 
     return both
 
@@ -183,7 +183,7 @@ def fits() -> None:
     source, goal = icosphere(4), load(ROOT / "examples" / "vase.glb")
     rest = CameraFrame.around(source.verts).place(source)
     target = aligned(goal, rest).place_mesh(goal)
-    methods = {"ours": lambda: ours(rest, target, "balanced")}
+    methods: dict[str, Callable[[], Floats]] = {"ours": lambda: ours(rest, target, "balanced")}
     methods |= {
         name: lambda method=method: peer(method)(rest, target)  # type: ignore[misc]
         for name, method in (("Amberg", nricp_amberg), ("Sumner", nricp_sumner))
@@ -223,7 +223,7 @@ def growth(guidance: ScoreDistillation, repeats: int) -> list[Series]:
     def solve(faces: float) -> Callable[[], object]:
         mesh = sphere_of(faces)
         system, jacobians = PoissonSystem(mesh), identity_jacobians(len(mesh.faces)).requires_grad_()
-        return lambda: solve_linear(system, jacobians).backward(verts_of(mesh))
+        return lambda: solve_linear(system, jacobians).backward(verts_of(mesh))  # type: ignore[no-untyped-call]
 
     def sphere_of(faces: float) -> TriangleMesh:
         return icosphere(round(np.log(faces / 20) / np.log(4)), RADIUS)

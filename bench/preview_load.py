@@ -74,10 +74,14 @@ class Load:
     async def read(self, key: str) -> None:
         """Let the service read the asset for an owner."""
         async with self.client(key) as http:
-            sent = {"asset": ("animal.glb", self._asset), "request": (None, json.dumps({"prompt": "longer legs"}))}
+            sent = self._upload("longer legs")
             while (answer := await http.post("/v1/jobs:preview", files=sent)).status_code in (429, 503):
                 await asyncio.sleep(1)  # whoever else reads it
             answer.raise_for_status()
+
+    def _upload(self, prompt: str) -> dict[str, tuple[str | None, bytes | str]]:
+        """Return the parts of a form with the asset and a request."""
+        return {"asset": ("animal.glb", self._asset), "request": (None, json.dumps({"prompt": prompt}))}
 
     async def _follow(self, http: httpx.AsyncClient, prompt: str) -> None:
         """Ask for what the page shows after a draft: the exact shape, and other designs."""
@@ -108,8 +112,7 @@ class Load:
         async with self.client(key) as http:
             while time.monotonic() < until or not found:
                 begun = time.perf_counter()
-                sent = {"asset": ("animal.glb", self._asset), "request": (None, json.dumps({"prompt": PROMPTS[0]}))}
-                answer = await http.post("/v1/jobs", files=sent)
+                answer = await http.post("/v1/jobs", files=self._upload(PROMPTS[0]))
                 answer.raise_for_status()
                 path = f"/v1/jobs/{answer.json()['id']}"
                 while not (state := JobState((await http.get(path)).json()["state"])).terminal:
@@ -124,7 +127,9 @@ class Load:
         await asyncio.gather(*map(self.read, keys[1:]))
         until = time.monotonic() + seconds
         people = (self.person(key, every_s, until) for key in keys[1:])
-        return (await asyncio.gather(self.jobs(keys[0], until), self.change(keys[1], until), *people))[0]
+        others = asyncio.gather(self.change(keys[1], until), *people)
+        found, _ = await asyncio.gather(self.jobs(keys[0], until), others)
+        return found
 
 
 def main() -> None:

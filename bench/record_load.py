@@ -243,7 +243,8 @@ def main() -> None:
             cleanup.callback(record.close)
             fill(record, count, options.queued)
             records.append(record)
-        ask(*records, options.only)
+        small, large = records
+        ask(small, large, options.only)
 
 
 if __name__ == "__main__":

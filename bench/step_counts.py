@@ -40,11 +40,11 @@ STEPS = 5
 Counts = dict[str, float]
 
 
-class _Operations(TorchDispatchMode):
+class _Operations(TorchDispatchMode):  # type: ignore[no-untyped-call]
     """Count torch's kernels and the bytes of what they make."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__()  # type: ignore[no-untyped-call]
         self.number, self.made = 0, 0
 
     def __torch_dispatch__(

@@ -86,12 +86,13 @@ class Clock:
             begun = time.process_time()
             action()
             return time.process_time() - begun
-        begin, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
+        begin = torch.cuda.Event(enable_timing=True)  # type: ignore[no-untyped-call]
+        end = torch.cuda.Event(enable_timing=True)  # type: ignore[no-untyped-call]
         begin.record()
         action()
         end.record()
         torch.cuda.synchronize(self._device)
-        return begin.elapsed_time(end) / 1e3
+        return float(begin.elapsed_time(end)) / 1e3
 
 
 def measure(prior: StableDiffusionPrior, repeats: int) -> dict[str, tuple[float, float]]:
@@ -106,7 +107,7 @@ def measure(prior: StableDiffusionPrior, repeats: int) -> dict[str, tuple[float,
             prior.encode_image(picture)
 
     def encode_both() -> None:
-        prior.encode_image(picture.clone().requires_grad_()).sum().backward()
+        prior.encode_image(picture.clone().requires_grad_()).sum().backward()  # type: ignore[no-untyped-call]
 
     def predict() -> None:
         prior.predict_noise(noisy, torch.tensor([500]), embedding, cameras)

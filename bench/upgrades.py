@@ -14,6 +14,7 @@ import sys
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import httpx
 import sqlalchemy as sa
@@ -27,6 +28,13 @@ STEPS, LONG = 12, 1200
 """Steps of a job, and of one that an old worker has not done before the new version has started."""
 _STEP_S = {"old": "0.1", "new": "0.001"}
 WORKER = ("-m", "tests.fake_worker", "--supervised")
+
+
+class Limits(TypedDict, total=False):
+    """Limits of a job, as its request has them."""
+
+    max_run_s: float
+    deadline_s: float
 
 
 class Versions(Cluster):
@@ -48,10 +56,10 @@ class Versions(Cluster):
         """The address of a version's API."""
         return f"http://127.0.0.1:{self.ports[version]}"
 
-    def send_job(self, version: str, steps: int = STEPS, **more: object) -> str:
+    def send_job(self, version: str, steps: int = STEPS, **limits: Unpack[Limits]) -> str:
         """Post a job to a version's API."""
         self.http.base_url = httpx.URL(self.url(version))
-        answer = self.post(steps, **more)
+        answer = self.post(steps, **limits)
         assert answer.status_code == 202, f"{version}: {answer.text}"
         return str(answer.json()["id"])
 

@@ -45,7 +45,8 @@ def _run(asked: argparse.Namespace) -> None:
     """Read the assets whose files are there, print a line for each, and draw them."""
     # Of the code that was loaded: the files may change while it runs.
     code = code_digest()
-    here, images, results = files(asked.folder), [], {}
+    here, images = files(asked.folder), []
+    results: dict[str, dict[str, object]] = {}
     for each in listed(asked.split, asked.only):
         if each.sha256 not in here:
             print(f"{each.name:20} is not there", flush=True)

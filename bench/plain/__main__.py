@@ -28,7 +28,7 @@ from bench.plain.measure import judged, outside
 from meshdeform.assets import Asset, load_asset
 from meshdeform.errors import MeshdeformError
 from meshdeform.rendering.studio import Studio, SurfaceState
-from meshdeform.requests.document import JobRequest
+from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs import text_deform
 from meshdeform.runs.base import JobFile, job_input
 from meshdeform.runs.changes import asked_changes
@@ -87,6 +87,7 @@ def outcome(each: Listed, asset: Asset, row: Row) -> Made:
     try:
         request = JobRequest.model_validate({"prompt": row.sentence})
         resolved = TEXT_DEFORM.check(request, Settings(), {"asset": JobFile()})
+        assert isinstance(resolved, ResolvedParams)
         if asked_changes(row.sentence, resolved) is None:
             return Made("other", "is read as a prompt")
         artifacts = text_deform.start(job_input(each.data, each.filename, request)).finish()
