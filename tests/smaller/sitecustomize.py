@@ -19,10 +19,12 @@ SMALLER: dict[str, dict[str, Any]] = {
     "meshdeform.reading.banks": {"_WISHED": 48, "_WISHED_WITH_ATTRIBUTES": 24},
     "meshdeform.rendering.studio": {"_SIZE": 32},
     "meshdeform.runs.rehearsal": {"rehearse": lambda: None},
+    "service.jobs.previews": {"PREVIEW_S": 600.0},
 }
 """What takes a short job longer than its steps: previews, the samples by which it fits and measures fits, the members
 that it chooses an exemplar from, the grid that points are made a surface on, and what a worker does before its first
-job, which the jobs of most tests do not need."""
+job, which the jobs of most tests do not need. A preview gives way to all else, so that beside other tests
+it may take as long as only a hang would."""
 
 
 class _Changing(Loader):
