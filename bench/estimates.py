@@ -108,9 +108,7 @@ def fitted(rows: Sequence[Row]) -> Costs:
     one = np.ones(len(rows))
     once, step = (np.array([row[name] for row in rows]) for name in ("once", "step"))
     costs = []
-    # Only fits to exemplars deform all faces of a large mesh.
-    of_step = mesh[:, [1, 2, 0]] if rows[0]["kind"].endswith("exemplar") else mesh[:, 1:]
-    for known, took in ((mesh[:, :1], once), (of_step, step)):
+    for known, took in ((mesh[:, :1], once), (mesh[:, 1:], step)):
         shares = np.column_stack([one, known]) / took[:, None]
         found = nnls(shares, one)[0]
         costs += [float(f"{cost:.3g}") for cost in found / np.median(shares @ found)]

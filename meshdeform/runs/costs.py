@@ -51,17 +51,17 @@ class Costs:
     # adds if the asset has several meshes
     step: float = 1.0
     guard: float = 0.0
-    parts: float = 0.0
+    several: float = 0.0
 
     def seconds(self, faces: int | None, meshes: int | None, safeguard: str | None) -> Seconds:
         """Return the cost of a job with a mesh of so many faces, of so many meshes, None where unknown."""
         large, guarded, several = features(faces, meshes, safeguard)
-        of_step = self.step + guarded * self.guard + several * self.parts
+        of_step = self.step + guarded * self.guard + several * self.several
         return Seconds(self.once + large * self.faces, of_step)
 
 
 def features(faces: int | None, meshes: int | None, safeguard: str | None) -> tuple[float, float, float]:
-    """Return the factors of `Costs.faces`, `guard` and `parts`."""
+    """Return the factors of `Costs.faces`, `guard` and `several`."""
     count = _USUAL_FACES if faces is None else faces
     guarded = safeguard not in (None, Safeguard.NONE)
     deformed = _DEFORMED_FACES if count > _LARGE else count
