@@ -25,6 +25,17 @@ if TYPE_CHECKING:
 SLOW = {"offline": False, "latency": 300, "downloadThroughput": 50_000, "uploadThroughput": 50_000}
 
 
+# The worker is asked for no level until `unfoldNow`.
+_LEVELS_WAIT = """
+const post = Worker.prototype.postMessage, held = [];
+Worker.prototype.postMessage = function (message, ...more) {
+  if (message?.task === "level" && window.unfoldNow) held.push(() => post.call(this, message, ...more));
+  else post.call(this, message, ...more);
+};
+window.unfoldNow = () => { delete window.unfoldNow; held.forEach((send) => send()); };
+"""
+
+
 @pytest.fixture(scope="module")
 def fitted(service: Service, small_sphere: Path) -> str:
     """A finished job of this kind."""
@@ -97,6 +108,18 @@ def test_points_are_fitted_from_the_form_and_edited(page: Page, watch: Watch, se
     expect(steps).to_have_value("4")
     expect(page.get_by_label("Octaves", exact=True)).to_have_value("1")
     expect(page.locator("#asset-facts")).to_contain_text("cloud.ply")
+
+
+@pytest.mark.without_pictures
+def test_nothing_can_be_done_with_a_mesh_before_it_is_there(page: Page, fitted: str) -> None:
+    page.add_init_script(_LEVELS_WAIT)
+    page.goto(f"/?job={fitted}")
+    expect(page.get_by_label("Level", exact=True)).to_be_visible()
+    kept = page.locator(".stage-keep")
+    expect(kept).to_be_hidden()
+    page.evaluate("unfoldNow()")
+    expect(kept).to_be_visible()
+    expect(page.locator(".field-facts")).to_contain_text("this level unfolded in")
 
 
 @pytest.mark.without_pictures

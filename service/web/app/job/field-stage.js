@@ -49,8 +49,6 @@ export class FieldStage extends PictureStage {
     this.opened = null;
     /** @type {import("../../viewer/field-worker.js").Level | null} The level that is shown. */
     this.shown = null;
-    /** @type {ArrayBuffer | null} */
-    this.glb = null;
     /** Path of the newest shape of a running job. */
     this.path = "";
     this.opening = false;
@@ -103,7 +101,7 @@ export class FieldStage extends PictureStage {
       this.worker = new FieldWorker();
       const opened = (this.opened = await this.worker.ask("open", { bytes: data }, [data]));
       this.levels.input.max = String(opened.levels);
-      this.levels.row.hidden = this.tools.hidden = this.keep.hidden = false;
+      this.levels.row.hidden = this.tools.hidden = false;
       // The base at once, then level by level, unless someone chooses one meanwhile.
       let level = 0;
       do {
@@ -147,29 +145,29 @@ export class FieldStage extends PictureStage {
   /** @param {number} level */
   async _unfold(level) {
     const found = /** @type {import("../../viewer/field-worker.js").Level} */ (await this.worker.ask("level", { level }));
-    this.glb = found.glb;
     const drawn = await this.box.load(found.glb.slice(0), "glb", true);
     if (this.scope.over) return;
     if (!drawn) this._isFlat();
     this.shown = found;
+    this.keep.hidden = false; // before, there is nothing to keep
     this._tell();
   }
 
   /** Say what came over the wire, what was made of it, and how long that took. */
   _tell() {
     const { opened, shown } = this;
-    if (!opened || !shown || !this.glb) return;
+    if (!opened || !shown) return;
     this.levels.input.value = String(this.wanted);
     this.levels.value.textContent = String(shown.level);
     this.levels.input.setAttribute("aria-valuetext", `Level ${shown.level}, ${counted(shown.faces, "triangle")}`);
     fill(this.box.tag, `Level ${shown.level} · ${counted(shown.faces, "triangle")}`);
     const ms = milliseconds;
-    this.facts.textContent = `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}. As a GLB it has ${bytes(this.glb.byteLength)}.`;
+    this.facts.textContent = `${bytes(opened.bytes)} loaded and read in ${ms(opened.readMs)}; this level unfolded in ${ms(shown.ms)}. As a GLB it has ${bytes(shown.glb.byteLength)}.`;
   }
 
   /** The level that is shown. */
   _mesh() {
-    return this.glb && this.shown ? { bytes: this.glb, name: `${this.stem}-level${this.shown.level}.glb` } : null;
+    return this.shown && { bytes: this.shown.glb, name: `${this.stem}-level${this.shown.level}.glb` };
   }
 
   _picture() {

@@ -109,7 +109,7 @@ function save(url, name) {
 /**
  * Buttons that save a mesh which was made here, and that hand it to the form; the latter not for who looks by a link, and may start nothing.
  * @param {string} label Of the first.
- * @param {() => {bytes: ArrayBuffer, name: string} | null} mesh Returns a GLB; null while there is none.
+ * @param {() => {bytes: ArrayBuffer, name: string} | null} mesh Returns a GLB; null while there is none, and then whoever shows the buttons hides them.
  */
 export function meshButtons(label, mesh) {
   const made = () => {
