@@ -30,8 +30,9 @@ from meshdeform.deformation.stand_in import stand_in_of
 from meshdeform.exemplar.engine import ExemplarFit
 from meshdeform.exemplar.shapes import Shape, Wish, frame_of
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure, measure_fit
+from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.target_distance import measure_fit
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.target import TargetGuide

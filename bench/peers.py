@@ -33,11 +33,12 @@ from bench.fit import load, ours, peer
 from bench.growth_chart import Series, draw, exponent
 from bench.incomplete_cholesky import IncompleteCholesky
 from meshdeform.deformation.differentiable import identity_jacobians, solve_linear
+from meshdeform.deformation.factor import factorise
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.poisson import PoissonSystem, factorise
+from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.quality import measure_fit
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.target_distance import measure_fit
 from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.alignment import aligned
 from meshdeform.guidance.sds import ScoreDistillation

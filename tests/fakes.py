@@ -22,7 +22,8 @@ from meshdeform.geometry.appearance import Appearance, Paint
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.tensors import faces_of, verts_of
-from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.rendering.views import combine_views
 
 if TYPE_CHECKING:
     from meshdeform.rendering.cameras import Cameras

@@ -13,10 +13,10 @@ __all__ = ["MODULES", "page"]
 
 _ROOT = Path(__file__).resolve().parents[2]
 _FOLDERS = {
-    "geometry": "weld junctions shapes intersections quality",
-    "deformation": "poisson degrees_of_freedom lattice_field rigid_bodies constraints stand_in binding variables "
-    "regularizers loop surface_guard path edit_map",
-    "rendering": "cameras shading rasterizer",
+    "geometry": "weld junctions shapes intersections quality texture_stretch structure_changes target_distance",
+    "deformation": "poisson factor jacobians degrees_of_freedom lattice lattice_field details_on_faces rigid_bodies "
+    "constraints stand_in binding variables regularizers loop surface_guard path rotation_vectors bridges edit_map",
+    "rendering": "cameras views shading scenes normal_colours rasterizer interpolation antialiasing",
     "guidance": "sds alignment target points silhouettes",
     "runs": "prompts",
     "assets": "placement rig attached",
@@ -24,7 +24,7 @@ _FOLDERS = {
     "exemplar": "choosing posture pieces affine_maps axis_maps side_maps blending splines smooth_fit surface_fit "
     "sprouts mending invertible relaxing clay spherical borrowing outlook",
     "kinds/surface_fit": "surface_sources oriented_points collapse network fitting scalar_fields intrinsic",
-    "kinds/families": "collection inference machine learning sampling boundary cut assembly placing",
+    "kinds/families": "collection template inference machine learning sampling boundary cut assembly placing",
 }
 MODULES = [f"meshdeform/{folder}/{name}" for folder, names in _FOLDERS.items() for name in names.split()]
 """Files whose docstrings hold the method, without their ending."""

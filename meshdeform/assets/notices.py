@@ -31,7 +31,7 @@ _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 _LONG_EDGE = 1 / 3
 """Length of an edge, as a share of the longest side of the bounding box, above which a triangle is too large. A lattice
-has 24 cells on that side (`lattice_field.CELLS`), so such an edge is a chord across at least eight of them."""
+has 24 cells on that side (`lattice.CELLS`), so such an edge is a chord across at least eight of them."""
 _MOSTLY = 0.5
 _ROUNDED = 2e-5
 """Step between 32-bit floats, as a share of the asset's diagonal, from which its shape is told to be rounded."""

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from meshdeform.deformation.poisson import jacobians_from_verts
+from meshdeform.deformation.jacobians import jacobians_from_verts
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_cross, face_normals
 from meshdeform.geometry.nearest_points import NearestPoints
 

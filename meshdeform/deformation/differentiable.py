@@ -5,15 +5,30 @@ All of them are linear, so each has a gradient that is exact: its transpose.
 
 from __future__ import annotations
 
+from typing import Protocol
+
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy import sparse
 from torch import Tensor
 from torch.autograd.function import FunctionCtx, once_differentiable
 
 from meshdeform.deformation.constraints import VertexPlacement
-from meshdeform.deformation.poisson import LinearSystem
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.tensors import sparse_product
+
+_Floats = NDArray[np.float64]
+
+
+class LinearSystem(Protocol):
+    """A linear map from Jacobians to positions, and its transpose."""
+
+    def solve(self, jacobians: _Floats) -> _Floats:
+        """Return the positions (N, 3) for Jacobians (E, 3, 3)."""
+
+    def solve_transposed(self, gradient: _Floats) -> _Floats:
+        """Return the gradient (E, 3, 3) for a gradient (N, 3) on the positions."""
 
 
 def solve_linear(system: LinearSystem, jacobians: Tensor, known: Tensor | None = None) -> Tensor:

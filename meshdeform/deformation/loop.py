@@ -47,7 +47,8 @@ from meshdeform.geometry.nearest_points import NearestPoints
 from meshdeform.geometry.tensors import arrays_of, faces_of, tensors_of
 from meshdeform.guidance.base import Guidance, RegionalGuidance, ShapeGuidance, StepContext, torch_threads_for
 from meshdeform.rendering.cameras import CameraRange, Framing
-from meshdeform.rendering.shading import Renderer, Shading, combine_views, sample_orthogonal_cameras
+from meshdeform.rendering.shading import Renderer, Shading
+from meshdeform.rendering.views import combine_views, sample_orthogonal_cameras
 
 _PULLS = "pulls"
 _REACHED = 1e-8

@@ -13,37 +13,19 @@ stays there. The ends are exact: t = 0 is the rest mesh and t = 1 the result, bi
 
 Sources: Sumner et al. 2005, Mesh-Based Inverse Kinematics (rotations interpolated by their logarithms, the rest
 linearly); Xu et al. 2006, Poisson Shape Interpolation.
-
-Find rotation vectors of Jacobians, of which neighbours agree.
-
-The rotation R of a Jacobian J = R S (S symmetric) has many logarithms: about the axis n by theta + 2 pi k for every
-integer k. Taken alone, two neighbours that are turned by slightly less and slightly more than pi would turn in opposite
-directions. So each takes the logarithm nearest to that of a neighbour, from the least rotated one outwards along the
-pairs that differ least (phase unwrapping along a minimum spanning tree).
-
-Connect the components of an asset, so that a path carries them together.
-
-A Poisson solve places every connected component separately. Bridges are short lines between points of different
-components: the edges of the Delaunay tetrahedra of points on the whole surface. Each has its own map along the path,
-which turns with the surface at its ends, and the components are placed where the bridges fit best.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
-from scipy.sparse.linalg import splu
-from scipy.spatial import Delaunay
-from scipy.spatial.transform import Rotation
 
-from meshdeform.deformation.poisson import PoissonSystem, completed_jacobians, jacobians_from_verts
+from meshdeform.deformation.bridges import Bridges, ComponentShifts
+from meshdeform.deformation.jacobians import completed_jacobians, jacobians_from_verts
+from meshdeform.deformation.poisson import PoissonSystem
+from meshdeform.deformation.rotation_vectors import rotation_matrices, rotation_vectors
 from meshdeform.errors import ShapeError
-from meshdeform.geometry.kernels import kernel
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
 _STILL = 0.05
@@ -55,18 +37,8 @@ _MOST_AROUND = 100
 """Faces around a vertex of which all pairs are listed."""
 
 _Floats = NDArray[np.float64]
-_FLAT = 1e-4
-"""Second singular value, relative to the first, below which a Jacobian does not determine a rotation."""
-_UNCERTAIN = 10.0
-"""Length of a pair one of whose members has no rotation of its own; longer than any angle."""
-_SHORTEST = 1e-3
-_FULL_TURN = 2 * math.pi
 _Flags = NDArray[np.bool_]
 _Index = NDArray[np.int64]
-_POINTS, _FEWEST, _MOST = 4000, 16, 40_000
-_JITTER = 1e-4
-_SOFTENING = 0.01
-"""Length, relative to the diagonal, below which bridges no longer gain weight by being shorter."""
 
 
 class ShapePath:
@@ -187,189 +159,3 @@ def _group_means(weights: _Floats, values: _Floats, groups: NDArray[np.int64]) -
     total = np.bincount(groups, weights)
     sums = [np.bincount(groups, weights * column) for column in values.T]
     return np.stack(sums, 1) / total[:, None]
-
-
-def polar_rotations(jacobians: _Floats) -> tuple[_Floats, _Flags]:
-    """Return the rotations (F, 3, 3) of the polar decompositions, and whether each Jacobian determines its own."""
-    u, size, vh = np.linalg.svd(jacobians)
-    mirrored = np.linalg.det(u @ vh) < 0
-    u[mirrored, :, 2] *= -1
-    return u @ vh, size[:, 1] > _FLAT * np.maximum(size[:, 0], np.finfo(float).tiny)
-
-
-def rotation_matrices(vectors: _Floats) -> _Floats:
-    """Return the rotations (F, 3, 3) about the vectors (F, 3) by their lengths in radians."""
-    return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
-
-
-def rotation_vectors(jacobians: _Floats, known: _Flags, pairs: sparse.csr_matrix) -> _Floats:
-    """Return rotation vectors (F, 3), in radians, of which neighbours agree; their lengths may exceed pi.
-
-    `jacobians` is (F, 3, 3) float64. `known`, (F,) bool: false where the Jacobian means nothing; such an element turns
-    like a neighbour. `pairs`, sparse (F, F): nonzero for neighbours. Pairs with larger values are used only where
-    smaller ones do not connect the elements.
-    """
-    rotations, determined = polar_rotations(jacobians)
-    known = known & determined
-    own = np.asarray(Rotation.from_matrix(rotations).as_rotvec())
-    own[~known] = 0.0
-    graph = sparse.triu(pairs, 1).tocoo()
-    relative = (rotations[graph.row] * rotations[graph.col]).sum((1, 2))
-    length = np.arccos(np.clip((relative - 1) / 2, -1, 1)) + _SHORTEST + _UNCERTAIN * (graph.data - 1)
-    length = np.where(known[graph.row] & known[graph.col], length, _UNCERTAIN * graph.data)
-    tree = minimum_spanning_tree(sparse.csr_matrix((length, (graph.row, graph.col)), shape=pairs.shape))
-    angle = np.where(known, np.linalg.norm(own, axis=1), np.inf)
-    order, parents = _orders(tree, angle)
-    vectors = own.copy()
-    _unwrap(order, parents, known, vectors)
-    return vectors
-
-
-def _orders(tree: sparse.csr_matrix, angle: _Floats) -> tuple[_Index, _Index]:
-    """Return an order in which every element follows its parent in the forest, and the parents; -1 for roots."""
-    # Each tree is rooted at its least angle.
-    _, labels = sparse.csgraph.connected_components(tree, directed=False)
-    by_angle = np.lexsort((angle, labels))
-    _, first = np.unique(labels[by_angle], return_index=True)
-    count = len(angle)
-    # One more element, joined to all roots, makes the forest a tree.
-    roots = by_angle[first]
-    joined = sparse.coo_matrix((np.ones(len(roots)), (roots, np.full(len(roots), count))), (count + 1, count + 1))
-    edges = sparse.coo_matrix(tree)
-    edges.resize((count + 1, count + 1))
-    order, parents = breadth_first_order((joined + edges).tocsr(), count, directed=False)
-    parents = np.where(parents == count, -1, parents)[:count]
-    return order[1:].astype(np.int64), parents.astype(np.int64)
-
-
-@kernel
-def _unwrap(order: _Index, parents: _Index, known: _Flags, vectors: _Floats) -> None:
-    """Replace each vector by its equivalent nearest to the parent's."""
-    for element in order:
-        parent = parents[element]
-        if parent < 0:
-            continue
-        if not known[element]:
-            vectors[element] = vectors[parent]
-            continue
-        vector, before = vectors[element], vectors[parent]
-        angle = math.sqrt((vector**2).sum())
-        length = math.sqrt((before**2).sum())
-        if angle < 1e-6:
-            # The axis is arbitrary: turn about the parent's, by whole turns.
-            turns = round(length / _FULL_TURN)
-            vectors[element] = before * (turns * _FULL_TURN / length) if turns else vector
-            continue
-        axis = vector / angle
-        turns = round(((axis * before).sum() - angle) / _FULL_TURN)
-        vectors[element] = (angle + _FULL_TURN * turns) * axis
-
-
-@dataclass(frozen=True)
-class Bridges:
-    """Lines between points of different components."""
-
-    faces: _Index  # (B, 2) int64: the faces on which each bridge begins and ends
-    components: _Index  # (B, 2) int64: their components, of `RestMesh.joined`
-    # sparse (B, V): weights of the vertices that give the end points
-    begins: sparse.csr_matrix
-    ends: sparse.csr_matrix
-    weights: _Floats  # (B,) float64: larger for shorter bridges
-
-    @classmethod
-    def of(cls, rest: RestMesh) -> Bridges:
-        """Return the bridges of a mesh: none if it is connected. The same mesh always has the same ones."""
-        faces, verts = rest.faces, rest.verts
-        of_face = rest.components[faces[:, 0]]
-        if (of_face == of_face[0]).all():
-            return cls._between(
-                rest, np.empty((0, 2), np.int64), np.empty(0, np.int64), sparse.csr_matrix((0, len(verts)))
-            )
-        random = np.random.default_rng(0)
-        face = _chosen_faces(rest, of_face, random)
-        points = _on_faces(faces[face], len(verts), random)
-        positions = points @ verts
-        size = float(np.linalg.norm(np.ptp(positions, axis=0)))
-        # Points in one plane have no tetrahedra.
-        tetrahedra = Delaunay(positions + random.normal(0, _JITTER * size, positions.shape)).simplices
-        pairs = np.concatenate([tetrahedra[:, [i, j]] for i in range(4) for j in range(i)])
-        pairs = pairs[of_face[face[pairs[:, 0]]] != of_face[face[pairs[:, 1]]]]
-        return cls._between(rest, np.unique(np.sort(pairs, 1), axis=0).astype(np.int64), face, points)
-
-    @classmethod
-    def _between(cls, rest: RestMesh, pairs: _Index, face: _Index, points: sparse.csr_matrix) -> Bridges:
-        of_face = rest.joined[rest.faces[:, 0]]
-        begins, ends = points[pairs[:, 0]], points[pairs[:, 1]]
-        verts = rest.verts
-        length = np.linalg.norm((ends - begins) @ verts, axis=1)
-        soft = _SOFTENING * float(np.linalg.norm(np.ptp(verts, axis=0)))
-        owners = face[pairs]
-        return cls(owners, of_face[owners], begins, ends, 1 / (length**2 + soft**2))
-
-    def __len__(self) -> int:
-        return len(self.faces)
-
-    def lines(self, verts: _Floats) -> _Floats:
-        """Return the vectors (B, 3) from the beginnings to the ends."""
-        return np.asarray(self.ends @ verts - self.begins @ verts)
-
-    def pairs(self, count: int) -> sparse.coo_matrix:
-        """Return the pairs of faces (F, F) that are joined, one for each."""
-        first, second = np.unique(np.sort(self.faces, 1), axis=0).T
-        return sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(count, count))
-
-
-class ComponentShifts:
-    """Translations of components that fit the bridges best.
-
-    `count`: number of components. Those without a bridge, and one of each connected group, do not move. `groups`, (C,)
-    int64: the group of components, connected by bridges, to which each belongs.
-    """
-
-    def __init__(self, bridges: Bridges, count: int) -> None:
-        number = len(bridges)
-        rows = np.repeat(np.arange(number), 2)
-        self._difference = sparse.csr_matrix(
-            (np.tile([-1.0, 1.0], number), (rows, bridges.components.ravel())), shape=(number, count)
-        )
-        self._weighted = (self._difference.T @ sparse.diags(bridges.weights)).tocsr()
-        laplacian = (self._weighted @ self._difference).tocsc()
-        _, self.groups = sparse.csgraph.connected_components(laplacian, directed=False)
-        self._free = np.ones(count, bool)
-        self._free[np.unique(self.groups, return_index=True)[1]] = False
-        free = np.flatnonzero(self._free)
-        self._factor = splu(laplacian[free][:, free]) if len(free) else None
-        self._count = count
-
-    def translations(self, missing: _Floats) -> _Floats:
-        """Return the translations (C, 3) for what is missing of each bridge (B, 3): its goal less what it is."""
-        moved = np.zeros((self._count, 3))
-        if self._factor is not None:
-            moved[self._free] = self._factor.solve((self._weighted @ missing)[self._free])
-        return moved
-
-
-def _chosen_faces(rest: RestMesh, of_face: _Index, random: np.random.Generator) -> _Index:
-    """Return faces for points on all components: in proportion to the area, and some on each."""
-    areas = rest.areas
-    total = np.bincount(of_face, areas)
-    components = np.unique(of_face)
-    fewest = max(1, min(_FEWEST, _MOST // len(components)))
-    counts = np.maximum(fewest, np.rint(_POINTS * total[components] / max(total.sum(), np.finfo(float).tiny)))
-    order = np.argsort(of_face, kind="stable")
-    bounds = np.searchsorted(of_face[order], components), np.searchsorted(of_face[order], components, "right")
-    chosen = []
-    for begin, end, number in zip(*bounds, counts.astype(int), strict=True):
-        own = order[begin:end]
-        share = areas[own] / areas[own].sum() if areas[own].sum() > 0 else np.full(len(own), 1 / len(own))
-        chosen.append(random.choice(own, number, p=share))
-    return np.concatenate(chosen)
-
-
-def _on_faces(corners: _Index, count: int, random: np.random.Generator) -> sparse.csr_matrix:
-    """Return weights (P, V) of a random point on each of the faces (P, 3)."""
-    root, along = np.sqrt(random.random(len(corners))), random.random(len(corners))
-    weights = np.stack([1 - root, root * (1 - along), root * along], 1)
-    return sparse.csr_matrix(
-        (weights.ravel(), corners.ravel(), np.arange(len(corners) + 1) * 3), shape=(len(corners), count)
-    )

@@ -23,156 +23,29 @@ float64. To keep what they connect together, each of their edges e is a weak spr
 w = 1e-6 longest edge / |e|, dimensionless like the cotangents. Springs have zero energy under every deformation with
 consistent Jacobians, and a vertex on the long edge of a collapsed face follows that edge linearly. If the factorisation
 still fails, the threshold for collapsed faces is raised to 30 and then to 1,000 times its value.
-
-QDLDL (Apache-2.0) computes the factor; the triangular solves are our own, for all three coordinates at once.
-
-The linear systems of a surface and of a lattice
-------------------------------------------------
-A grounded Laplacian is factored as L D L^T, sparsely. QDLDL computes the factor, but solves for one right-hand side per
-call. The triangular solves are therefore compiled here for all three coordinates in one pass over L. They are serial
-and in a fixed order, so every run gives the same bits.
-
-Source: Davis 2006, Direct Methods for Sparse Linear Systems, chapters 3 and 4.
-
-Jacobians of the piecewise-linear map rest -> deformed
-------------------------------------------------------
-A map of a surface determines how edges are mapped, but not what happens along the normal. Three kinds of Jacobian
-follow. That of the map itself sends the rest normal to zero. The optimisation's variables are full 3x3 matrices, of
-which the Poisson solve uses the tangential part. Those that transform the asset's normals are completed to full rank.
-
-Source: Aigerman et al. 2022, Neural Jacobian Fields, eq. 2.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
-
 import numpy as np
-import qdldl
 from numpy.typing import NDArray
 from scipy import sparse
 
+from meshdeform.deformation.factor import Factor, factorise
 from meshdeform.errors import NumericalError, ShapeError
 from meshdeform.geometry import COLLAPSED_SHAPE
 from meshdeform.geometry.kernels import kernel
-from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals
+from meshdeform.geometry.mesh import RestMesh, TriangleMesh
 
 _Floats = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
-_SMALLEST_PIVOT = 1e-13
-"""Smallest pivot relative to its diagonal entry; below this, cancellation has consumed all digits."""
 
 _SHAPES = (COLLAPSED_SHAPE, 30 * COLLAPSED_SHAPE, 1000 * COLLAPSED_SHAPE)
 _SPRING = 1e-6
 
 _SHORTEST = 1e-3
 """Lower bound of an edge length of a collapsed face, relative to its longest edge."""
-
-
-@dataclass(frozen=True)
-class Factor:
-    """Factorisation P A P^T = (I + L) D (I + L)^T of the free rows of a matrix."""
-
-    n_rows: int  # number of rows of the whole matrix, including the grounded ones
-    free: _Index  # row of the whole matrix for each row of the factor
-    # L in compressed columns, without its unit diagonal
-    indptr: _Index
-    indices: _Index
-    data: _Floats
-    inverse_pivots: _Floats
-
-    def solve(self, right: _Floats) -> _Floats:
-        """Solve for right-hand sides (n_rows, 3) float64; grounded rows of the solution are zero."""
-        out = np.zeros((self.n_rows, 3))
-        _solve(self.indptr, self.indices, self.data, self.inverse_pivots, self.free, np.ascontiguousarray(right), out)
-        return out
-
-
-def factorise(matrix: sparse.csr_matrix, free: _Index) -> Factor | None:
-    """Factor the symmetric matrix without its grounded rows.
-
-    Parameters
-    ----------
-    matrix : (N, N) float64
-    free : (n,) int64
-        The rows that are not grounded.
-
-    Returns
-    -------
-    Factor, or None if the matrix is not positive definite to float64 precision.
-    """
-    if not len(free):
-        none = np.zeros(0, np.int64)
-        return Factor(matrix.shape[0], none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0))
-    system = matrix[free][:, free].tocsc()
-    if not np.isfinite(system.data).all():
-        return None
-    try:
-        lower, pivots, order = qdldl.Solver(system).factors()
-    except RuntimeError:
-        return None
-    order = np.asarray(order, np.int64)
-    if not (pivots > _SMALLEST_PIVOT * system.diagonal()[order]).all() or not np.isfinite(lower.data).all():
-        return None
-    lower.sort_indices()
-    return Factor(
-        matrix.shape[0],
-        free[order],
-        lower.indptr.astype(np.int64),
-        lower.indices.astype(np.int64),
-        lower.data,
-        1.0 / pivots,
-    )
-
-
-@kernel
-def _solve(
-    indptr: _Index,
-    indices: _Index,
-    data: _Floats,
-    inverse_pivots: _Floats,
-    free: _Index,
-    right: _Floats,
-    out: _Floats,
-) -> None:
-    n = free.size
-    work = np.empty((n, 3))
-    for i in range(n):
-        for c in range(3):
-            work[i, c] = right[free[i], c]
-    for j in range(n):
-        x, y, z = work[j, 0], work[j, 1], work[j, 2]
-        for k in range(indptr[j], indptr[j + 1]):
-            value, i = data[k], indices[k]
-            work[i, 0] -= value * x
-            work[i, 1] -= value * y
-            work[i, 2] -= value * z
-    for j in range(n - 1, -1, -1):
-        pivot = inverse_pivots[j]
-        x, y, z = work[j, 0] * pivot, work[j, 1] * pivot, work[j, 2] * pivot
-        for k in range(indptr[j], indptr[j + 1]):
-            value, i = data[k], indices[k]
-            x -= value * work[i, 0]
-            y -= value * work[i, 1]
-            z -= value * work[i, 2]
-        work[j, 0] = x
-        work[j, 1] = y
-        work[j, 2] = z
-    for i in range(n):
-        for c in range(3):
-            out[free[i], c] = work[i, c]
-
-
-class LinearSystem(Protocol):
-    """A linear map from Jacobians to positions, and its transpose."""
-
-    def solve(self, jacobians: _Floats) -> _Floats:
-        """Return the positions (N, 3) for Jacobians (E, 3, 3)."""
-
-    def solve_transposed(self, gradient: _Floats) -> _Floats:
-        """Return the gradient (E, 3, 3) for a gradient (N, 3) on the positions."""
 
 
 class PoissonSystem:
@@ -368,46 +241,3 @@ def _springs(mesh: TriangleMesh, thin: NDArray[np.int64]) -> tuple[sparse.csr_ma
     columns = (3 * np.repeat(thin, 3)[:, None] + np.arange(3)).ravel()
     stretch = sparse.csr_matrix((edges.ravel(), (np.repeat(row, 3), columns)), shape=(count, 3 * len(faces)))
     return differences, stretch, weights
-
-
-def jacobians_from_verts(gradient_operator: sparse.csr_matrix, verts: _Floats) -> _Floats:
-    """Compute the per-face Jacobians of the piecewise-linear map rest -> verts.
-
-    Parameters
-    ----------
-    gradient_operator : sparse (3F, V) float64
-        Gradient of the *rest* mesh, 1 / object unit.
-    verts : (V, 3) float64
-        Deformed positions, object units.
-
-    Returns
-    -------
-    (F, 3, 3) float64, dimensionless: ``edge_new = J @ edge_old`` for the edges of each face. Along the rest normal,
-    which the map does not determine, ``J @ n = 0``; `completed_jacobians` fills that direction. Of a collapsed face,
-    only the longest edge is mapped.
-
-    Raises
-    ------
-    ShapeError
-        `verts` does not have one row for each column of the operator.
-    """
-    if verts.shape != (gradient_operator.shape[1], 3):
-        raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {verts.shape}")
-    return np.ascontiguousarray((gradient_operator @ verts).reshape(-1, 3, 3).transpose(0, 2, 1))
-
-
-def completed_jacobians(mesh: TriangleMesh, verts: _Floats) -> _Floats:
-    """Compute Jacobians (F, 3, 3) that also map the rest normal to the deformed one, stretched like the face.
-
-    ``J = J_tangential + sqrt(area_new / area_old) * n_new n_old^T``: the thickness follows the in-plane scale, so a
-    uniform scaling by s gives exactly ``s I`` and a rotation exactly the rotation. A face that is collapsed at rest
-    gets the identity; one that has lost its area gets no normal part. `mesh`: at rest. Of a `RestMesh`, the operators
-    are computed once however often this is called. `verts`, (V, 3) float64: deformed positions.
-    """
-    rest = RestMesh.of(mesh)
-    tangential = jacobians_from_verts(rest.gradient, verts)
-    solid = rest.areas > 0
-    stretch = np.sqrt(face_areas(verts, rest.faces) / np.where(solid, rest.areas, 1.0))
-    n_old, n_new = rest.normals, face_normals(verts, rest.faces)
-    normal_part = (stretch[:, None] * n_new)[:, :, None] * n_old[:, None, :]
-    return np.where(solid[:, None, None], tangential + normal_part, np.eye(3))

@@ -32,9 +32,9 @@ from torch import Tensor
 
 from meshdeform.deformation.constraints import UNCONSTRAINED, Constraints
 from meshdeform.deformation.degrees_of_freedom import DegreesOfFreedom, Hierarchy, OwnJacobians
-from meshdeform.deformation.differentiable import jacobians_of, placed_by, solve_linear
+from meshdeform.deformation.differentiable import LinearSystem, jacobians_of, placed_by, solve_linear
 from meshdeform.deformation.handles import Handles
-from meshdeform.deformation.poisson import LinearSystem, PoissonSystem
+from meshdeform.deformation.poisson import PoissonSystem
 from meshdeform.deformation.regularizers import Regularizers
 from meshdeform.deformation.structure import Structure
 from meshdeform.errors import CheckpointError

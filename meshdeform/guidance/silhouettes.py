@@ -33,7 +33,8 @@ from meshdeform.geometry.tensors import faces_of
 from meshdeform.guidance.base import Guidance, HeavyGuidance, StepContext
 from meshdeform.guidance.masks import SIDE, PlacedMask, placed_masks
 from meshdeform.rendering.cameras import Cameras
-from meshdeform.rendering.rasterizer import CoverageRenderer, projected
+from meshdeform.rendering.coverage import CoverageRenderer
+from meshdeform.rendering.rasterizer import projected
 from meshdeform.rendering.shading import RenderStyle
 
 _DISTANCE_WEIGHT = 8.0

@@ -28,7 +28,8 @@ from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.base import StepContext
 from meshdeform.guidance.landmarks import Landmark, diagonal_of
 from meshdeform.guidance.points import EVERY_STEPS, LandmarkTerm, PointTerm
-from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.rendering.views import combine_views
 
 TARGET_STYLE = RenderStyle(view_size=64, supersample=2, shading="normals", background=(0.0, 0.0, 0.0))
 _COLOUR_SCALE = 0.1

@@ -15,7 +15,7 @@ from meshdeform.assets.silhouette import read_silhouette
 from meshdeform.errors import ParameterError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.pictures import SilhouetteView
-from meshdeform.geometry.quality import measure_fit
+from meshdeform.geometry.target_distance import measure_fit
 from meshdeform.geometry.weld import weld
 from meshdeform.guidance.alignment import Alignment, aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.landmarks import Landmark, diagonal_of, landmark_distances

@@ -12,7 +12,7 @@ from typing import Any
 from meshdeform.geometry.intersections import TooManyPairsError
 from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.moved_cuts import newly_cut
-from meshdeform.geometry.quality import measure_structure
+from meshdeform.geometry.structure_changes import measure_structure
 
 LIMITS = {
     "asymmetry": 0.01,  # of the diagonal: a leg or a wheel is seen to be longer than its mirror image
@@ -41,7 +41,7 @@ def kept_structure(
 
     `source` and `result`: with the same faces, +Y up; `quality`: the fields of
     `meshdeform.geometry.quality.MeshQuality` for these two; `of_parts`: whether only parts were changed, which may have
-    stood in others. Returns dict: the fields of `meshdeform.geometry.quality.Structure`, `cut_share` (of the faces; 0
+    stood in others. Returns dict: the fields of `StructureChanges`, `cut_share` (of the faces; 0
     if not counted; of parts beyond the limit without cuts that moved on), `flipped_faces` and `opened_junctions`.
     """
     cuts = quality["self_intersections_added"] or 0

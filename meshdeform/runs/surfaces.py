@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from meshdeform.assets import Asset, Limits, Surface, load_asset
 from meshdeform.assets.placement import unit_rows
 from meshdeform.assets.subdivide import MAX_TRIANGLES, Subdivision
-from meshdeform.deformation.poisson import completed_jacobians
+from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.errors import AssetEmptyError, ParameterError
 from meshdeform.geometry.mesh import TriangleMesh, face_cross
 from meshdeform.geometry.weld import WeldedMesh, weld

@@ -20,7 +20,8 @@ from meshdeform.deformation.structure import is_convex
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.geometry.congruence import closest_motion
 from meshdeform.geometry.mesh import RestMesh
-from meshdeform.geometry.quality import MeshQuality, TextureStretch, measure, measure_texture_stretch, texel_corners
+from meshdeform.geometry.quality import MeshQuality, measure
+from meshdeform.geometry.texture_stretch import TextureStretch, measure_texture_stretch, texel_corners
 from meshdeform.geometry.weld import WeldedMesh
 from meshdeform.plain.table import WHOLE
 from meshdeform.priors import public_name

@@ -23,8 +23,8 @@ from meshdeform.errors import NotFoundError, RangeError, StoredFileError
 from meshdeform.record.models import Artifact
 from meshdeform.storage import sign_path, verify_path
 from service.documentation.responses import BYTES, CALLER_ERRORS, header
-from service.http.auth import SIGNING_KEY, Viewer, lifetime_s, viewer
 from service.http.errors import problem_responses
+from service.http.links import SIGNING_KEY, Viewer, lifetime_s, viewer
 from service.state import AppState, AppStateDep
 
 _ONE_RANGE = re.compile(r"\s*bytes\s*=\s*([0-9]{0,18})\s*-\s*([0-9]{0,18})\s*", re.IGNORECASE)

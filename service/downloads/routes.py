@@ -12,7 +12,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 
 from meshdeform.api.jobs import ArtifactList, ArtifactView, CheckpointList, CheckpointView, SignedUrl
-from meshdeform.api.states import MAX_FILENAME
+from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.assets.inspect import asset_format
 from meshdeform.assets.pose import Pose
 from meshdeform.errors import (
@@ -49,9 +49,11 @@ from service.downloads.responses import (
     signed_url,
 )
 from service.downloads.variants import MAX_STRENGTH, STRENGTH_STEP, Variant
-from service.http.auth import PrincipalDep, ViewerDep
-from service.http.bodies import clean_filename, receive_file
+from service.http.auth import PrincipalDep
+from service.http.bodies import receive_file
 from service.http.errors import KNOWN_QUERY, answers, problem_responses
+from service.http.forms import clean_filename
+from service.http.links import ViewerDep
 from service.state import AppState, AppStateDep
 
 artifacts = APIRouter(prefix="/v1/jobs/{id}/artifacts", tags=["artifacts"], dependencies=KNOWN_QUERY)

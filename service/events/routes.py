@@ -22,8 +22,9 @@ from meshdeform.record.changes import JobPosition
 from meshdeform.record.models import Event
 from service.documentation.responses import WAITED, JobId
 from service.events.waiting import JobWaiters, Prefer, applied, preferred_wait, wait_here
-from service.http.auth import Gate, ViewerDep, still_opens
+from service.http.auth import Gate
 from service.http.errors import KNOWN_QUERY, problem_responses
+from service.http.links import ViewerDep, still_opens
 from service.state import AppState, AppStateDep
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ import anyio
 from anyio import CancelScope, CapacityLimiter, to_thread
 from fastapi import Header, Request
 
-from meshdeform.api.states import MAX_WAIT_S
+from meshdeform.api.limits import MAX_WAIT_S
 from meshdeform.errors import LimitError, UnavailableError
 from meshdeform.record.changes import JobPosition
 from meshdeform.record.models import Job

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self
 from fastapi import Header, Request
 from fastapi.responses import JSONResponse
 
-from meshdeform.api.states import MAX_KEY
+from meshdeform.api.limits import MAX_KEY
 from meshdeform.errors import UnavailableError
 from meshdeform.record.models import Claim
 from meshdeform.record.repository import JobRecord

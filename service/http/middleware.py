@@ -16,7 +16,7 @@ import anyio
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 
-from meshdeform.api.states import IDLE_S, MAX_DOCUMENT_BYTES
+from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError, RequestTimeoutError, readable_size
 from meshdeform.record.ids import new_id
 from meshdeform.support import telemetry

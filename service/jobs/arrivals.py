@@ -25,7 +25,7 @@ import anyio
 from anyio import to_thread
 
 from meshdeform import __version__
-from meshdeform.api.states import MAX_FETCH_S, MIN_BODY_RATE
+from meshdeform.api.limits import MAX_FETCH_S, MIN_BODY_RATE
 from meshdeform.errors import (
     AssetNotFetchedError,
     AssetTooLargeError,
@@ -38,7 +38,7 @@ from meshdeform.outgoing.addresses import Destination, find_destination, parse_n
 from meshdeform.outgoing.lookups import LOOKUP_S
 from meshdeform.record.fetching import FETCHING_S
 from meshdeform.record.models import JobError
-from service.http.bodies import ReceivedFile, clean_filename
+from service.http.forms import ReceivedFile, clean_filename
 from service.http.idempotency import Caller
 from service.jobs.documents import FileSource, PreviewSource
 from service.jobs.intake import Submission, complete_job

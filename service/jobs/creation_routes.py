@@ -12,7 +12,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 
 from meshdeform.api.documents import FoundParts, Validation
 from meshdeform.api.jobs import JobView
-from meshdeform.api.states import FETCH_SOON_S, MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
+from meshdeform.api.limits import FETCH_SOON_S, MAX_DOCUMENT_BYTES, MAX_INLINE_BYTES
 from meshdeform.errors import (
     ConflictError,
     DependencyError,
@@ -43,9 +43,10 @@ from service.documentation.responses import (
 )
 from service.events.waiting import Prefer, applied, preferred_wait, settled
 from service.http.auth import PrincipalDep
-from service.http.bodies import body_of, parse_document, receive_document, receive_form
+from service.http.bodies import body_of, parse_document, receive_document
 from service.http.callers import while_waited_for
 from service.http.errors import KNOWN_QUERY, answers, problem_responses
+from service.http.forms import receive_form
 from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer
 from service.jobs.arrivals import Arrivals, arriving, complete_later, with_inline_files
 from service.jobs.continuation import branch, retry

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
-from meshdeform.api.states import MAX_FILENAME, MAX_INLINE_BYTES, MAX_PREVIEWED
+from meshdeform.api.limits import MAX_FILENAME, MAX_INLINE_BYTES, MAX_PREVIEWED
 from meshdeform.outgoing.addresses import MAX_URL
 from meshdeform.record.ids import JOB_ID_PATTERN, id_pattern
 from meshdeform.requests.document import MAX_DEADLINE_S, JobRequest

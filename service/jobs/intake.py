@@ -48,7 +48,7 @@ from meshdeform.storage import StoredObject
 from meshdeform.support.failpoints import failpoint
 from meshdeform.words import Word, in_use, read_words
 from service.http.auth import Principal
-from service.http.bodies import ReceivedFile
+from service.http.forms import ReceivedFile
 from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
 from service.jobs.documents import FileReference, FileSource, JobDocument
 from service.jobs.estimates import JobSize, estimate

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshdeform.errors import AssetNotKeptError
-from service.http.bodies import ReceivedFile
+from service.http.forms import ReceivedFile
 
 _MOST_BYTES, _MOST_BYTES_PER_OWNER = 2 * 2**30, 256 * 2**20
 

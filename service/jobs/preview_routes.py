@@ -7,7 +7,7 @@ from typing import Annotated
 from anyio import to_thread
 from fastapi import APIRouter, Query, Request, Response
 
-from meshdeform.api.states import MAX_PREVIEWED, PREVIEW_S
+from meshdeform.api.limits import MAX_PREVIEWED, PREVIEW_S
 from meshdeform.errors import AssetNotKeptError, ConflictError, DependencyError, NumericalError, StoredFileError
 from service.documentation.responses import ASSET_ERRORS, BYTES, CALLER_ERRORS, REQUEST_ERRORS, form_body, header
 from service.http.auth import PrincipalDep

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from anyio import to_thread
 from fastapi import Request
 
-from meshdeform.api.states import PREVIEW_S
+from meshdeform.api.limits import PREVIEW_S
 from meshdeform.children.asking import ChildLostError
 from meshdeform.children.protocol import StoppedError
 from meshdeform.children.warm import Asked
@@ -20,8 +20,8 @@ from meshdeform.requests.document import JobRequest, ResolvedParams
 from meshdeform.runs.changes import asked_changes, is_change
 from meshdeform.runs.kept_readings import FolderReadings, key_of
 from meshdeform.words import in_use
-from service.http.bodies import ReceivedFile
 from service.http.callers import while_waited_for
+from service.http.forms import ReceivedFile
 from service.jobs.documents import PreviewDocument
 from service.jobs.intake import Submission, check, checked, ready
 from service.state import AppState

@@ -14,7 +14,7 @@ from fastapi.responses import JSONResponse
 from pydantic import AwareDatetime, BeforeValidator
 
 from meshdeform.api.jobs import JobList, JobView, SignedUrl, job_headers
-from meshdeform.api.states import MAX_PAGE, MAX_SEARCH
+from meshdeform.api.limits import MAX_PAGE, MAX_SEARCH
 from meshdeform.errors import ConflictError, NotFoundError, ParameterError, UnavailableError
 from meshdeform.record.models import Job, JobState
 from meshdeform.record.reconciler import remove_job
@@ -22,8 +22,9 @@ from meshdeform.requests.document import MAX_METADATA_ENTRIES, MAX_METADATA_NAME
 from service.documentation.responses import CALLER_ERRORS, ETAG, RETRY_AFTER, WAITED, JobId
 from service.downloads.responses import matches
 from service.events.waiting import Prefer, applied, preferred_wait, settled
-from service.http.auth import PrincipalDep, ViewerDep, job_link
+from service.http.auth import PrincipalDep
 from service.http.errors import KNOWN_QUERY, answers, problem_responses
+from service.http.links import ViewerDep, job_link
 from service.state import AppStateDep
 
 __all__ = ["JobId", "router", "shown"]

@@ -29,7 +29,7 @@ from meshdeform.errors import (
 from meshdeform.record.reconciler import remove_upload
 from meshdeform.record.uploads import Upload
 from meshdeform.storage import sign_path, verify_path
-from service.http.auth import SIGNING_KEY
+from service.http.links import SIGNING_KEY
 from service.state import AppState
 
 # This many bytes are written, and count as received, before more of the body is read.

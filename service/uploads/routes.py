@@ -25,10 +25,12 @@ from meshdeform.errors import (
 from meshdeform.record.reconciler import remove_upload
 from meshdeform.record.uploads import Upload
 from service.documentation.responses import CALLER_ERRORS, ONCE_ERRORS, REPLAY, header, json_body
-from service.http.auth import SIGNING_KEY, PrincipalDep
-from service.http.bodies import body_of, clean_filename, parse_document, receive_document
+from service.http.auth import PrincipalDep
+from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import KNOWN_QUERY, answers
+from service.http.forms import clean_filename
 from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer, claimed, request_hash
+from service.http.links import SIGNING_KEY
 from service.jobs.documents import UPLOAD_ID_PATTERN, UploadCompletion, UploadDocument
 from service.state import AppState, AppStateDep
 from service.uploads.receiving import authorize, complete, parse_content_range, receive_content, received_bytes, view

@@ -14,7 +14,7 @@ from meshdeform.requests.parameters import WORDS_FIELD, ExemplarParams
 from meshdeform.runs.word_pins import pinned, pins_of, words_named, words_of
 from meshdeform.words import ShapeSource, Word, read_words
 from meshdeform.words.limits import MAX_WORDS_BYTES
-from service.http.bodies import ReceivedFile
+from service.http.forms import ReceivedFile
 from service.state import AppState
 
 R = TypeVar("R", bound=JobRequest)

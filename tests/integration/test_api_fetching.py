@@ -15,7 +15,7 @@ import httpx
 import pytest
 import sqlalchemy as sa
 
-from meshdeform.api.states import MAX_DOCUMENT_BYTES
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetNotFetchedError, UnavailableError
 from meshdeform.record.fetching import Fetching
 from meshdeform.record.models import JobError, JobState, NewJob

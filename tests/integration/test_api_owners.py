@@ -42,7 +42,7 @@ def two(own_settings: Callable[..., Settings]) -> Iterator[tuple[Api, Api]]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(conftest, "create_app", application)
-        patch.setattr("service.http.auth.principal", named_too)
+        patch.setattr("service.http.links.principal", named_too)
         with conftest.serving_api(own_settings(max_upload_bytes=2**20)) as ann:
             ann.http.headers["x-owner"] = "ann"
             with httpx.Client(base_url=ann.url, timeout=240, headers={"x-owner": "bob"}) as other:

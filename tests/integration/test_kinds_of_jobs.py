@@ -18,7 +18,7 @@ from meshdeform.runs import check_request, kind_of
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput
 from meshdeform.settings import Settings
 from meshdeform.storage import ObjectStore
-from service.http.bodies import ReceivedFile
+from service.http.forms import ReceivedFile
 from service.jobs.documents import JobDocument
 from service.jobs.intake import Submission, check, missing_files
 from tests.fake_kind import FakeKind, _FakeRun

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from meshdeform.api.states import MAX_SEARCH
+from meshdeform.api.limits import MAX_SEARCH
 from meshdeform.cli.app import app
 from meshdeform.client import AsyncClient, Client
 from meshdeform.record.models import JobState, NewJob

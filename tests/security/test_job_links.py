@@ -16,7 +16,7 @@ from meshdeform.errors import UnauthorizedError
 from meshdeform.record.repository import JobRecord
 from meshdeform.settings import Settings
 from meshdeform.storage import sign_path
-from service.http.auth import SIGNING_KEY
+from service.http.links import SIGNING_KEY
 from tests.cases import each_case
 from tests.integration.conftest import Api, serving_api
 from tests.integration.http_calls import check_problem, finished_job, kept

@@ -14,7 +14,7 @@ from typing import Any
 
 SMALLER: dict[str, dict[str, Any]] = {
     "meshdeform.kinds.surface_fit.oriented_points": {"_MOST": 48},
-    "meshdeform.geometry.quality": {"_FIT_SAMPLES": 2000},
+    "meshdeform.geometry.target_distance": {"_FIT_SAMPLES": 2000},
     "meshdeform.guidance.points": {"SAMPLES": 2000},
     "meshdeform.reading.banks": {"_WISHED": 48, "_WISHED_WITH_ATTRIBUTES": 24},
     "meshdeform.rendering.studio": {"_SIZE": 32},

@@ -46,7 +46,8 @@ from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.tensors import face_normals, faces_of, verts_of
 from meshdeform.rendering.cameras import CameraRange, Framing
 from meshdeform.rendering.rasterizer import projected, rasterize
-from meshdeform.rendering.shading import sample_orthogonal_cameras, sample_scene
+from meshdeform.rendering.scenes import sample_scene
+from meshdeform.rendering.views import sample_orthogonal_cameras
 from meshdeform.requests.document import DeformParams, Preset, ResolvedParams, resolve
 from tests.cases import each_case
 from training.shapes import box

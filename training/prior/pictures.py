@@ -15,7 +15,8 @@ from torch import Tensor
 from meshdeform.nouns.deformed import Part
 from meshdeform.priors.builtin.prior import STYLE
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
-from meshdeform.rendering.shading import Renderer, combine_views, sample_orthogonal_cameras
+from meshdeform.rendering.shading import Renderer
+from meshdeform.rendering.views import combine_views, sample_orthogonal_cameras
 from meshdeform.vocabulary.grammar import ATTRIBUTES, Attribute, ParsedPrompt
 from meshdeform.vocabulary.words import OPPOSITES
 

@@ -15,7 +15,7 @@ import httpx
 
 from meshdeform.api.documents import UploadView
 from meshdeform.api.jobs import EventView
-from meshdeform.api.states import MAX_FILENAME
+from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.client.asynchronous.connection import AsyncConnection, pause, tell, work
 from meshdeform.client.documents import PartialFile, read, to_disk
 from meshdeform.client.events import EventOrder, EventStream, events_call

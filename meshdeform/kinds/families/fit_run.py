@@ -22,7 +22,7 @@ from meshdeform.geometry.mesh import TriangleMesh
 from meshdeform.geometry.tensors import arrays_of, tensors_of
 from meshdeform.kinds.families.collection import Collection, SampledShape, sample_shape
 from meshdeform.kinds.families.fit_description import READ_STEPS, total_steps
-from meshdeform.kinds.families.inference import Inference, Template, reading_prior
+from meshdeform.kinds.families.inference import Inference, reading_prior
 from meshdeform.kinds.families.learning import Learning
 from meshdeform.kinds.families.machine import BetaMachine
 from meshdeform.kinds.families.matching import correspondences, visible_points
@@ -30,6 +30,7 @@ from meshdeform.kinds.families.params import FamilyParams
 from meshdeform.kinds.families.reading import MemberReading, agreed_nouns, named_parts, read_member
 from meshdeform.kinds.families.results import FamilyResults, Unfinished, labels_of
 from meshdeform.kinds.families.rows import StandingShape, in_rows, simple_surface
+from meshdeform.kinds.families.template import Template
 from meshdeform.reading import NO_PART
 from meshdeform.runs.base import ArtifactData, JobRun, RunInput, params_of
 from meshdeform.runs.kept_readings import Readings

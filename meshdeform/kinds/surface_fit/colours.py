@@ -14,7 +14,7 @@ from meshdeform.assets import Asset
 from meshdeform.assets.build import Picture, Primitive, build_glb
 from meshdeform.deformation.surface_colours import baked_appearance, welded_appearance
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.quality import texel_corners
+from meshdeform.geometry.texture_stretch import texel_corners
 from meshdeform.geometry.weld import weld
 from meshdeform.kinds.surface_fit.base_places import within_base
 from meshdeform.kinds.surface_fit.level_files import smooth_normals

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from meshdeform.deformation.poisson import completed_jacobians, jacobians_from_verts
+from meshdeform.deformation.jacobians import completed_jacobians, jacobians_from_verts
 from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_areas, face_normals
 from meshdeform.geometry.shapes import icosphere

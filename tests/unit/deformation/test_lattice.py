@@ -10,7 +10,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from meshdeform.deformation.lattice_field import CELLS, MAX_CELLS, Lattice, LatticeField, pull_of_large_faces
+from meshdeform.deformation.details_on_faces import pull_of_large_faces
+from meshdeform.deformation.lattice import CELLS, MAX_CELLS, Lattice
+from meshdeform.deformation.lattice_field import LatticeField
 from meshdeform.deformation.loop import Deformation
 from meshdeform.deformation.regularizers import STRAINED
 from meshdeform.deformation.stand_in import chosen_carrier

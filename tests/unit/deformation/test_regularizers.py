@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from meshdeform.deformation.differentiable import identity_jacobians
+from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.deformation.loop import Deformation
-from meshdeform.deformation.poisson import completed_jacobians
 from meshdeform.deformation.regularizers import STRAINED, Pulls, Regularizers
 from meshdeform.geometry.mesh import TriangleMesh, edges_of
 from meshdeform.geometry.shapes import icosphere, join

@@ -12,8 +12,8 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from meshdeform.deformation import lattice_field
-from meshdeform.deformation.lattice_field import Lattice
+from meshdeform.deformation import lattice
+from meshdeform.deformation.lattice import Lattice
 from meshdeform.deformation.path import ShapePath
 from meshdeform.deformation.surface_guard import SurfaceGuard
 from meshdeform.deformation.variables import Adam, Elements, placed
@@ -185,7 +185,7 @@ def test_a_lattice_around_large_faces_is_coarser_and_says_so() -> None:
         found = Lattice.around(RestMesh.of(CROWD))
     assert found.coarse
     assert "coarser" in found.warnings[0]
-    assert count_samples(CROWD.verts, CROWD.faces, found.spacing / 2) <= lattice_field.MAX_SAMPLES
+    assert count_samples(CROWD.verts, CROWD.faces, found.spacing / 2) <= lattice.MAX_SAMPLES
     usual = Lattice.around(RestMesh.of(icosphere(3)))
     assert (usual.coarse, usual.warnings) == (False, [])
 

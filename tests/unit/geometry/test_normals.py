@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.deformation.poisson import completed_jacobians
+from meshdeform.deformation.jacobians import completed_jacobians
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh, face_cross
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.weld import weld

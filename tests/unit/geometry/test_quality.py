@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from meshdeform.assets.notices import coarse_share, coarseness_warnings
 from meshdeform.geometry.appearance import Appearance, Paint, Texture
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.quality import MeshQuality, face_stretch, measure, measure_texture_stretch, texel_corners
+from meshdeform.geometry.quality import MeshQuality, measure
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.texture_stretch import face_stretch, measure_texture_stretch, texel_corners
 from tests.cases import each_case
 from tests.creased import creased
 from training.shapes import box, grid, torus, uv_sphere

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from meshdeform.assets.notices import looks_z_up
 from meshdeform.geometry.congruence import closest_motion, components_of, congruent_groups, is_of_revolution
 from meshdeform.geometry.mesh import RestMesh, TriangleMesh
-from meshdeform.geometry.quality import measure_structure
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.structure_changes import measure_structure
 from tests.cases import each_case
 from training.evaluation.sources import SOURCES, source_mesh
 from training.shapes import box, lathe, torus

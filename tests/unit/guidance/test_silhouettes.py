@@ -19,7 +19,7 @@ from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.guidance.masks import placed_masks
 from meshdeform.guidance.silhouettes import SilhouetteGuide, SilhouetteTerm
 from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
-from meshdeform.rendering.rasterizer import CoverageRenderer
+from meshdeform.rendering.coverage import CoverageRenderer
 from tests.unit.deformation.worlds import params
 from training.shapes import box, lathe
 

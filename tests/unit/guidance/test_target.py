@@ -11,8 +11,9 @@ import torch
 from meshdeform.deformation.loop import Deformation
 from meshdeform.errors import AlignmentError, NumericalError, ShapeError
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure, measure_fit
+from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere, join
+from meshdeform.geometry.target_distance import measure_fit
 from meshdeform.geometry.tensors import face_cross, faces_of, verts_of
 from meshdeform.guidance.alignment import aligned, require_overlap, shared_coordinates
 from meshdeform.guidance.base import StepContext
@@ -20,7 +21,8 @@ from meshdeform.guidance.landmarks import Landmark, diagonal_of
 from meshdeform.guidance.points import PointTerm
 from meshdeform.guidance.target import TargetGuide
 from meshdeform.rendering.cameras import CameraFrame, fixed_cameras
-from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
+from meshdeform.rendering.shading import Renderer, RenderStyle
+from meshdeform.rendering.views import combine_views
 from meshdeform.requests.choices import Carrier
 from tests.cases import each_case
 from tests.close import assert_close

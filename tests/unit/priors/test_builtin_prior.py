@@ -24,7 +24,8 @@ from meshdeform.priors.builtin.prior import (
 )
 from meshdeform.priors.builtin.vocabulary import VOCABULARY, tokenise
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.shading import Renderer, combine_views
+from meshdeform.rendering.shading import Renderer
+from meshdeform.rendering.views import combine_views
 from meshdeform.support.files import file_sha256
 from meshdeform.vocabulary.grammar import parse
 from tests.cases import each_case

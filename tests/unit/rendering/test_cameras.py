@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from meshdeform.rendering.cameras import CameraRange, Cameras, Framing, fixed_cameras
-from meshdeform.rendering.shading import combine_views, sample_orthogonal_cameras
+from meshdeform.rendering.views import combine_views, sample_orthogonal_cameras
 from tests.cases import each_case
 
 

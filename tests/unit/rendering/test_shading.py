@@ -19,8 +19,9 @@ from meshdeform.geometry.shapes import icosphere, join
 from meshdeform.geometry.tensors import faces_of, verts_of
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.painted import PaintedRenderer, PaintedStyle
-from meshdeform.rendering.shading import Renderer, RenderStyle, combine_views
+from meshdeform.rendering.shading import Renderer, RenderStyle
 from meshdeform.rendering.studio import SurfaceState, preview_png
+from meshdeform.rendering.views import combine_views
 from tests.cases import each_case
 from tests.close import assert_close
 from tests.fakes import plain_appearance

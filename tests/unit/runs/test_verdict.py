@@ -11,8 +11,9 @@ from meshdeform.assets import build_glb
 from meshdeform.deformation.orientation import Orientation, OrientationSource
 from meshdeform.deformation.structure import Nature
 from meshdeform.geometry.mesh import TriangleMesh
-from meshdeform.geometry.quality import measure, measure_structure
+from meshdeform.geometry.quality import measure
 from meshdeform.geometry.shapes import icosphere
+from meshdeform.geometry.structure_changes import measure_structure
 from meshdeform.priors import load_prior
 from meshdeform.reading import Reading
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve

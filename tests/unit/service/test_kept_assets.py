@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from meshdeform.errors import AssetNotKeptError
-from service.http.bodies import ReceivedFile
+from service.http.forms import ReceivedFile
 from service.jobs.kept_assets import KeptAssets
 
 

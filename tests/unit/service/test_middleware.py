@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from meshdeform.api.states import MAX_DOCUMENT_BYTES
+from meshdeform.api.limits import MAX_DOCUMENT_BYTES
 from meshdeform.errors import AssetTooLargeError
 from meshdeform.support.telemetry import ACCESS_LOG
 from service.http.middleware import RequestFrame, request_id

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from meshdeform.errors import AssetTooLargeError, MeshdeformError, RequestError
-from service.http.bodies import FormFiles, ReceivedFile, receive_form
+from service.http.forms import FormFiles, ReceivedFile, receive_form
 from tests.cases import each_case
 
 KIND = "multipart/form-data; boundary=edge"

@@ -36,8 +36,9 @@ from service.documentation.responses import (
 )
 from service.downloads.responses import ConditionsDep, Download, download, download_responses, matches
 from service.http.auth import PrincipalDep
-from service.http.bodies import FormFiles, ReceivedFile, body_of, parse_document, receive_document, receive_form
+from service.http.bodies import body_of, parse_document, receive_document
 from service.http.errors import KNOWN_QUERY, answers, problem_responses
+from service.http.forms import FormFiles, ReceivedFile, receive_form
 from service.http.idempotency import Caller, IdempotencyKey
 from service.state import AppStateDep
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from meshdeform.api.states import MAX_FILENAME
+from meshdeform.api.limits import MAX_FILENAME
 from meshdeform.words.limits import MAX_SHAPES, MAX_SYNONYMS, MAX_TEXT
 from service.jobs.documents import FileReference
 

@@ -18,7 +18,7 @@ from meshdeform.kinds.words.routes.documents import WordDocument
 from meshdeform.record.words import KeptWord, NewWord
 from meshdeform.runs.kept_readings import samples_in
 from meshdeform.words import Word, WordOffer, check_names, read_like, read_name, read_words
-from service.http.bodies import ReceivedFile
+from service.http.forms import ReceivedFile
 from service.http.idempotency import Caller, KeptAnswer, claimed, request_hash
 from service.jobs.intake import fetch, store_file
 from service.state import AppState

@@ -11,18 +11,10 @@ from meshdeform.errors import ShapeError
 from meshdeform.geometry.mesh import TriangleMesh, edges_of
 from meshdeform.geometry.shapes import icosphere
 from meshdeform.geometry.tensors import faces_of, verts_of
+from meshdeform.rendering.antialiasing import SilhouetteEdges, antialias
 from meshdeform.rendering.cameras import fixed_cameras
-from meshdeform.rendering.rasterizer import (
-    EMPTY_DEPTH,
-    SilhouetteEdges,
-    antialias,
-    interpolate,
-    interpolate_torch,
-    projected,
-    rasterize,
-    rasterize_compiled,
-    rasterize_spans,
-)
+from meshdeform.rendering.interpolation import interpolate, interpolate_torch
+from meshdeform.rendering.rasterizer import EMPTY_DEPTH, projected, rasterize, rasterize_compiled, rasterize_spans
 from meshdeform.rendering.visibility import interpolated, nearest_faces
 from tests.cases import each_case
 from tests.close import assert_close
