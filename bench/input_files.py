@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.document import Document, read_accessor
+from meshdeform.assets.accessors import read_accessor
+from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
 
 __all__ = ["FILES"]

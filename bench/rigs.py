@@ -31,8 +31,9 @@ from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
 from meshdeform.assets import Asset, Limits, load_asset
+from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.document import Document
 from meshdeform.assets.placement import world_matrices
 from meshdeform.geometry.mesh import RestMesh
 from meshdeform.priors import load_prior

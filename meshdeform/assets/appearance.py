@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
+from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, read_floats, read_triangles
+from meshdeform.assets.document import Document
 from meshdeform.assets.materials import Image, Material, TextureUse, read_image, read_material
 from meshdeform.assets.surface import Block
 from meshdeform.errors import AssetError

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.archive import MODEL_3MF, Archive, open_archive
 from meshdeform.assets.build import Converted, Up
 from meshdeform.assets.bundle import pack_gltf
@@ -18,25 +19,16 @@ from meshdeform.assets.compressed import decode_draco, decode_meshopt
 from meshdeform.assets.container import GLB_MAGIC
 from meshdeform.assets.corners import corner_colors, corner_weights
 from meshdeform.assets.directions import rebuild_directions
-from meshdeform.assets.document import Document, Usage, read_floats
+from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import ZIPS, AssetSummary, asset_format, check_document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.morph import ANIMATION_NAME, MorphTarget, NewTargets, WeightTrack, straight
 from meshdeform.assets.notices import coarseness_warnings, find_backdrop, rounding_warnings, up_axis_warnings
 from meshdeform.assets.rig import NodeMove, RigMotion, joint_moves, joint_shares
-from meshdeform.assets.surface import (
-    Block,
-    Rig,
-    Surface,
-    SurfacePieces,
-    block_primitives,
-    read_pieces,
-    read_rig,
-    read_surface,
-    rig_accessors,
-    turned_nodes,
-)
+from meshdeform.assets.surface import Block, Surface, block_primitives, read_surface
+from meshdeform.assets.surface_pieces import Rig, SurfacePieces, read_pieces, read_rig, rig_accessors, turned_nodes
 from meshdeform.assets.unchecked import member_of
+from meshdeform.assets.usage import Usage
 from meshdeform.assets.writer import Finish, ShapeChange, embed_data_uris, write_shape, write_targets
 from meshdeform.errors import AssetFormatError
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.document import Document
 from meshdeform.errors import AssetError, ParameterError
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, Usage, accessor_slots, buffer_ranges, possible_references, view_slots
+from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import COMPONENT_BYTES, FLOAT, MESHOPT_EXTENSIONS, TYPE_COMPONENTS
+from meshdeform.assets.usage import Usage, accessor_slots, buffer_ranges, possible_references, view_slots
 
 _WORD = 4  # bytes; offsets keep their alignment
 

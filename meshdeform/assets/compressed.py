@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import DTYPES, read_floats, refresh_bounds
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import ARRAY_BUFFER, DTYPES, ELEMENT_ARRAY_BUFFER, Document, read_floats, refresh_bounds
+from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.inspect import (
     DRACO,
     FLOAT,

@@ -6,8 +6,9 @@ from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
+from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, read_floats, read_triangles
+from meshdeform.assets.document import Document
 from meshdeform.assets.placement import Floats, skin_weights
 from meshdeform.assets.surface import Block, block_primitives
 from meshdeform.errors import AssetError

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, read_floats, read_triangles
+from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import TRIANGLES, instances_of
 
 _Rows = NDArray[np.float64]

@@ -16,8 +16,9 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.document import Document
 from meshdeform.assets.surface import Block, LocalShape
 from meshdeform.assets.unchecked import animated, channels_of
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.document import Document
 from meshdeform.assets.placement import Floats, Matrix, inverse_binds, is_invertible, parents_of, world_matrices
 from meshdeform.assets.rig import NodeMove
 from meshdeform.assets.unchecked import animated, is_index, objects_in

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_accessor, read_triangles
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import Document, read_accessor, read_triangles
+from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import UNSIGNED_BYTE
 from meshdeform.assets.part_labels import Showing
 from meshdeform.assets.subdivide import drop_lists_of_edges

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_triangles
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import Document, read_triangles
+from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import GPU_INSTANCING
 from meshdeform.assets.part_labels import Showing
 from meshdeform.assets.subdivide import drop_lists_of_edges

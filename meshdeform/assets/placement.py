@@ -21,8 +21,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_accessor, read_floats
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, read_accessor, read_floats
+from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import GPU_INSTANCING, Instance, instance_count
 from meshdeform.errors import AssetError
 

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_accessor, read_floats, read_triangles
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import Document, read_accessor, read_floats, read_triangles
+from meshdeform.assets.document import Document
 from meshdeform.assets.inspect import TRIANGLES, instances_of
 from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.assets.references import MANIFOLD, drop_manifold, follow_copies

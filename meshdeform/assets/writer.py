@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json, clone
-from meshdeform.assets.document import Document, Usage, decode_data_uri, read_floats
+from meshdeform.assets.document import Document, decode_data_uri
 from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.morph import NewTargets, add_morph_targets
@@ -29,6 +30,7 @@ from meshdeform.assets.moved_nodes import move_nodes, world_shifts
 from meshdeform.assets.placement import Floats, unit_rows, world_matrices
 from meshdeform.assets.references import follow_copies, share_positions
 from meshdeform.assets.surface import Block, LocalShape, Surface, handedness, transformed_normals
+from meshdeform.assets.usage import Usage
 from meshdeform.errors import AssetError, NumericalError, ShapeError
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from meshdeform.assets import Asset
-from meshdeform.assets.surface import SurfacePieces
+from meshdeform.assets.surface_pieces import SurfacePieces
 from meshdeform.deformation.constraints import (
     TOLERANCE,
     Constraints,

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
 from meshdeform.children.protocol import StoppedError
 from meshdeform.requests.document import JobRequest, ResolvedParams

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from meshdeform.assets.surface import SurfacePieces
+from meshdeform.assets.surface_pieces import SurfacePieces
 from meshdeform.errors import ParameterError
 from meshdeform.requests.selection import (
     BoxParams,

@@ -21,7 +21,8 @@ import pytest
 from fastapi import FastAPI, Request
 
 from meshdeform.assets import build_glb, load_asset
-from meshdeform.assets.document import Document, read_floats
+from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
 from meshdeform.children.asking import ChildLostError
 from meshdeform.children.protocol import StoppedError

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Vt
 
+from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
-from meshdeform.assets.document import read_floats
 from meshdeform.assets.inspect import Instance
 from meshdeform.assets.placement import (
     Floats,

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from meshdeform.assets import Limits, load_asset
-from meshdeform.assets.document import Document, read_accessor
+from meshdeform.assets.accessors import read_accessor
+from meshdeform.assets.document import Document
 from tests.cases import each_case
 from tests.unit.assets.archives import packed
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_VERTS, Builder, pack, unpack

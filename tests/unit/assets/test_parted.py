@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from meshdeform.assets import load_asset
+from meshdeform.assets.accessors import read_accessor, read_triangles
 from meshdeform.assets.asset import Asset
 from meshdeform.assets.build import Primitive, build_glb
 from meshdeform.assets.container import dump_json
-from meshdeform.assets.document import read_accessor, read_triangles
 from meshdeform.assets.parted import PartLabels, PartsAs, parts_of, with_parts
 from meshdeform.assets.placement import world_matrices
 from meshdeform.errors import AssetError, ShapeError

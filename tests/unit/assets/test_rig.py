@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.surface import Rig
+from meshdeform.assets.surface_pieces import Rig
 from meshdeform.errors import ShapeError
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.document import Document, read_accessor
+from meshdeform.assets.accessors import read_accessor
+from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.subdivide import MAX_TRIANGLES, middles
 from meshdeform.geometry.mesh import edges_of

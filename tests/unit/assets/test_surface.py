@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import load_asset
-from meshdeform.assets.document import triangle_list
+from meshdeform.assets.accessors import triangle_list
 from meshdeform.errors import AssetEmptyError, AssetError, AssetNotFiniteError
 from tests.cases import each_case
 from tests.unit.assets.builders import QUAD_FACES, QUAD_NORMALS, QUAD_TANGENTS, QUAD_VERTS, Builder, quad

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from meshdeform.assets import Primitive, build_glb, load_asset
-from meshdeform.assets.document import Document, read_accessor
+from meshdeform.assets.accessors import read_accessor
+from meshdeform.assets.document import Document
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import CheckpointError, ParameterError
 from meshdeform.geometry.shapes import icosphere
