@@ -45,7 +45,7 @@ _DETAILS = {
 class NamedPart:
     """A part that words can name on a body."""
 
-    name: str  # as in a sentence: `legs`
+    name: str  # as in a sentence: `legs`; if people named it, as they call it
     found_by: str  # `given`, `joints`, `names` or `shapes`
     inside: Flags  # (F,) bool: the faces of the body that belong to it
     operations: tuple[str, ...]  # those of `words.OF_PARTS` that suit it
@@ -86,7 +86,7 @@ def find_parts(body: Body, read: Callable[[str], Sentence | None], sentence: Sen
         named = {part: name for part, name in named.items() if not _is_hidden(parts, part)}
     results: list[NamedPart] = []
     for part, name in named.items():
-        each = _find_part(parts, part, name, read)
+        each = _find_part(parts, part, _called(parts, part, name, read), read)
         if each is not None and not any(np.array_equal(each.inside, other.inside) for other in results):
             results.append(each)
     return results if sentence is not None else _disjoint(body, results)
@@ -151,6 +151,16 @@ def _least_left(part: NamedPart) -> float:
     return _LEFT_OF_KNOWN if part.name in _EVERYBODYS else _LEFT
 
 
+def _called(parts: BodyParts, part: str, name: str, read: Callable[[str], Sentence | None]) -> str:
+    """Return what people called a part, if sentences with that are read as changes of all of it; else its name."""
+    said = parts.read.said.get(part, name)
+    if said == name:
+        return name
+    sentence = _sentence(f"{said} {OF_PARTS['big'][0]} by 30 %", read)
+    changes = () if sentence is None else meant_of(parts, sentence)
+    return said if [(each.part, each.sides) for each in changes] == [(part, ())] else name
+
+
 def _find_part(parts: BodyParts, part: str, name: str, read: Callable[[str], Sentence | None]) -> NamedPart | None:
     """Return a part with the operations that suit it; None if there is none by this name."""
     body, moved, operations = parts.body, dict[str, Moved](), list[str]()
@@ -203,9 +213,14 @@ def _unchangeable(parts: BodyParts, part: str, name: str) -> NamedPart | None:
 
 def _is_read(parts: BodyParts, text: str, change: Change, read: Callable[[str], Sentence | None]) -> bool:
     """Return whether a sentence asks for one change, with the operation and the part of another."""
-    try:
-        sentence = read(text)
-    except PromptError:  # a name with words for opposites
-        return False
+    sentence = _sentence(text, read)
     changes = () if sentence is None else meant_of(parts, sentence)
     return [(each.operation, each.part) for each in changes] == [(change.operation, change.part)]
+
+
+def _sentence(text: str, read: Callable[[str], Sentence | None]) -> Sentence | None:
+    """Return what a sentence with a name asks for; None if it cannot be read, as with words for opposites."""
+    try:
+        return read(text)
+    except PromptError:
+        return None

@@ -61,6 +61,8 @@ class ReadParts:
             part = _in_a_sentence(name)
             self._painted[part] = self._painted.get(part, np.zeros(len(body.faces), bool)) | faces
         self._renamed = {_in_a_sentence(old): _in_a_sentence(new) for old, new in body.renamed.items()}
+        self.said = {_in_a_sentence(name): name.lower() for name in (*body.renamed.values(), *body.painted)}
+        """What people called the parts that they told of, as they wrote it: `stilts` of a stilt."""
         self._limbs: dict[str, Limb] = {}
 
     def is_given(self, part: str) -> bool:

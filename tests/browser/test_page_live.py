@@ -206,6 +206,7 @@ def test_a_server_that_makes_no_previews_is_asked_once(page: Page, service: Serv
     page.locator("#prompt").fill("a mushroom")
     until_asked(page, "it was asked", lambda: previews.asked != [])
     expect(page.locator(".live")).to_be_hidden()
+    expect(page.get_by_role("button", name="Run", exact=True)).to_be_visible()  # there is nothing to keep
     page.locator("#prompt").fill("a vase")
     expect(page.locator("#estimate")).to_contain_text("A fit")
     assert len(previews.asked) == 1

@@ -53,10 +53,29 @@ def painted(**parts: str) -> Body:
 def test_a_painted_part_is_just_what_was_painted() -> None:
     body = painted(antler="Head", leg="Leg_FL")
     listed = {part.name: part for part in find_parts(body, read_changes)}
-    assert set(listed) == {"horns", "legs"}
+    assert set(listed) == {"antler", "leg"}
     assert {part.found_by for part in listed.values()} == {"given"}
-    np.testing.assert_array_equal(listed["horns"].inside, faces_of("Head"))
-    np.testing.assert_array_equal(listed["legs"].inside, faces_of("Leg_FL"))
+    np.testing.assert_array_equal(listed["antler"].inside, faces_of("Head"))
+    np.testing.assert_array_equal(listed["leg"].inside, faces_of("Leg_FL"))
+
+
+@each_case(
+    "said, listed",
+    [
+        ("stilts", "stilts"),
+        ("Antlers", "antlers"),  # a horn, where sentences are read
+        ("horn", "horn"),
+        ("left stilts", "stilt"),  # of which none is to the left
+    ],
+)
+def test_a_part_is_called_what_people_call_it(said: str, listed: str) -> None:
+    """Or whoever said so cannot find it in the list."""
+    body = replace(body_of(plain_glb(BOXES)), painted={said: faces_of("Head")})
+    (part,) = find_parts(body, read_changes)
+    assert part.name == listed
+    assert part.operations
+    _, done = changed(body, f"bigger {listed}")
+    assert done.found_by == "given"
 
 
 def test_a_painted_part_grows_alone() -> None:
@@ -73,7 +92,7 @@ def test_what_is_painted_goes_before_what_is_read_and_two_names_become_one() -> 
     as_horn = replace(read, painted={"horn": faces_of("Tail")})
     listed = {part.name: part for part in find_parts(as_horn, read_changes)}
     assert "tail" not in listed
-    np.testing.assert_array_equal(listed["horns"].inside, faces_of("Tail"))
+    np.testing.assert_array_equal(listed["horn"].inside, faces_of("Tail"))
     joined = {part.name: part for part in find_parts(replace(read, renamed={"neck": "tail"}), read_changes)}
     separate = {part.name: part for part in find_parts(read, read_changes)}
     assert "neck" not in joined

@@ -315,7 +315,11 @@ export class Live {
     if (!(error instanceof MeshdeformError)) return say(this.note, "The view cannot show this file changed. The job changes it all the same.");
     if (error.code === "dependency_missing" || error.code === "not_found") this.able = false;
     // Of what is wrong with the form, its check says what.
-    if (!this.able || [404, 422].includes(error.status)) return this.clear();
+    if (!this.able || [404, 422].includes(error.status)) {
+      this.clear();
+      if (!this.able) this.does.shown(null); // a job is run from now on, not kept, also where no shape was shown
+      return;
+    }
     if (error.code !== "rate_limited") return say(this.note, plainWords(error.message) || error.title);
     say(this.note, "Waiting for its turn…");
     const { goal } = this.asked;
