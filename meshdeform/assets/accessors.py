@@ -1,6 +1,6 @@
 """Read accessors as arrays, including strided, sparse, quantized and normalized ones.
 
-`inspect.check_storage` has already checked every length against the file.
+`storage_checks.check_storage` has already checked every length against the file.
 
 Source: glTF 2.0 specification, sections 3.6.2 (Accessors) and 3.7.2 (Meshes); KHR_mesh_quantization.
 """
@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from meshdeform.assets.container import Json
-from meshdeform.assets.document import Document, bounds_of
-from meshdeform.assets.inspect import (
+from meshdeform.assets.codes import (
     BYTE,
     FLOAT,
     SHORT,
@@ -26,6 +24,8 @@ from meshdeform.assets.inspect import (
     UNSIGNED_INT,
     UNSIGNED_SHORT,
 )
+from meshdeform.assets.container import Json
+from meshdeform.assets.document import Document, bounds_of
 from meshdeform.errors import AssetError
 
 DTYPES = {BYTE: "<i1", UNSIGNED_BYTE: "<u1", SHORT: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from meshdeform import __version__
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.asset import Asset
+from meshdeform.assets.codes import UNSIGNED_BYTE
 from meshdeform.assets.container import Json, clone, dump_json
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import UNSIGNED_BYTE
 from meshdeform.assets.materials import IMAGE_EXTENSIONS
 from meshdeform.assets.part_attribute import PART, write_names
 from meshdeform.assets.surface import Block, block_primitives

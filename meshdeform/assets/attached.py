@@ -28,11 +28,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.codes import GPU_INSTANCING
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import GPU_INSTANCING, shown_nodes
 from meshdeform.assets.placement import Floats, parents_of, upwards, world_matrices
 from meshdeform.assets.rig import NodeMove, RigMotion, fitted_move, joint_moves
+from meshdeform.assets.scene_checks import shown_nodes
 from meshdeform.assets.surface import Block, Surface
 from meshdeform.assets.unchecked import animated, channels_of, is_index, member_of, pointer_of
 

@@ -16,12 +16,13 @@ import numpy as np
 
 from meshdeform.assets.accessors import read_floats, read_triangles
 from meshdeform.assets.clips import find_clip, read_clips
+from meshdeform.assets.codes import TRIANGLES
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import TRIANGLES, Instance, instances_of
 from meshdeform.assets.placement import Floats, Matrix, Placement, Placer, is_invertible, unit_rows, world_matrices
 from meshdeform.assets.pose import Pose
+from meshdeform.assets.scene_checks import Instance, instances_of
 from meshdeform.assets.surface import handedness
 from meshdeform.errors import AssetError, ParameterError
 

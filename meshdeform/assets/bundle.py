@@ -14,9 +14,9 @@ from urllib.parse import unquote
 
 from meshdeform.assets import ply_reader
 from meshdeform.assets.archive import Archive, FileNames
+from meshdeform.assets.codes import MESHOPT_EXTENSIONS
 from meshdeform.assets.container import GLB_MAGIC, Json, extension, index, integer, objects, text
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.mtl_reader import linked_pictures

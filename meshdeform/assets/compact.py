@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.codes import COMPONENT_BYTES, FLOAT, MESHOPT_EXTENSIONS, TYPE_COMPONENTS
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import COMPONENT_BYTES, FLOAT, MESHOPT_EXTENSIONS, TYPE_COMPONENTS
 from meshdeform.assets.usage import Usage, accessor_slots, buffer_ranges, possible_references, view_slots
 
 _WORD = 4  # bytes; offsets keep their alignment

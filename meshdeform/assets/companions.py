@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import Instance, nodes_below, shown_nodes
 from meshdeform.assets.placement import Floats, parents_of, unit_rows
 from meshdeform.assets.references import colliders
+from meshdeform.assets.scene_checks import Instance, nodes_below, shown_nodes
 from meshdeform.assets.surface import Block, Surface, read_surface, transformed_normals
 from meshdeform.assets.unchecked import is_index, member_of
 from meshdeform.errors import AssetError

@@ -17,9 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import DTYPES, read_floats, refresh_bounds
-from meshdeform.assets.container import Json
-from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.inspect import (
+from meshdeform.assets.codes import (
     DRACO,
     FLOAT,
     MESHOPT_EXTENSIONS,
@@ -27,12 +25,12 @@ from meshdeform.assets.inspect import (
     TRIANGLES,
     TYPE_COMPONENTS,
     UNSIGNED_INT,
-    CompressedView,
-    compressed_view,
-    instances_of,
-    is_placeholder,
 )
+from meshdeform.assets.container import Json
+from meshdeform.assets.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from meshdeform.assets.meshopt import apply_filter, decode_attributes, decode_indices, decode_triangles
+from meshdeform.assets.scene_checks import instances_of
+from meshdeform.assets.storage_checks import CompressedView, compressed_view, is_placeholder
 from meshdeform.errors import AssetError, AssetUnsupportedError, DependencyError
 
 _INTEGERS = range(1, 9)

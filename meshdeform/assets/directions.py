@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.codes import TRIANGLES
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import TRIANGLES, instances_of
+from meshdeform.assets.scene_checks import instances_of
 
 _Rows = NDArray[np.float64]
 _Triangles = NDArray[np.int64]

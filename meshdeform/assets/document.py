@@ -16,13 +16,8 @@ from urllib.parse import unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
+from meshdeform.assets.codes import FLOAT, MESHOPT_EXTENSIONS, UNSIGNED_INT, UNSIGNED_SHORT
 from meshdeform.assets.container import Json, clone, dump_json, glb_layout, pack_glb, padded, parse_json
-from meshdeform.assets.inspect import (
-    FLOAT,
-    MESHOPT_EXTENSIONS,
-    UNSIGNED_INT,
-    UNSIGNED_SHORT,
-)
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import AssetError, AssetTruncatedError
 

@@ -1,10 +1,7 @@
 """Inspect an asset from its JSON alone: the first check, before anything is decoded. Pure Python.
 
 No allocation depends on a size that the file merely declares. `meshdeform.assets.check` runs this, and decodes the
-rest, in a child process. Buffers, buffer views and accessors must fit the data in the file; nodes, scenes, meshes and
-skins are checked, and the mesh instances of the default scene listed.
-
-Source: glTF 2.0 specification, sections 3.5 (Scenes), 3.6, 3.7 (Geometry) and 5.1 to 5.6.
+rest, in a child process.
 """
 
 from __future__ import annotations
@@ -15,17 +12,18 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive, listed
+from meshdeform.assets.codes import (
+    GPU_INSTANCING,
+    TRIANGLES,
+    VISIBILITY,
+)
 from meshdeform.assets.container import (
     GLB_MAGIC,
     Data,
     Json,
-    extension,
     glb_layout,
-    index,
     indices,
-    integer,
     member,
-    numbers,
     objects,
     parse_json,
     text,
@@ -33,250 +31,34 @@ from meshdeform.assets.container import (
 from meshdeform.assets.extensions import notices, rule_of
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, no_triangles, refuse_other_format
+from meshdeform.assets.scene_checks import (
+    Instance,
+    check_geometry,
+    check_meshes,
+    check_nodes,
+    instance_count,
+    nodes_below,
+    shown_and_hidden,
+)
+from meshdeform.assets.storage_checks import check_storage, outside_images
 from meshdeform.errors import (
     AssetEmptyError,
     AssetError,
-    AssetExternalError,
     AssetFormatError,
     AssetTooLargeError,
-    AssetTruncatedError,
     AssetUnsupportedError,
 )
 
-BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5121, 5122, 5123, 5125, 5126
-COMPONENT_BYTES = {BYTE: 1, UNSIGNED_BYTE: 1, SHORT: 2, UNSIGNED_SHORT: 2, UNSIGNED_INT: 4, FLOAT: 4}
-TYPE_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-MESHOPT_EXTENSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-_FILTER_STRIDES = {
-    "NONE": range(1, 257),
-    "OCTAHEDRAL": (4, 8),
-    "QUATERNION": (8,),
-    "EXPONENTIAL": range(4, 257, 4),
-    "COLOR": (4, 8),
-}
-DRACO = "KHR_draco_mesh_compression"
-GPU_INSTANCING = "EXT_mesh_gpu_instancing"
-VISIBILITY = "KHR_node_visibility"
-POINTS, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 0, 4, 5, 6
 LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
 # A link with a scheme or a drive, from the root, or to another host, in place of a file beside the asset.
 _ELSEWHERE = re.compile(r"\s*([a-z][a-z0-9+.-]*:|[/\\]|%2f|%5c)", re.IGNORECASE)
-_INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
-_POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)
 FORMATS = frozenset({"glb", "gltf", "obj", "ply", "stl", "zip", "3mf", *CONVERTERS})
 """File extensions that `asset_format` distinguishes."""
 
 ZIPS = frozenset({"zip", "3mf"})
 SURFACES = {"xyz": "points", "npz": "grid", "safetensors": "network"}
 """Surfaces without triangles by their file extensions; points may also be in a PLY."""
-
-
-@dataclass(frozen=True)
-class CompressedView:
-    """The members of a buffer view's meshopt extension."""
-
-    buffer: int
-    offset: int
-    length: int
-    stride: int
-    count: int
-    mode: str
-    filter: str
-
-
-def check_storage(
-    root: Json, binary_length: int | None, limits: Limits, decoded_later: set[int], unread: set[int]
-) -> None:
-    """Check buffers, buffer views and accessors.
-
-    `root`: the parsed JSON; `binary_length`: length of the GLB's binary chunk; `limits`: upper bounds on the asset;
-    `decoded_later`: accessors that a Draco stream fills; `unread`: accessors that are never decoded. Raises
-    AssetExternalError: a buffer is in another file. Raises AssetTruncatedError: a buffer, view or accessor reaches past
-    its data. Raises AssetTooLargeError: a count is over its limit, or compressed data decodes to more bytes than a file
-    may have. Raises AssetError: anything else is not valid.
-    """
-    # Check each array once; doing so for every element would take hours for a hostile file.
-    views = objects(root, "bufferViews")
-    for i, image in enumerate(objects(root, "images")):
-        text(image, "uri", f"images[{i}]")  # a link to another file stays as it is; the deformation reads no image
-        index(image, "bufferView", len(views), f"images[{i}]")
-    for i, buffer in enumerate(objects(root, "buffers")):
-        _check_buffer(buffer, i, binary_length)
-    decoded = sum(_check_view(root, i, binary_length) for i in range(len(views)))
-    for i in range(len(objects(root, "accessors"))):
-        bare = _check_accessor(root, i, limits)
-        if i in decoded_later:
-            decoded += bare
-        elif bare and i not in unread and root["accessors"][i]["count"] > limits.max_bare_elements:
-            raise AssetTooLargeError(
-                f"accessors[{i}] declares {root['accessors'][i]['count']} elements without data; "
-                f"the limit is {limits.max_bare_elements}."
-            )
-    limits.check_bytes(decoded, "The compressed data decodes to")
-
-
-def _refuse_external(uri: str | None, where: str) -> None:
-    if uri is not None and uri[:5].lower() != "data:":
-        name = uri if len(uri) <= 80 else uri[:77] + "..."
-        raise AssetExternalError(f"{where} refers to another file: {name!r}.")
-
-
-def outside_images(root: Json) -> list[str]:
-    """Return the links of images that are in other files."""
-    links = [image.get("uri", "") for image in root.get("images", [])]
-    return [link for link in links if link and link[:5].lower() != "data:"]
-
-
-def data_uri_bytes(uri: str) -> int:
-    """Return an upper bound on the bytes of a data URI, without decoding it."""
-    header, _, payload = uri.partition(",")
-    return len(payload) * 3 // 4 if header.endswith(";base64") else len(payload)
-
-
-def is_placeholder(root: Json, buffer: int, binary_length: int | None) -> bool:
-    """Return whether a buffer has no data and serves only as the target of decoded meshopt views."""
-    return "uri" not in root["buffers"][buffer] and not (buffer == 0 and binary_length is not None)
-
-
-def _check_buffer(buffer: Json, i: int, binary_length: int | None) -> None:
-    where = f"buffers[{i}]"
-    length = integer(buffer, "byteLength", where, minimum=1)
-    uri = text(buffer, "uri", where)
-    _refuse_external(uri, where)
-    if uri is not None:
-        held = data_uri_bytes(uri)
-    elif i == 0 and binary_length is not None:
-        held = binary_length
-    else:
-        return  # a placeholder; uncompressed views into it are refused elsewhere
-    if length > held:
-        raise AssetTruncatedError(f"{where}.byteLength is {length}, but its data has {held} bytes.")
-
-
-def compressed_view(root: Json, view: int) -> tuple[str, CompressedView] | None:
-    """Return the name and checked members of a buffer view's meshopt extension, or None if it has none."""
-    data = root["bufferViews"][view]
-    where = f"bufferViews[{view}]"
-    name = next((name for name in MESHOPT_EXTENSIONS if extension(data, name, where) is not None), None)
-    if name is None:
-        return None
-    body = member(member(data, "extensions", where), name, where)
-    where = f"{where}.extensions.{name}"
-    buffers = root.get("buffers", [])
-    buffer = index(body, "buffer", len(buffers), where)
-    if buffer is None:
-        raise AssetError(f"{where}.buffer is missing.")
-    compressed = CompressedView(
-        buffer=buffer,
-        offset=integer(body, "byteOffset", where, default=0),
-        length=integer(body, "byteLength", where, minimum=1),
-        stride=integer(body, "byteStride", where, minimum=1, maximum=256),
-        count=integer(body, "count", where, minimum=1),
-        mode=text(body, "mode", where) or "",
-        filter=text(body, "filter", where) or "NONE",
-    )
-    if compressed.mode not in {"ATTRIBUTES", "TRIANGLES", "INDICES"}:
-        raise AssetUnsupportedError(
-            f"{where}.mode is {compressed.mode!r}.", advice="Decompress it: gltf-transform copy in.glb out.glb"
-        )
-    strides = range(4, 257, 4) if compressed.mode == "ATTRIBUTES" else (2, 4)
-    filters = (
-        _FILTER_STRIDES.get(compressed.filter, ())
-        if compressed.mode == "ATTRIBUTES" or compressed.filter == "NONE"
-        else ()
-    )
-    if (
-        compressed.stride not in strides
-        or compressed.stride not in filters
-        or (compressed.mode == "TRIANGLES" and compressed.count % 3)
-    ):
-        raise AssetError(f"{where} has an invalid combination of mode, filter, byteStride and count.")
-    if compressed.stride * compressed.count != integer(data, "byteLength", f"bufferViews[{view}]", minimum=1):
-        raise AssetError(f"{where}: byteStride times count does not equal the buffer view's byteLength.")
-    if compressed.offset + compressed.length > integer(buffers[buffer], "byteLength", f"buffers[{buffer}]", minimum=1):
-        raise AssetTruncatedError(f"{where} extends past the end of buffer {buffer}.")
-    return name, compressed
-
-
-def _check_view(root: Json, i: int, binary_length: int | None) -> int:
-    """Check one buffer view and return how many bytes decoding it will add."""
-    view, where = root["bufferViews"][i], f"bufferViews[{i}]"
-    buffers = root.get("buffers", [])
-    buffer = index(view, "buffer", len(buffers), where)
-    if buffer is None:
-        raise AssetError(f"{where}.buffer is missing.")
-    length = integer(view, "byteLength", where, minimum=1)
-    end = integer(view, "byteOffset", where, default=0) + length
-    integer(view, "byteStride", where, default=4, minimum=1, maximum=256)
-    if end > buffers[buffer]["byteLength"]:
-        raise AssetTruncatedError(
-            f"{where} ends at byte {end}, but buffer {buffer} has {buffers[buffer]['byteLength']} bytes."
-        )
-    if not is_placeholder(root, buffer, binary_length):
-        return 0
-    compressed = compressed_view(root, i)
-    if compressed is None or is_placeholder(root, compressed[1].buffer, binary_length):
-        raise AssetTruncatedError(f"{where} is in buffer {buffer}, which has no data.")
-    return length
-
-
-def _check_accessor(root: Json, i: int, limits: Limits) -> int:
-    """Check one accessor and return how many of its declared bytes are not in the file."""
-    accessor, where = root["accessors"][i], f"accessors[{i}]"
-    count = integer(accessor, "count", where, minimum=1)
-    if count > limits.max_accessor_elements:
-        raise AssetTooLargeError(
-            f"{where} declares {count} elements; the limit is {limits.max_accessor_elements} "
-            "(MESHDEFORM_MAX_ACCESSOR_ELEMENTS)."
-        )
-    component = integer(accessor, "componentType", where)
-    kind = text(accessor, "type", where) or ""
-    if component not in COMPONENT_BYTES or kind not in TYPE_COMPONENTS:
-        raise AssetError(f"{where} has an unknown componentType or type.")
-    if not isinstance(accessor.get("normalized", False), bool):
-        raise AssetError(f"{where}.normalized must be true or false.")
-    size = COMPONENT_BYTES[component] * TYPE_COMPONENTS[kind]
-    if "bufferView" in accessor:
-        _check_fits(root, accessor, where, count, size)
-    if "sparse" in accessor:
-        _check_sparse(root, accessor, where, count, size)
-    return 0 if "bufferView" in accessor else count * size
-
-
-def _check_fits(root: Json, holder: Json, where: str, count: int, size: int, *, strided: bool = True) -> None:
-    views = root.get("bufferViews", [])
-    at = index(holder, "bufferView", len(views), where)
-    if at is None:
-        raise AssetError(f"{where}.bufferView is missing.")
-    stride = views[at].get("byteStride", size) if strided else size
-    end = integer(holder, "byteOffset", where, default=0) + stride * (count - 1) + size
-    if end > views[at]["byteLength"]:
-        raise AssetTruncatedError(
-            f"{where} needs {end} bytes, but buffer view {at} has {views[at]['byteLength']}.",
-            advice="The accessor's count, byteOffset or the view's byteStride is wrong; export the file again.",
-        )
-
-
-def _check_sparse(root: Json, accessor: Json, where: str, count: int, size: int) -> None:
-    where = f"{where}.sparse"
-    sparse = member(accessor, "sparse", where)
-    entries = integer(sparse, "count", where, minimum=1, maximum=count)
-    indices = member(sparse, "indices", where)
-    component = integer(indices, "componentType", f"{where}.indices")
-    if component not in (UNSIGNED_BYTE, UNSIGNED_SHORT, UNSIGNED_INT):
-        raise AssetError(f"{where}.indices.componentType must be an unsigned integer type.")
-    _check_fits(root, indices, f"{where}.indices", entries, COMPONENT_BYTES[component], strided=False)
-    _check_fits(root, member(sparse, "values", where), f"{where}.values", entries, size, strided=False)
-
-
-@dataclass(frozen=True)
-class Instance:
-    """One node of the default scene that shows a mesh."""
-
-    node: int
-    mesh: int
-    skin: int | None
 
 
 def check_extensions(root: Json) -> None:
@@ -292,196 +74,6 @@ def check_extensions(root: Json) -> None:
         if rule is None or rule.refused:
             reason = f": {rule.refused}" if rule else ""
             raise AssetUnsupportedError(f"The asset requires the extension {name[:100]!r}{reason}.")
-
-
-def check_nodes(root: Json) -> None:
-    """Check nodes, scenes and skins: indices in range, finite transforms, and a hierarchy that is a forest."""
-    nodes, meshes, skins = objects(root, "nodes"), objects(root, "meshes"), objects(root, "skins")
-    parents: dict[int, int] = {}
-    for i, node in enumerate(nodes):
-        where = f"nodes[{i}]"
-        index(node, "mesh", len(meshes), where)
-        index(node, "skin", len(skins), where)
-        for key, length in (("matrix", 16), ("translation", 3), ("rotation", 4), ("scale", 3)):
-            numbers(node, key, length, where)
-        numbers(node, "weights", None, where)
-        for child in indices(node, "children", len(nodes), where):
-            if parents.setdefault(child, i) != i:
-                raise AssetError(f"nodes[{child}] is a child of two nodes.")
-    _refuse_cycles(parents, len(nodes))
-    scenes, accessors = objects(root, "scenes"), objects(root, "accessors")
-    for i, node in enumerate(nodes):
-        _check_instancing(node, accessors, f"nodes[{i}]")
-    for i, scene in enumerate(scenes):
-        indices(scene, "nodes", len(nodes), f"scenes[{i}]")
-    index(root, "scene", len(scenes), "the document")
-    for i, skin in enumerate(skins):
-        joints = indices(skin, "joints", len(nodes), f"skins[{i}]")
-        if not joints:
-            raise AssetError(f"skins[{i}] has no joints.")
-        matrices = index(skin, "inverseBindMatrices", len(accessors), f"skins[{i}]")
-        if matrices is not None and not (
-            accessors[matrices]["type"] == "MAT4"
-            and accessors[matrices]["componentType"] == FLOAT
-            and accessors[matrices]["count"] >= len(joints)
-        ):
-            raise AssetError(f"skins[{i}].inverseBindMatrices must be a MAT4 of floats for each joint.")
-
-
-def _check_instancing(node: Json, accessors: list[Json], where: str) -> None:
-    instancing = extension(node, GPU_INSTANCING, where)
-    if instancing is None:
-        return
-    where = f"{where}.extensions.{GPU_INSTANCING}"
-    attributes, counts = member(instancing, "attributes", where), set[int]()
-    for name in attributes:
-        at = index(attributes, name, len(accessors), f"{where}.attributes")
-        accessor = accessors[at or 0]
-        counts.add(accessor["count"])
-        if name in _INSTANCE_TYPES and (
-            accessor["type"] != _INSTANCE_TYPES[name] or accessor["componentType"] not in (FLOAT, BYTE, SHORT)
-        ):
-            raise AssetError(f"{where}: {name} must be a {_INSTANCE_TYPES[name]} of floats or signed integers.")
-    if len(counts) > 1:
-        raise AssetError(f"{where}: its attributes have different counts: {', '.join(map(str, sorted(counts)))}.")
-
-
-def instance_count(root: Json, node: int) -> int | None:
-    """Return how many times EXT_mesh_gpu_instancing draws a node's mesh, or None if the node does not use it."""
-    instancing = root["nodes"][node].get("extensions", {}).get(GPU_INSTANCING)
-    if instancing is None:
-        return None
-    return next((int(root["accessors"][at]["count"]) for at in instancing.get("attributes", {}).values()), 1)
-
-
-def _refuse_cycles(parents: dict[int, int], count: int) -> None:
-    rooted = [False] * count
-    for start in range(count):
-        path, node = [], start
-        while not rooted[node]:
-            path.append(node)
-            if len(path) > count:
-                raise AssetError(f"nodes[{start}] is its own ancestor.")
-            if node not in parents:
-                break
-            node = parents[node]
-        for step in path:
-            rooted[step] = True
-
-
-def check_meshes(root: Json) -> tuple[set[int], set[int]]:
-    """Check meshes and their primitives.
-
-    Returns the accessors that only a Draco stream fills, and those that only morph targets use, which are never read.
-    """
-    accessors, views, from_draco = objects(root, "accessors"), objects(root, "bufferViews"), set[int]()
-    of_targets, read = set[int](), set[int]()
-    for m, mesh in enumerate(objects(root, "meshes")):
-        numbers(mesh, "weights", None, f"meshes[{m}]")
-        for p, primitive in enumerate(objects(mesh, "primitives", f"meshes[{m}].")):
-            where = f"meshes[{m}].primitives[{p}]"
-            attributes = member(primitive, "attributes", where)
-            used = [index(attributes, name, len(accessors), f"{where}.attributes") for name in attributes]
-            used.append(index(primitive, "indices", len(accessors), where))
-            read |= {at for at in used if at is not None}
-            integer(primitive, "mode", where, default=TRIANGLES, maximum=6)
-            targets = objects(primitive, "targets", f"{where}.")
-            for t, target in enumerate(targets):
-                for name in target:
-                    of_targets.add(index(target, name, len(accessors), f"{where}.targets[{t}]") or 0)
-            draco = extension(primitive, DRACO, where)
-            if draco is not None:
-                where = f"{where}.extensions.{DRACO}"
-                if index(draco, "bufferView", len(views), where) is None:
-                    raise AssetError(f"{where}.bufferView is missing.")
-                ids = member(draco, "attributes", where)
-                for name in ids:
-                    integer(ids, name, where, maximum=2**32)
-                from_draco |= {
-                    at for at in used if at is not None and not {"bufferView", "sparse"} & accessors[at].keys()
-                }
-    return from_draco, of_targets - read
-
-
-def check_geometry(root: Json) -> None:
-    """Check that accessors fit their use in primitives; the accessors themselves must be checked already."""
-    accessors = objects(root, "accessors")
-    for m, mesh in enumerate(objects(root, "meshes")):
-        for p, primitive in enumerate(objects(mesh, "primitives")):
-            where = f"meshes[{m}].primitives[{p}]"
-            attributes = member(primitive, "attributes", where)
-            if "POSITION" not in attributes:
-                continue
-            count = accessors[attributes["POSITION"]]["count"]
-            for name, kind in (("POSITION", "VEC3"), ("NORMAL", "VEC3"), ("TANGENT", "VEC4")):
-                if name not in attributes:
-                    continue
-                accessor = accessors[attributes[name]]
-                if accessor["type"] != kind or accessor["componentType"] not in _POSITION_TYPES:
-                    raise AssetError(f"{where}: {name} must be a {kind} of floats or quantized integers.")
-                if accessor["count"] != count:
-                    raise AssetError(f"{where}: {name} has {accessor['count']} elements, but POSITION has {count}.")
-            if "indices" in primitive:
-                accessor = accessors[primitive["indices"]]
-                if accessor["type"] != "SCALAR" or accessor["componentType"] not in (
-                    UNSIGNED_BYTE,
-                    UNSIGNED_SHORT,
-                    UNSIGNED_INT,
-                ):
-                    raise AssetError(f"{where}: indices must be scalars of an unsigned integer type.")
-
-
-def instances_of(root: Json) -> list[Instance]:
-    """List the nodes of the default scene that show a mesh, depth first.
-
-    The default scene is `scene`, else the first one. A document without scenes shows every root node. A node that
-    KHR_node_visibility hides shows nothing, and neither do those below it.
-    """
-    return _walk(root)[0]
-
-
-def shown_nodes(root: Json) -> list[int]:
-    """List the nodes of the default scene, each before those below it."""
-    return nodes_below(root, _top_nodes(root))
-
-
-def nodes_below(root: Json, nodes: list[int]) -> list[int]:
-    """Return nodes and all below them, each before those below it."""
-    listed = list(dict.fromkeys(nodes))
-    known = set(listed)
-    for at in listed:  # grows while it is read; nodes form a forest
-        below = [child for child in root["nodes"][at].get("children", []) if child not in known]
-        known.update(below)
-        listed += below
-    return listed
-
-
-def _top_nodes(root: Json) -> list[int]:
-    """Return the nodes at the top of the default scene."""
-    nodes, scenes = objects(root, "nodes"), objects(root, "scenes")
-    if scenes:
-        return indices(scenes[root.get("scene", 0)], "nodes", len(nodes), "scene")
-    children = {child for node in nodes for child in node.get("children", [])}
-    return [i for i in range(len(nodes)) if i not in children]
-
-
-def _walk(root: Json) -> tuple[list[Instance], list[Instance]]:
-    """Return the instances that are shown, and those that are hidden."""
-    nodes, start = objects(root, "nodes"), _top_nodes(root)
-    shown, hidden, seen = list[Instance](), list[Instance](), set[int]()
-    stack = [(at, True) for at in start[::-1]]
-    while stack:
-        at, visible = stack.pop()
-        if at in seen:
-            continue
-        seen.add(at)
-        node = nodes[at]
-        visibility = extension(node, VISIBILITY, f"nodes[{at}]") or {}
-        visible &= visibility.get("visible", True) is not False
-        if "mesh" in node:
-            (shown if visible else hidden).append(Instance(at, node["mesh"], node.get("skin")))
-        stack.extend((child, visible) for child in reversed(node.get("children", [])))
-    return shown, hidden
 
 
 @dataclass(frozen=True)
@@ -631,7 +223,7 @@ def _summary(root: Json, limits: Limits, kind: str, extensions: tuple[str, ...])
     accessors = objects(root, "accessors")
     per_mesh = [_mesh_counts(mesh, accessors) for mesh in objects(root, "meshes")]
     costs = [_cost(mesh) for mesh in objects(root, "meshes")]
-    shown, hidden = _walk(root)
+    shown, hidden = shown_and_hidden(root)
     for instance in shown:
         primitives += costs[instance.mesh]
         if primitives > limits.max_primitives:

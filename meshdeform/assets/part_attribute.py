@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_accessor, read_triangles
+from meshdeform.assets.codes import UNSIGNED_BYTE
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import UNSIGNED_BYTE
 from meshdeform.assets.part_labels import Showing
 from meshdeform.assets.subdivide import drop_lists_of_edges
 from meshdeform.assets.surface import block_primitives

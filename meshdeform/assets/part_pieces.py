@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_triangles
+from meshdeform.assets.codes import GPU_INSTANCING
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import GPU_INSTANCING
 from meshdeform.assets.part_labels import Showing
 from meshdeform.assets.subdivide import drop_lists_of_edges
 from meshdeform.assets.unchecked import channels_of, follow_pointers

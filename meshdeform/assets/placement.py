@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_accessor, read_floats
+from meshdeform.assets.codes import GPU_INSTANCING
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import GPU_INSTANCING, Instance, instance_count
+from meshdeform.assets.scene_checks import Instance, instance_count
 from meshdeform.errors import AssetError
 
 Floats = NDArray[np.float64]

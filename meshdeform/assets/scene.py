@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.codes import TRIANGLES
 from meshdeform.assets.container import Json, objects
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import TRIANGLES, Instance, instances_of
 from meshdeform.assets.materials import Shading, read_image, read_shading
 from meshdeform.assets.placement import Floats, Matrix, instance_matrices, is_invertible, unit_rows, world_matrices
+from meshdeform.assets.scene_checks import Instance, instances_of
 from meshdeform.assets.unchecked import member_of
 from meshdeform.errors import AssetError, AssetNotFiniteError
 

@@ -19,12 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_accessor, read_floats, read_triangles
+from meshdeform.assets.codes import TRIANGLES
 from meshdeform.assets.compressed import drop_extension
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import TRIANGLES, instances_of
 from meshdeform.assets.placement import Matrix, is_invertible, placement_matrix, world_matrices
 from meshdeform.assets.references import MANIFOLD, drop_manifold, follow_copies
+from meshdeform.assets.scene_checks import instances_of
 from meshdeform.errors import AssetError
 from meshdeform.geometry.coincidence import WELD_TOLERANCE, coincident
 from meshdeform.geometry.edge_splits import longest_together, split_triangles, unique_edges

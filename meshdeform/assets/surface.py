@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats, read_triangles
+from meshdeform.assets.codes import TRIANGLES
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import Document
-from meshdeform.assets.inspect import LOOSE, TRIANGLES, Instance, instances_of
+from meshdeform.assets.inspect import LOOSE
 from meshdeform.assets.placement import Floats, Placement, Placer, unit_rows
+from meshdeform.assets.scene_checks import Instance, instances_of
 from meshdeform.errors import AssetEmptyError, AssetNotFiniteError
 
 _FLATTENED = "its transform flattens the mesh and cannot be inverted"

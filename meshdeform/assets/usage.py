@@ -10,14 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from meshdeform.assets.codes import DRACO, GPU_INSTANCING, MESHOPT_EXTENSIONS
 from meshdeform.assets.container import Json
-from meshdeform.assets.inspect import (
-    DRACO,
-    GPU_INSTANCING,
-    MESHOPT_EXTENSIONS,
-    is_placeholder,
-)
 from meshdeform.assets.references import MANIFOLD
+from meshdeform.assets.storage_checks import is_placeholder
 from meshdeform.assets.unchecked import member_of, objects_in
 
 _Slot = tuple[Json, str]

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshdeform.assets.accessors import read_floats
+from meshdeform.assets.codes import MESHOPT_EXTENSIONS
 from meshdeform.assets.container import Json, clone
 from meshdeform.assets.document import Document, decode_data_uri
-from meshdeform.assets.inspect import MESHOPT_EXTENSIONS
 from meshdeform.assets.materials import image_type
 from meshdeform.assets.morph import NewTargets, add_morph_targets
 from meshdeform.assets.moved_nodes import move_nodes, world_shifts

@@ -21,7 +21,6 @@ from pxr import Gf, Vt
 
 from meshdeform.assets.accessors import read_floats
 from meshdeform.assets.container import Json
-from meshdeform.assets.inspect import Instance
 from meshdeform.assets.placement import (
     Floats,
     Matrix,
@@ -36,6 +35,7 @@ from meshdeform.assets.placement import (
     world_matrices,
 )
 from meshdeform.assets.scene import MaterialTriangles, Scene
+from meshdeform.assets.scene_checks import Instance
 from meshdeform.assets.usd.layer import TYPES, Layer, floats, integers, matrices, valid_name, vectors
 from meshdeform.assets.usd.motion import Motion
 

@@ -14,7 +14,6 @@ from pxr import Gf, Vt
 from meshdeform import __version__
 from meshdeform.assets.clips import read_clips
 from meshdeform.assets.container import Json
-from meshdeform.assets.inspect import Instance, instances_of, shown_nodes
 from meshdeform.assets.placement import (
     Floats,
     Matrix,
@@ -25,6 +24,7 @@ from meshdeform.assets.placement import (
     unit_rows,
 )
 from meshdeform.assets.scene import MaterialTriangles, Scene, moved
+from meshdeform.assets.scene_checks import Instance, instances_of, shown_nodes
 from meshdeform.assets.usd.layer import TYPES, Layer, floats, integers, matrix, vectors
 from meshdeform.assets.usd.materials import Materials, texcoord_name
 from meshdeform.assets.usd.motion import Motion

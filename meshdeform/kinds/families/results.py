@@ -21,10 +21,10 @@ from torch import Tensor
 
 from meshdeform import __version__
 from meshdeform.assets import Asset, Limits, Primitive, load_asset
+from meshdeform.assets.codes import UNSIGNED_INT
 from meshdeform.assets.collection import AssetLabels, CollectionFiles
 from meshdeform.assets.container import Json
 from meshdeform.assets.document import ELEMENT_ARRAY_BUFFER, Document
-from meshdeform.assets.inspect import UNSIGNED_INT
 from meshdeform.assets.parted import PartLabels, parts_of, with_parts
 from meshdeform.assets.surface import Surface
 from meshdeform.errors import AssetError
