@@ -30,7 +30,9 @@ from meshdeform.exemplar.shapes import Shape, Wish
 from meshdeform.geometry.mesh import face_areas
 from meshdeform.nouns.labels import Floats
 from meshdeform.reading.result import GROUND
-from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, nearest
+from meshdeform.vocabulary.grammar import ParsedPrompt
+from meshdeform.vocabulary.lookup import Attribute
+from meshdeform.vocabulary.near_words import nearest
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS
 from meshdeform.vocabulary.solids import PART_NAMES, part_label
 

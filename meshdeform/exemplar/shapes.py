@@ -12,7 +12,8 @@ import numpy as np
 
 from meshdeform.nouns.labels import Floats, Index
 from meshdeform.reading.result import Reading
-from meshdeform.vocabulary.grammar import Attribute, Borrowed
+from meshdeform.vocabulary.grammar import Borrowed
+from meshdeform.vocabulary.lookup import Attribute
 
 __all__ = ["ExemplarResult", "FitFrame", "Shape", "Wish"]
 

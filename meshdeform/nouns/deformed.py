@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

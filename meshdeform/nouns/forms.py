@@ -26,7 +26,7 @@ from meshdeform.nouns.variants import (
     standing_cat,
     standing_rabbit,
 )
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, TABLE
 from meshdeform.vocabulary.solids import SolidRange
 

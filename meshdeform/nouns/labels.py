@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families import FAMILIES, Part, Traits
 from meshdeform.nouns.families.parts import rings_of
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.solids import PART_NAMES, layout, parent_of
 
 __all__ = ["LabelledMember", "code", "labelled", "labelled_member", "labelled_solids", "solids_of"]

@@ -31,7 +31,7 @@ from meshdeform.plain.vocabulary import (
     adjective,
     singular,
 )
-from meshdeform.vocabulary.grammar import is_noun
+from meshdeform.vocabulary.near_words import is_noun
 from meshdeform.vocabulary.translation import LANGUAGES, english_of
 
 _OWN = Path(__file__).with_name("translations.txt")

@@ -14,7 +14,7 @@ from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
 from meshdeform.priors.builtin.vocabulary import PRIOR_ATTRIBUTES
 from meshdeform.requests.choices import is_weights_file
 from meshdeform.requests.document import BUILTIN_MODEL
-from meshdeform.vocabulary.grammar import ATTRIBUTES
+from meshdeform.vocabulary.lookup import ATTRIBUTES
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 
 EXAMPLES: tuple[str, ...] = (

@@ -33,7 +33,7 @@ from meshdeform.reading.samples import spread
 from meshdeform.reading.version import MEMBERS_VERSION
 from meshdeform.support.files import write_files
 from meshdeform.support.giving_way import give_way
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from meshdeform.words.in_use import own_word
 from meshdeform.words.members import word_member

@@ -17,7 +17,8 @@ import numpy as np
 
 from meshdeform.nouns.labels import Flags, Floats, Index, code
 from meshdeform.reading.cells import Cells
-from meshdeform.vocabulary.grammar import nearest, noun_of
+from meshdeform.vocabulary.lookup import noun_of
+from meshdeform.vocabulary.near_words import nearest
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS
 from meshdeform.vocabulary.solids import PART_NAMES, parent_of, parts_of
 from meshdeform.words.in_use import like_of

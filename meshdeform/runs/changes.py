@@ -32,8 +32,9 @@ from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
 from meshdeform.runs.kept_readings import Readings
 from meshdeform.runs.questions import Question
 from meshdeform.runs.read_questions import ask_about, loaded, with_words
-from meshdeform.vocabulary.grammar import ParsedPrompt, noun_of, parse
+from meshdeform.vocabulary.grammar import ParsedPrompt, parse
 from meshdeform.vocabulary.looks import SHAPES
+from meshdeform.vocabulary.lookup import noun_of
 from meshdeform.words import words_in_use
 
 if TYPE_CHECKING:

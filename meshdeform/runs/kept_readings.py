@@ -18,7 +18,7 @@ from typing import Protocol
 
 from meshdeform.requests.choices import UpAxis
 from meshdeform.requests.document import ResolvedParams
-from meshdeform.vocabulary.grammar import noun_of
+from meshdeform.vocabulary.lookup import noun_of
 
 __all__ = [
     "MOST_BYTES",

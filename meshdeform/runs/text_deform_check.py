@@ -31,7 +31,7 @@ from meshdeform.runs.exemplar_kind import check_exemplar
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings
-    from meshdeform.vocabulary.grammar import Words
+    from meshdeform.vocabulary.lookup import Words
 
 __all__ = ["check", "check_points", "check_vertex", "is_plain_change"]
 
@@ -98,7 +98,7 @@ def _checked_params(request: JobRequest, settings: Settings, files: Collection[s
 
 def _check_exemplar(request: JobRequest, params: ResolvedParams, targets: Collection[str]) -> None:
     """Refuse what `exemplar` guidance does not have, and prompts whose noun it has no members of."""
-    from meshdeform.vocabulary.grammar import current_words
+    from meshdeform.vocabulary.lookup import current_words
 
     check_exemplar(request, params, targets)
     if targets:
@@ -273,7 +273,7 @@ def _check_vocabulary(prompts: Sequence[_LocatedPrompt], params: ResolvedParams,
 
 def _check_given(params: ResolvedParams) -> None:
     """Refuse a noun of the source that has no shapes."""
-    from meshdeform.vocabulary.grammar import WORDS, current_words
+    from meshdeform.vocabulary.lookup import WORDS, current_words
 
     known = current_words() if params.guidance is GuidanceKind.EXEMPLAR else WORDS
     if params.source_noun is not None:

@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 from meshdeform.runs.kept_structure import broken
 from meshdeform.runs.recognition import CROOKED
 from meshdeform.verdicts import Verdict
-from meshdeform.vocabulary.grammar import Attribute, ParsedPrompt, parse
+from meshdeform.vocabulary.grammar import ParsedPrompt, parse
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, ROUND
 
 if TYPE_CHECKING:

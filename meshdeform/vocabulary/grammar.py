@@ -13,52 +13,48 @@ accepted. Anything else is an error that suggests prompts: ignoring half of a pr
 
 It needs neither torch nor numpy: the service checks a prompt before it accepts the job.
 
-`suggest` has prompts in place of one that is refused: for an unknown word come first the known words that are spelled
-alike, if the word is not a noun itself; then nouns that look alike; then nouns of similar meaning. The nearest nouns of
-every English word for a thing are in `near_nouns.txt.gz`, made by `release/nouns.py` (WordNet and a sentence encoder;
-WordNet's licence is at its head).
-
 German and Spanish prompts are translated word by word (`translation`).
 """
 
 from __future__ import annotations
 
-import difflib
-import gzip
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import takewhile
-from pathlib import Path
 from typing import NamedTuple
 
 from meshdeform.errors import PromptError, VocabularyError
-from meshdeform.vocabulary.looks import LOOKS, SHAPES
-from meshdeform.vocabulary.nouns import LENGTH, NOUNS, PARTS, SYNONYMS
+from meshdeform.vocabulary.looks import LOOKS
+from meshdeform.vocabulary.lookup import (
+    ATTRIBUTES,
+    WORDS,
+    Attribute,
+    Words,
+    current_words,
+    degree_of,
+    is_adjective,
+    is_known,
+    noun_of,
+    part_of,
+    singular_forms,
+)
+from meshdeform.vocabulary.near_words import MAX_SUGGESTIONS, correct, is_english_noun, nearest_nouns
+from meshdeform.vocabulary.nouns import PARTS
 from meshdeform.vocabulary.solids import part_label, parts_of
 from meshdeform.vocabulary.translation import translated
 from meshdeform.vocabulary.words import (
     ADJECTIVE_SYNONYMS,
     ADJECTIVES,
-    DEGREE_SYNONYMS,
     FILLERS,
     INTENSIFIERS,
     JOINING,
-    LENGTHWISE,
     NUMBERS,
     OPPOSITES,
     PAIRS,
-    PART_SYNONYMS,
-    SIZEWISE,
     SURFACES,
 )
 
-MAX_SUGGESTIONS = 3
-_SIMILARITY = 0.79
-_MIN_LENGTH = 3
 _POPULAR = ("mushroom", "vase", "rabbit")
 
 _OWN_WORDS = "All words: meshdeform models shapes, or GET /v1/models. Add yours: meshdeform words add FILE --noun NOUN."
@@ -67,64 +63,9 @@ _ADVICE = f"All words: meshdeform models builtin, or GET /v1/models. {_FREE_TEXT
 _NOT_LENT = ("neck", "stem", "trunk", "tower")
 """Parts that others stand on."""
 MAX_ATTRIBUTES = 3
-_IRREGULAR = {
-    "mice": "mouse", "geese": "goose", "teeth": "tooth", "feet": "foot", "oxen": "ox", "people": "person",
-    "children": "child",
-}  # fmt: skip
-_PLURALS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("men", "man"), ("es", ""), ("s", ""), ("i", "us"))
-"""Endings of plurals with those of their singulars."""
 _Parts = list[tuple[str, list[str]]]
 _BORROWED = ("part noun", "noun part", "degree part noun", "noun degree part", "degree noun part")
 """Orders of words that tell a part of another noun."""
-
-
-@dataclass(frozen=True, order=True)
-class Attribute:
-    """One property: `Attribute("whole", "tall")` of the shape, or `Attribute("neck", "long")` of a part."""
-
-    part: str
-    degree: str
-
-    def __str__(self) -> str:
-        """Return the attribute as written in a prompt."""
-        return self.degree if self.part == "whole" else f"{self.degree} {self.part}"
-
-
-ATTRIBUTES: tuple[Attribute, ...] = tuple(Attribute("whole", word) for word in (*ADJECTIVES, *SHAPES)) + tuple(
-    Attribute(part, degree) for part, degrees in PARTS.items() for degree in degrees
-)
-"""Every attribute, those of the whole shape first."""
-
-
-@dataclass(frozen=True)
-class Words:
-    """The words that a prompt may have; attributes and parts are those of the grammar."""
-
-    nouns: Mapping[str, tuple[str, ...]]
-    """Every noun with the parts whose size a prompt can set. A noun of several words has hyphens: `teddy-bear`."""
-    synonyms: Mapping[str, str]  # other names of nouns
-    tokens: tuple[str, ...]  # tokens in the order of their numbers; 0 is padding
-
-
-WORDS = Words(NOUNS, SYNONYMS, ())
-"""The words of all nouns that have shapes."""
-
-_current: ContextVar[Words] = ContextVar("words", default=WORDS)
-
-
-@contextmanager
-def using_words(words: Words) -> Iterator[None]:
-    """Let prompts within the block have these words, in place of `WORDS` (`meshdeform.words.in_use`)."""
-    token = _current.set(words)
-    try:
-        yield
-    finally:
-        _current.reset(token)
-
-
-def current_words() -> Words:
-    """Return the words that prompts may have: those of the package, or of the `using_words` block around."""
-    return _current.get()
 
 
 class Borrowed(NamedTuple):
@@ -177,49 +118,6 @@ def _articled(words: str) -> str:
     return article + words.replace("-", " ")
 
 
-def singular_forms(word: str) -> list[str]:
-    """Return the word and its possible singular forms."""
-    formed = [word.removesuffix(plural) + singular for plural, singular in _PLURALS if word.endswith(plural)]
-    return [word, *([_IRREGULAR[word]] if word in _IRREGULAR else []), *formed]
-
-
-def noun_of(word: str, words: Words | None = None) -> str | None:
-    """Return the canonical noun of a word, its plural or a synonym, or None; by default of what is known here."""
-    words = words or current_words()
-    for form in singular_forms(word):
-        canonical = form if form in words.nouns else words.synonyms.get(form, form)
-        if canonical in words.nouns:
-            return canonical
-    return None
-
-
-def part_of(word: str) -> str | None:
-    """Return the canonical part of a word or a synonym, or None."""
-    canonical = PART_SYNONYMS.get(word, word)
-    if canonical in PARTS:
-        return canonical
-    return canonical + "s" if canonical + "s" in PARTS else None
-
-
-def degree_of(word: str, part: str) -> str | None:
-    """Return the canonical degree that an adjective means for a part, or None."""
-    degree = DEGREE_SYNONYMS.get(word)
-    if degree is None:
-        return None
-    return (LENGTHWISE if PARTS[part] == LENGTH else SIZEWISE).get(degree, degree)
-
-
-def is_adjective(word: str) -> bool:
-    """Return whether a word is an adjective of the whole or of a part."""
-    return any(word in table for table in (ADJECTIVES, ADJECTIVE_SYNONYMS, DEGREE_SYNONYMS, LOOKS))
-
-
-def is_known(word: str, words: Words | None = None) -> bool:
-    """Return whether a word has a role in the grammar."""
-    told = word in FILLERS or word in INTENSIFIERS or is_adjective(word)
-    return told or part_of(word) is not None or noun_of(word, words) is not None
-
-
 @dataclass(frozen=True)
 class Suggestions:
     """Prompts to use in place of a refused one."""
@@ -229,37 +127,6 @@ class Suggestions:
     nearest: dict[str, list[str]]
     """By unknown word, known nouns that look like it or mean something similar; nearest first."""
     near: bool  # whether the prompts come from the refused one, and are not merely examples
-
-
-def correct(unknown: Iterable[str], *, with_nouns: bool, words: Words = WORDS) -> dict[str, str]:
-    """Return the known word in place of each misspelt one.
-
-    `with_nouns`: whether nouns count: a prompt that has one needs no second; `words`: the words that the model knows.
-    """
-    vocabulary = [*ADJECTIVES, *ADJECTIVE_SYNONYMS, *PARTS, *PART_SYNONYMS, *DEGREE_SYNONYMS]
-    if with_nouns:
-        vocabulary += [*words.nouns, *words.synonyms]
-    return {
-        word: match[0]
-        for word in unknown
-        if len(word) >= _MIN_LENGTH and not _is_word(word) and (match := _closest(word, tuple(vocabulary)))
-    }
-
-
-@lru_cache(maxsize=256)
-def _closest(word: str, vocabulary: tuple[str, ...]) -> list[str]:
-    """Return the known word that a word looks like, if any: sought for a millisecond, and often for the same word."""
-    return difflib.get_close_matches(word, vocabulary, 1, _SIMILARITY)
-
-
-def _is_word(word: str) -> bool:
-    """Return whether a word is a noun of English, spelled correctly: a boot is no misspelt boat."""
-    return any(map(is_noun, singular_forms(word)))
-
-
-def nearest_nouns(word: str, words: Words = WORDS) -> list[str]:
-    """Return up to three known nouns that look like what a word names, or mean something similar."""
-    return next(filter(None, (nearest(form, words.nouns) for form in singular_forms(word))), [])
 
 
 @dataclass(frozen=True)
@@ -527,7 +394,7 @@ def _in_english(words: list[str], vocabulary: Words) -> list[str]:
     """Translate a prompt that has words which are not English: "ein Boot" is a boat, and "a boot" or "bank" are not."""
 
     def is_english(word: str) -> bool:
-        return is_known(word, vocabulary) or _is_word(word)
+        return is_known(word, vocabulary) or is_english_noun(word)
 
     if all(map(is_english, words)):
         return words
@@ -635,29 +502,3 @@ def _refused(borrowed: Borrowed, noun: str, vocabulary: Words) -> str | None:
     if degree is not None and part not in vocabulary.nouns[owner]:
         return f"The {part} of a {owner} cannot be {degree}."
     return None
-
-
-@lru_cache(maxsize=1)
-def _near() -> dict[str, list[str]]:
-    """Return every English word for a thing with the builtin nouns nearest to it, which may be none."""
-    text = gzip.decompress((Path(__file__).parent / "near_nouns.txt.gz").read_bytes()).decode()
-    rows = (line.partition(":") for line in text.splitlines() if not line.startswith("#"))
-    return {word: nouns.split() for nouns, _, words in rows for word in words.split()}
-
-
-def is_noun(word: str) -> bool:
-    """Return whether a word, in small letters and singular, is English for a thing."""
-    return word in _near()
-
-
-def nearest(word: str, nouns: Iterable[str]) -> list[str]:
-    """Return up to three nouns whose meaning is nearest to that of a word, nearest first.
-
-    `word`: in small letters, singular. `nouns`: the nouns to choose from. One that is not builtin counts as near if the
-    two have two neighbours in common. Empty if the word is not
-    known, or near to none of the nouns.
-    """
-    table = _near()
-    around = table.get(word, [])
-    own = [noun for noun in nouns if noun not in NOUNS and len({*around} & {*table.get(noun, [])}) > 1]
-    return [*own, *(noun for noun in around if noun in nouns)][:MAX_SUGGESTIONS]

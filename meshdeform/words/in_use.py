@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from types import MappingProxyType
 
-from meshdeform.vocabulary.grammar import using_words
+from meshdeform.vocabulary.lookup import using_words
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from meshdeform.vocabulary.solids import part_label
 from meshdeform.words.file import Word

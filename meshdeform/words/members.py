@@ -9,7 +9,7 @@ import numpy as np
 from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families import Part
 from meshdeform.nouns.labels import Index, LabelledMember, code, solids_of
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.solids import PART_NAMES, part_label
 from meshdeform.words.file import Word
 from meshdeform.words.sizes import sized

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from meshdeform.errors import ParameterError
-from meshdeform.vocabulary.grammar import WORDS, Words, is_adjective, noun_of
+from meshdeform.vocabulary.lookup import WORDS, Words, is_adjective, noun_of
 from meshdeform.vocabulary.words import FILLERS, INTENSIFIERS, NUMBERS
 from meshdeform.words.file import NAME, Word
 from meshdeform.words.limits import MAX_NAME, MAX_SYNONYMS

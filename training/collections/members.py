@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.nouns.deformed import Part, deformed, normalised
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 
 _SCALE, _SHEAR, _WAVE = 0.15, 0.04, 0.03
 """Jitter: range of the scale of each axis, deviation of the shears, greatest height of smooth waves."""

@@ -29,7 +29,7 @@ from meshdeform.nouns.deformed import normalised
 from meshdeform.nouns.families import Part, member
 from meshdeform.nouns.families.parts import box, ellipsoid, join, limb
 from meshdeform.rendering.cameras import Cameras, fixed_cameras
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS
 from meshdeform.vocabulary.words import ADJECTIVES
 from training.collections.members import RealShapes

@@ -16,7 +16,7 @@ from __future__ import annotations
 import hashlib
 
 from meshdeform.priors.builtin.vocabulary import NOUNS, PRIOR_ATTRIBUTES
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 
 __all__ = ["attributes_of", "held_out_pairs", "is_held_out"]
 

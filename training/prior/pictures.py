@@ -17,7 +17,8 @@ from meshdeform.priors.builtin.prior import STYLE
 from meshdeform.rendering.cameras import CameraRange, fixed_cameras
 from meshdeform.rendering.shading import Renderer
 from meshdeform.rendering.views import combine_views, sample_orthogonal_cameras
-from meshdeform.vocabulary.grammar import ATTRIBUTES, Attribute, ParsedPrompt
+from meshdeform.vocabulary.grammar import ParsedPrompt
+from meshdeform.vocabulary.lookup import ATTRIBUTES, Attribute
 from meshdeform.vocabulary.words import OPPOSITES
 
 SINGLE_STYLE = replace(STYLE, view_size=128)

@@ -14,7 +14,7 @@ from meshdeform.kinds.sketch.lines import Pictures, View, line_pictures
 from meshdeform.nouns.forms import drawn, own_forms
 from meshdeform.nouns.labels import Flags, Floats, Index, LabelledMember
 from meshdeform.nouns.poses import POSES, posed
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 
 PIXELS = 80

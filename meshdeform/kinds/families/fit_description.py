@@ -10,7 +10,7 @@ from meshdeform.kinds.families.params import FamilyParams
 from meshdeform.requests.choices import JobKind
 from meshdeform.requests.document import JobRequest
 from meshdeform.runs.base import ArtifactKind, FileField, JobFile, Kind, params_of, start_of
-from meshdeform.vocabulary.grammar import noun_of
+from meshdeform.vocabulary.lookup import noun_of
 
 if TYPE_CHECKING:
     from meshdeform.settings import Settings

@@ -16,7 +16,7 @@ from meshdeform.kinds.sketch.sliders import Choice, Number, Sliders
 from meshdeform.nouns.forms import drawn, own_forms, settable
 from meshdeform.nouns.labels import LabelledMember
 from meshdeform.nouns.poses import POSES, posed
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS, SYNONYMS
 from meshdeform.vocabulary.solids import PART_NAMES
 from meshdeform.words.in_use import own_word, parts_to_set, words_in_use

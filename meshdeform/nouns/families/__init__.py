@@ -17,7 +17,7 @@ from meshdeform.nouns.families import parts
 from meshdeform.nouns.families.parts import Part
 from meshdeform.nouns.families.sketches import SKETCHES
 from meshdeform.nouns.families.traits import Traits
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS
 
 __all__ = ["FAMILIES", "KINDS", "Family", "Part", "Traits", "member"]

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import PARTS
 
 Range = tuple[float, float]

@@ -6,8 +6,9 @@ new weights (a file of weights names its vocabulary).
 
 from __future__ import annotations
 
-from meshdeform.vocabulary.grammar import ATTRIBUTES, MAX_ATTRIBUTES, ParsedPrompt, Words
+from meshdeform.vocabulary.grammar import MAX_ATTRIBUTES, ParsedPrompt
 from meshdeform.vocabulary.looks import SHAPES
+from meshdeform.vocabulary.lookup import ATTRIBUTES, Words
 from meshdeform.vocabulary.nouns import LENGTH, SIZE, SYNONYMS
 from meshdeform.vocabulary.words import ADJECTIVES
 

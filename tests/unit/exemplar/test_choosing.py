@@ -15,7 +15,7 @@ from meshdeform.nouns.poses import posed
 from meshdeform.reading.banks import candidate_member
 from meshdeform.reading.choice import facing
 from meshdeform.reading.result import GROUND, NO_PART
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from tests.cases import each_case
 
 

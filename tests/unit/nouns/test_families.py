@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from meshdeform.nouns.families import FAMILIES, Part, member
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.cases import each_case
 

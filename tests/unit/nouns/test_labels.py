@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from meshdeform.nouns.families import FAMILIES, Traits, member
 from meshdeform.nouns.labels import LabelledMember, code, labelled, labelled_member
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from meshdeform.vocabulary.solids import CARRIED_BY, PART_NAMES, layout, parent_of, part_label, parts_of
 from tests.cases import each_case

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from meshdeform.nouns.families import FAMILIES, member
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
 from tests.unit.test_imports import among, loaded_by
 

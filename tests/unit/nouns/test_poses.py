@@ -10,7 +10,7 @@ from meshdeform.nouns.families import FAMILIES
 from meshdeform.nouns.forms import FORMS, GENERAL, drawn, is_able, own_forms
 from meshdeform.nouns.labels import LabelledMember
 from meshdeform.nouns.poses import POSES, limbs, posed
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.nouns import PARTS
 from tests.cases import each_case
 

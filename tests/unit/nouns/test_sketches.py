@@ -10,7 +10,7 @@ from meshdeform.nouns.families import FAMILIES, KINDS, Part, Traits
 from meshdeform.nouns.families.sketches import SKETCHES, read
 from meshdeform.nouns.forms import drawn
 from meshdeform.nouns.labels import LabelledMember, labelled, solids_of
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from meshdeform.vocabulary.solids import parts_of
 from tests.cases import each_case
 from tests.unit.nouns.test_families import border_edges, volume, volumes

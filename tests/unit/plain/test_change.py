@@ -25,7 +25,7 @@ from meshdeform.runs.base import JobFile, job_input
 from meshdeform.runs.changes import check_parts, part_names
 from meshdeform.runs.text_deform_kind import TEXT_DEFORM
 from meshdeform.settings import Settings
-from meshdeform.vocabulary.grammar import noun_of
+from meshdeform.vocabulary.lookup import noun_of
 from tests.cases import each_case
 from tests.unit.assets.builders import Builder
 from tests.unit.assets.playing import Player

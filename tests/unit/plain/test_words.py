@@ -6,7 +6,7 @@ import pytest
 
 from meshdeform.errors import PromptError
 from meshdeform.plain.words import read_changes
-from meshdeform.vocabulary.grammar import noun_of
+from meshdeform.vocabulary.lookup import noun_of
 from tests.cases import each_case
 
 

@@ -18,7 +18,8 @@ from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS, tokenise
 from meshdeform.priors.builtin.vocabulary import NOUNS as PRIOR_NOUNS
 from meshdeform.priors.catalogue import EXAMPLES, list_models, shapes_vocabulary
 from meshdeform.priors.model_files import find
-from meshdeform.vocabulary.grammar import ATTRIBUTES, parse
+from meshdeform.vocabulary.grammar import parse
+from meshdeform.vocabulary.lookup import ATTRIBUTES
 from meshdeform.vocabulary.nouns import NOUNS
 from meshdeform.words import in_use
 from tests.cases import each_case

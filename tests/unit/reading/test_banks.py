@@ -14,7 +14,7 @@ from meshdeform.nouns.forms import other_kinds, own_forms
 from meshdeform.reading import banks
 from meshdeform.reading.banks import Bank, bank_of, candidate_member, form_of, members_with_parts, pose_of
 from meshdeform.reading.version import MEMBERS_VERSION
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 
 _NOUN = "can"  # whose kinds are no further members
 

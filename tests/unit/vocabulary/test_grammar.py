@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from meshdeform.errors import PromptError, VocabularyError
 from meshdeform.priors.builtin import vocabulary
 from meshdeform.priors.builtin.vocabulary import BUILTIN_WORDS, SEQUENCE_LENGTH, VOCABULARY, tokenise
-from meshdeform.vocabulary.grammar import ATTRIBUTES, MAX_ATTRIBUTES, Attribute, ParsedPrompt, parse, parse_negative
+from meshdeform.vocabulary.grammar import MAX_ATTRIBUTES, ParsedPrompt, parse, parse_negative
 from meshdeform.vocabulary.looks import LOOKS
+from meshdeform.vocabulary.lookup import ATTRIBUTES, Attribute
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS, SYNONYMS
 from meshdeform.vocabulary.words import ADJECTIVES, DEGREE_SYNONYMS, OPPOSITES
 from tests.cases import each_case

@@ -1,4 +1,4 @@
-from meshdeform.vocabulary import grammar
+from meshdeform.vocabulary import near_words
 from meshdeform.vocabulary.nouns import NOUNS
 from tests.cases import each_case
 
@@ -13,11 +13,11 @@ from tests.cases import each_case
     ],
 )  # fmt: skip
 def test_nouns_of_similar_meaning_are_found(word: str, noun: str) -> None:
-    assert noun in grammar.nearest(word, NOUNS)
+    assert noun in near_words.nearest(word, NOUNS)
 
 
 def test_what_is_no_thing_has_no_neighbour_and_nouns_that_are_not_builtin_are_found_too() -> None:
-    assert grammar.nearest("democracy", NOUNS) == grammar.nearest("antelope", ["no-such-noun"]) == []
-    assert (grammar.is_noun("qwertz"), grammar.is_noun("kettle")) == (False, True)
-    assert grammar.nearest("grapefruit", [*NOUNS, "mandarin"])[0] == "mandarin"
-    assert grammar.nearest("grapefruit", [*NOUNS, "zebu"])[0] == "lemon"
+    assert near_words.nearest("democracy", NOUNS) == near_words.nearest("antelope", ["no-such-noun"]) == []
+    assert (near_words.is_noun("qwertz"), near_words.is_noun("kettle")) == (False, True)
+    assert near_words.nearest("grapefruit", [*NOUNS, "mandarin"])[0] == "mandarin"
+    assert near_words.nearest("grapefruit", [*NOUNS, "zebu"])[0] == "lemon"

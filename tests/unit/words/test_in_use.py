@@ -11,7 +11,8 @@ import pytest
 from meshdeform.errors import VocabularyError
 from meshdeform.exemplar.kinds import is_built, is_living
 from meshdeform.reading.banks import bank_of, candidate_member
-from meshdeform.vocabulary.grammar import Attribute, noun_of, parse
+from meshdeform.vocabulary.grammar import parse
+from meshdeform.vocabulary.lookup import Attribute, noun_of
 from meshdeform.vocabulary.solids import PART_NAMES
 from meshdeform.words import WordShape, in_use, like_of, own_word, words_in_use
 from tests.unit.words.words import BOX, WEDGE, box, word

@@ -23,7 +23,7 @@ import numpy as np
 
 from meshdeform.nouns.deformed import deformed
 from meshdeform.nouns.families.parts import Part
-from meshdeform.vocabulary.grammar import Attribute
+from meshdeform.vocabulary.lookup import Attribute
 from training.judge.shapes.solids import Solid, surfaced
 from training.judge.shapes.table import Table
 
