@@ -12,22 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from meshdeform.assets.archive import ZIP_MAGIC, inspect_archive, listed
-from meshdeform.assets.codes import (
-    GPU_INSTANCING,
-    TRIANGLES,
-    VISIBILITY,
-)
-from meshdeform.assets.container import (
-    GLB_MAGIC,
-    Data,
-    Json,
-    glb_layout,
-    indices,
-    member,
-    objects,
-    parse_json,
-    text,
-)
+from meshdeform.assets.codes import GPU_INSTANCING, TRIANGLES, VISIBILITY
+from meshdeform.assets.container import GLB_MAGIC, Data, Json, glb_layout, indices, member, objects, parse_json, text
 from meshdeform.assets.extensions import notices, rule_of
 from meshdeform.assets.limits import Limits
 from meshdeform.assets.other_formats import CONVERTERS, inspect_foreign, no_triangles, refuse_other_format
@@ -41,13 +27,7 @@ from meshdeform.assets.scene_checks import (
     shown_and_hidden,
 )
 from meshdeform.assets.storage_checks import check_storage, outside_images
-from meshdeform.errors import (
-    AssetEmptyError,
-    AssetError,
-    AssetFormatError,
-    AssetTooLargeError,
-    AssetUnsupportedError,
-)
+from meshdeform.errors import AssetEmptyError, AssetError, AssetFormatError, AssetTooLargeError, AssetUnsupportedError
 
 LOOSE = "points and lines only follow a surface"
 """Why a file of nothing but points and lines is refused."""
@@ -103,8 +83,8 @@ class AssetSummary:
     `meshes`: number of mesh instances in the default scene; `extensions`: `extensionsUsed`; `skipped`: primitives that
     are not deformed, and why; `warnings`: sentences about anything in the file that may surprise or get in the way.
     `nodes`, `materials`, `mesh_names` and `joints`: `index` and `name` of each node, material, mesh and joint that is
-    deformed (`assets.surface`); empty until the file is decoded. `bounds`: least and greatest coordinates of what is
-    drawn, (2, 3), in the file's world; empty until the file is decoded.
+    deformed (`assets.surface_pieces`); empty until the file is decoded. `bounds`: least and greatest coordinates of
+    what is drawn, (2, 3), in the file's world; empty until the file is decoded.
     """
 
     format: str

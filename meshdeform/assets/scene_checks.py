@@ -19,19 +19,8 @@ from meshdeform.assets.codes import (
     UNSIGNED_SHORT,
     VISIBILITY,
 )
-from meshdeform.assets.container import (
-    Json,
-    extension,
-    index,
-    indices,
-    integer,
-    member,
-    numbers,
-    objects,
-)
-from meshdeform.errors import (
-    AssetError,
-)
+from meshdeform.assets.container import Json, extension, index, indices, integer, member, numbers, objects
+from meshdeform.errors import AssetError
 
 _INSTANCE_TYPES = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
 _POSITION_TYPES = (FLOAT, BYTE, UNSIGNED_BYTE, SHORT, UNSIGNED_SHORT)

@@ -15,15 +15,7 @@ from meshdeform.assets.codes import (
     UNSIGNED_INT,
     UNSIGNED_SHORT,
 )
-from meshdeform.assets.container import (
-    Json,
-    extension,
-    index,
-    integer,
-    member,
-    objects,
-    text,
-)
+from meshdeform.assets.container import Json, extension, index, integer, member, objects, text
 from meshdeform.assets.limits import Limits
 from meshdeform.errors import (
     AssetError,

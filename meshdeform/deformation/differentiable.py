@@ -76,7 +76,7 @@ class _Place(torch.autograd.Function):
 
 
 def jacobians_of(gradient_operator: sparse.csr_matrix, verts: Tensor) -> Tensor:
-    """Return `poisson.jacobians_from_verts`, (F, 3, 3) float64, differentiable once in the vertices (V, 3)."""
+    """Return `jacobians.jacobians_from_verts`, (F, 3, 3) float64, differentiable once in the vertices (V, 3)."""
     if verts.shape != (gradient_operator.shape[1], 3):
         raise ShapeError(f"expected verts ({gradient_operator.shape[1]}, 3), got {tuple(verts.shape)}")
     return sparse_product(gradient_operator, verts).view(-1, 3, 3).mT.contiguous()

@@ -53,7 +53,7 @@ class Guidance(Protocol):
         Parameters
         ----------
         image : (1, 3, S, S) or (B, 3, S, S) float32 in [0, 1]
-            The four views in one picture (`shading.combine_views`), or one picture for each camera.
+            The four views in one picture (`views.combine_views`), or one picture for each camera.
 
         Returns
         -------

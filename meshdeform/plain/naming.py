@@ -154,10 +154,7 @@ def _least_left(part: NamedPart) -> float:
 def _called(parts: BodyParts, part: str, name: str, read: Callable[[str], Sentence | None]) -> str:
     """Return what people called a part, if sentences with that are read as changes of all of it; else its name."""
     said = parts.read.said.get(part, name)
-    if said == name:
-        return name
-    sentence = _sentence(f"{said} {OF_PARTS['big'][0]} by 30 %", read)
-    changes = () if sentence is None else meant_of(parts, sentence)
+    changes = () if said == name else _changes(parts, f"{said} {OF_PARTS['big'][0]} by 30 %", read)
     return said if [(each.part, each.sides) for each in changes] == [(part, ())] else name
 
 
@@ -213,14 +210,14 @@ def _unchangeable(parts: BodyParts, part: str, name: str) -> NamedPart | None:
 
 def _is_read(parts: BodyParts, text: str, change: Change, read: Callable[[str], Sentence | None]) -> bool:
     """Return whether a sentence asks for one change, with the operation and the part of another."""
-    sentence = _sentence(text, read)
-    changes = () if sentence is None else meant_of(parts, sentence)
+    changes = _changes(parts, text, read)
     return [(each.operation, each.part) for each in changes] == [(change.operation, change.part)]
 
 
-def _sentence(text: str, read: Callable[[str], Sentence | None]) -> Sentence | None:
-    """Return what a sentence with a name asks for; None if it cannot be read, as with words for opposites."""
+def _changes(parts: BodyParts, text: str, read: Callable[[str], Sentence | None]) -> tuple[Change, ...]:
+    """Return the changes that a sentence asks for; none if it cannot be read."""
     try:
-        return read(text)
-    except PromptError:
-        return None
+        sentence = read(text)
+    except PromptError:  # a name with words for opposites
+        return ()
+    return () if sentence is None else meant_of(parts, sentence)

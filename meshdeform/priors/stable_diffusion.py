@@ -8,7 +8,7 @@
 The posterior's mean is used, not a sample: its standard deviation is about a ten-thousandth of the latents' for the
 published autoencoders, far below the noise that score distillation adds, and the mean is deterministic.
 
-Views have a background and a light that change with every view, as in the paper (`rendering/shading.py`); they show
+Views have a background and a light that change with every view, as in the paper (`rendering/scenes.py`); they show
 clay or the colours of the asset (`appearance`).
 
 Sources: Rombach et al. 2022, section 3 (latents); Ho & Salimans 2022, eq. 6, in diffusers' convention of s;

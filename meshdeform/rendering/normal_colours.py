@@ -144,7 +144,7 @@ def _backward(
                 for c in range(3):
                     d[c] = half * (axes[view, 0, c] * r + axes[view, 1, c] * s + axes[view, 2, c] * t)
                     d_normals[view, f, c] += d[c]
-                # Of the smooth normals only the motion counts, as `_motion_only` says.
+                # Of the smooth normals only the motion counts, as `shading._motion_only` says.
                 px, py = (column + 0.5) * (2.0 / width) - 1.0, 1.0 - (row + 0.5) * (2.0 / height)
                 for i in range(3):
                     v = faces[f, i]

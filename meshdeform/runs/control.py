@@ -36,9 +36,7 @@ from meshdeform.rendering.cameras import CameraFrame
 from meshdeform.requests import selection
 from meshdeform.requests.choices import RegionAction, Rigidity, Symmetry
 from meshdeform.requests.document import DeformParams, ResolvedParams, resolve
-from meshdeform.requests.selection import (
-    RigidParams,
-)
+from meshdeform.requests.selection import RigidParams
 from meshdeform.runs.changes import parts_found
 from meshdeform.runs.reading import ReadingSource, reading_document, welded_body
 from meshdeform.runs.selectable import SelectableSurface

@@ -13,18 +13,9 @@ from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 
-from meshdeform.vocabulary.lookup import (
-    WORDS,
-    Words,
-    singular_forms,
-)
+from meshdeform.vocabulary.lookup import WORDS, Words, singular_forms
 from meshdeform.vocabulary.nouns import NOUNS, PARTS
-from meshdeform.vocabulary.words import (
-    ADJECTIVE_SYNONYMS,
-    ADJECTIVES,
-    DEGREE_SYNONYMS,
-    PART_SYNONYMS,
-)
+from meshdeform.vocabulary.words import ADJECTIVE_SYNONYMS, ADJECTIVES, DEGREE_SYNONYMS, PART_SYNONYMS
 
 MAX_SUGGESTIONS = 3
 _SIMILARITY = 0.79

@@ -12,13 +12,7 @@ from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect
 
 from meshdeform.api.limits import IDLE_S, MAX_DOCUMENT_BYTES, MIN_BODY_RATE
-from meshdeform.errors import (
-    MeshdeformError,
-    PromptError,
-    RequestError,
-    RequestTimeoutError,
-    readable_size,
-)
+from meshdeform.errors import MeshdeformError, PromptError, RequestError, RequestTimeoutError, readable_size
 from meshdeform.requests.document import MAX_PROMPT_LENGTH
 from meshdeform.requests.groups import in_plain_words
 from service.http.errors import parameter_error

@@ -17,11 +17,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from meshdeform.api.limits import MAX_DOCUMENT_BYTES, MAX_FILENAME
-from meshdeform.errors import (
-    AssetTooLargeError,
-    KindRetiredError,
-    RequestError,
-)
+from meshdeform.errors import AssetTooLargeError, KindRetiredError, RequestError
 from meshdeform.requests.choices import RETIRED_FIELDS
 from meshdeform.runs import file_fields
 

@@ -51,15 +51,7 @@ from service.http.idempotency import Caller, IdempotencyKey, KeptAnswer
 from service.jobs.arrivals import Arrivals, arriving, complete_later, with_inline_files
 from service.jobs.continuation import branch, retry
 from service.jobs.documents import BranchDocument, JobDocument, RetryDocument
-from service.jobs.intake import (
-    Submission,
-    accept_early,
-    accept_job,
-    file_advice,
-    list_parts,
-    missing_files,
-    validate,
-)
+from service.jobs.intake import Submission, accept_early, accept_job, file_advice, list_parts, missing_files, validate
 from service.jobs.routes import shown
 from service.state import AppState, AppStateDep
 from service.webhooks.routes import checked_address

@@ -24,13 +24,7 @@ from meshdeform.api.jobs import accepted
 from meshdeform.assets import AssetSummary
 from meshdeform.assets.inspect import PictureSummary
 from meshdeform.assets.limits import Limits
-from meshdeform.errors import (
-    ConflictError,
-    NotFoundError,
-    ParameterError,
-    SilhouetteError,
-    UnavailableError,
-)
+from meshdeform.errors import ConflictError, NotFoundError, ParameterError, SilhouetteError, UnavailableError
 from meshdeform.priors import public_names
 from meshdeform.record.files import FileLeases
 from meshdeform.record.models import Claim, NewJob, StoredFile

@@ -36,7 +36,7 @@ class Traits:
         rng : numpy.random.Generator
             Source of one random number.
         part : str
-            A name in `grammar.PARTS`.
+            A name in `vocabulary.nouns.PARTS`.
         lesser, neutral, greater : (low, high)
             Disjoint ranges in the family's unit.
         """

@@ -8,20 +8,8 @@ import torch
 from meshdeform.errors import ModelError, ShapeError
 from meshdeform.nouns.families import member
 from meshdeform.priors.builtin import weights_file
-from meshdeform.priors.builtin.network import (
-    ModelConfig,
-    PriorNetwork,
-    camera_map,
-    null_tokens,
-    write_weights,
-)
-from meshdeform.priors.builtin.prior import (
-    NUM_TIMESTEPS,
-    STYLE,
-    BuiltinPrior,
-    cosine_alphas_cumprod,
-    noise_from_clean,
-)
+from meshdeform.priors.builtin.network import ModelConfig, PriorNetwork, camera_map, null_tokens, write_weights
+from meshdeform.priors.builtin.prior import NUM_TIMESTEPS, STYLE, BuiltinPrior, cosine_alphas_cumprod, noise_from_clean
 from meshdeform.priors.builtin.vocabulary import VOCABULARY, tokenise
 from meshdeform.rendering.cameras import fixed_cameras
 from meshdeform.rendering.shading import Renderer

@@ -14,13 +14,7 @@ from meshdeform.vocabulary.lookup import ATTRIBUTES, Attribute
 from meshdeform.vocabulary.nouns import NOUN_GROUPS, NOUNS, PARTS, SYNONYMS
 from meshdeform.vocabulary.words import ADJECTIVES, DEGREE_SYNONYMS, OPPOSITES
 from tests.cases import each_case
-from training.prior.held_out import (
-    FOURTH_EDITION,
-    SECOND_EDITION,
-    THIRD_EDITION,
-    held_out_pairs,
-    is_held_out,
-)
+from training.prior.held_out import FOURTH_EDITION, SECOND_EDITION, THIRD_EDITION, held_out_pairs, is_held_out
 
 
 @each_case(
